@@ -1,0 +1,75 @@
+# `make bounce` runs the main job, `make test` the tests; both build .venv by themselves.
+PYTHON ?= python3
+BIN := .venv/bin
+NODE_READER := tests/evidence/mcap/node
+INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+.PHONY: bounce test test-slow test-lowest check lint format stubs schemas wheel bench clean
+
+bounce: .venv/run
+	$(BIN)/contactlab sweep bounce
+
+test: .venv/dev
+	$(BIN)/python -m pytest
+
+test-slow: .venv/dev
+	$(BIN)/python -m pytest -m slow
+
+check: lint test
+
+lint: .venv/dev stubs
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/pyright
+	$(BIN)/lint-imports
+	$(BIN)/contactlab schema --check schemas
+
+format: .venv/dev
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+# MuJoCo ships no type stubs; these are derived from the installed version in seconds.
+stubs: .stubs/mujoco-stubs/py.typed
+.stubs/mujoco-stubs/py.typed: .venv/dev
+	$(BIN)/pybind11-stubgen mujoco -o .stubs --root-suffix=-stubs --ignore-all-errors >/dev/null 2>&1
+	printf 'partial\n' > $@
+
+schemas: .venv/dev
+	$(BIN)/contactlab schema --write schemas
+
+# Builds the wheel and runs it outside the checkout.
+wheel: .venv/dev
+	sh .ci/wheel
+
+# The tests with the lowest versions that pyproject.toml allows.
+test-lowest: .venv/dev
+	sh .ci/lowest
+
+bench: .venv/dev
+	$(BIN)/python -m bench.overhead
+
+constraints: pyproject.toml
+	sh .ci/lock
+
+clean:
+	rm -rf .venv .stubs build dist results
+
+# What runs, by hash; --no-deps and no build isolation keep the editable install from adding any.
+.venv/run: constraints/run.txt pyproject.toml
+	$(PYTHON) -m venv .venv || { echo "no venv module: install Python's venv (Debian: python3-venv)" >&2; exit 1; }
+	$(INSTALL) --require-hashes -r constraints/run.txt
+	$(INSTALL) --no-deps --no-build-isolation -e .
+	touch $@
+
+.venv/dev: .venv/run constraints/dev.txt
+	$(INSTALL) --require-hashes -r constraints/dev.txt
+	$(INSTALL) --no-deps --no-build-isolation -e .
+	touch $@
+
+# The JavaScript reader that a test opens traces with, where npm is.
+$(NODE_READER)/node_modules: $(NODE_READER)/package.json
+	npm install --prefix $(NODE_READER) --no-audit --no-fund --silent --no-package-lock
+	touch $@
+
+.PHONY: node-reader
+node-reader: $(NODE_READER)/node_modules

@@ -1,0 +1,36 @@
+"""`contactlab init`: a commented sweep file to begin with, and its schema for editors."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from contactlab.commands.output import say
+from contactlab.errors import OutputError
+
+
+def init(
+    scene: Annotated[str, typer.Argument(help="A scene, a folder or a model file.")] = "ball_drop",
+    path: Annotated[Path, typer.Option("-o", "--output", help="The sweep file to write.")] = Path(
+        "sweep.yaml"
+    ),
+) -> None:
+    """Write a starter sweep file for a scene, with its schema beside it."""
+    from contactlab.evidence import cannot_write
+    from contactlab.pipeline import Scenes
+    from contactlab.plan import SCHEMA_NAME, starter
+    from contactlab.schema import published
+
+    text = starter(scene, Scenes(path.parent).vocabulary(scene))
+    schema = path.parent / SCHEMA_NAME
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+        published_text = json.dumps(published()["sweep.schema.json"], indent=2) + "\n"
+        schema.write_text(published_text, encoding="utf-8")
+    except FileExistsError as error:
+        raise OutputError(f"{path} exists; choose another file with -o") from error
+    except OSError as error:
+        raise cannot_write(path, error) from error
+    say(f"wrote {path} and {schema}\nnext: contactlab sweep {path}")

@@ -1,0 +1,37 @@
+"""`contactlab schema`: print or check the published JSON Schemas."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from contactlab.commands.output import print_json, say
+from contactlab.errors import ExpectationError, SweepFileError, did_you_mean
+
+
+def schema(
+    name: Annotated[str | None, typer.Argument(help="Which one; all names if left out.")] = None,
+    write: Annotated[Path | None, typer.Option(help="Write all of them into a folder.")] = None,
+    check: Annotated[Path | None, typer.Option(help="Check a folder of them.")] = None,
+) -> None:
+    """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
+    from contactlab.schema import drift, published, written
+
+    if write is not None:
+        say(f"wrote {', '.join(path.name for path in written(write))}")
+    elif check is not None:
+        differs = drift(check)
+        if differs:
+            raise ExpectationError(
+                f"{check} is out of date: {', '.join(differs)}; write it anew with "
+                f"`contactlab schema --write {check}`"
+            )
+    elif name is None:
+        for each in published():
+            typer.echo(each)
+    else:
+        known = published()
+        found = known.get(name) or known.get(f"{name}.schema.json")
+        if found is None:
+            raise SweepFileError(f"no schema '{name}'{did_you_mean(name, known)}")
+        print_json(found)

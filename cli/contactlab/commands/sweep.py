@@ -1,0 +1,115 @@
+"""`contactlab sweep`: run a declared sweep and write a store of evidence."""
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from contactlab.commands.output import Format, FormatOption, say
+from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
+
+if TYPE_CHECKING:
+    from contactlab.plan import Overrides
+    from contactlab.schema import StoreManifest
+
+RESULTS = Path("results")
+
+
+def sweep(  # noqa: PLR0913 - one argument an option
+    name: Annotated[str, typer.Argument(metavar="SWEEP", help="A sweep file or a shipped sweep.")],
+    store: Annotated[
+        Path | None, typer.Option("-o", "--output", help="The store; results/SWEEP if left out.")
+    ] = None,
+    assign: Annotated[
+        list[str] | None, typer.Option("--set", help="Replace an axis or a key: timestep=1e-3,2e-3")
+    ] = None,
+    only: Annotated[
+        list[str] | None, typer.Option("--only", help="Keep runs with a value: cone=elliptic")
+    ] = None,
+    limit: Annotated[int | None, typer.Option(min=1, help="Keep the first so many runs.")] = None,
+    workers: Annotated[
+        int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
+    ] = None,
+    *,
+    plan: Annotated[bool, typer.Option("--plan", help="Say what would run; run nothing.")] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Run more than 100,000 runs.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Replace a store that is there.")] = False,
+    output: FormatOption = Format.text,
+) -> None:
+    """Run a sweep into a store; the same command resumes one that was interrupted."""
+    from contactlab.commands.summary import print_plan, print_summary
+    from contactlab.pipeline import Ask, Scenes, forecast, run_sweep
+    from contactlab.plan import Overrides, read_sweep
+
+    path = _sweep_path(name)
+    scenes = Scenes(path.parent)
+    overrides = Overrides(assign or (), only or (), limit)
+    read = read_sweep(path, scenes.vocabulary, overrides)
+    for warning in read.plan.warnings:
+        say(str(warning))
+    scene = scenes.open(read.sweep.scene)
+    processes = workers if workers is not None else _cores()
+    if plan:
+        print_plan(read.plan, forecast(read.plan, scene, processes), output)
+        return
+    _confirm(read.plan.count, yes=yes)
+    target = store or RESULTS / path.stem
+    ask = Ask(
+        plan=read.plan,
+        scene=scene,
+        name=path.stem,
+        source=read.text,
+        overrides=_given(overrides),
+        store=target,
+        workers=processes,
+        fresh=fresh,
+    )
+    from contactlab.commands.progress import progress
+
+    with progress() as shown:
+        manifest = run_sweep(ask, shown.begin, shown.advance)
+    print_summary(target, manifest, output)
+    _fail_on(manifest)
+
+
+def _sweep_path(name: str) -> Path:
+    from contactlab import shipped
+
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"} or "/" in name:
+        if not path.is_file():
+            raise SweepFileError(f"no sweep file {path}")
+        return path
+    return shipped.sweep_file(name)
+
+
+def _cores() -> int:
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def _confirm(count: int, *, yes: bool) -> None:
+    from contactlab.plan import CONFIRM_ABOVE
+
+    if count > CONFIRM_ABOVE and not yes:
+        raise SweepFileError(
+            f"the sweep has {count:,} runs; look at it with --plan, then run it with --yes"
+        )
+
+
+def _given(overrides: "Overrides") -> tuple[str, ...]:
+    limit = () if overrides.limit is None else (f"--limit {overrides.limit}",)
+    return (
+        *(f"--set {each}" for each in overrides.assign),
+        *(f"--only {each}" for each in overrides.only),
+        *limit,
+    )
+
+
+def _fail_on(manifest: "StoreManifest") -> None:
+    lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
+    if lost:
+        raise RunFailedError(f"{lost} of {manifest.runs} runs crashed or ran out of time")
+    unmet = manifest.expectations.get("unmet", 0)
+    if unmet:
+        raise ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")

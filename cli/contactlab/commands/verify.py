@@ -1,0 +1,30 @@
+"""`contactlab verify`: is a store whole and unchanged."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from contactlab.commands.output import Format, FormatOption, print_json
+from contactlab.errors import StoreError
+
+
+def verify(
+    store: Annotated[Path, typer.Argument(help="The store's folder.")],
+    output: FormatOption = Format.text,
+) -> None:
+    """Check every file of a store against its hash, its schema and its structure."""
+    from contactlab.evidence import Store
+    from contactlab.evidence import verify as find_problems
+
+    problems = find_problems(store)
+    manifest = Store.open(store).manifest
+    if output is Format.json:
+        print_json({"sound": not problems, "problems": problems, "runs": manifest.runs})
+    elif not problems:
+        typer.echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces")
+    else:
+        for problem in problems:
+            typer.echo(problem)
+    if problems:
+        raise StoreError(f"{store} is not sound: {len(problems)} problems")

@@ -1,0 +1,49 @@
+"""One class a cause of failure, each with the exit code that the command line ends in.
+
+A message says what is wrong, where, and what to write instead.
+"""
+
+import difflib
+from collections.abc import Iterable
+
+
+class ContactlabError(Exception):
+    """A failure that the user can act on; printed as one clear message, without a traceback."""
+
+    exit_code = 2
+
+
+class SweepFileError(ContactlabError):
+    """A sweep file or a sweep option holds mistakes; all of them are in the message."""
+
+
+class SceneError(ContactlabError):
+    """A scene, its manifest or its model cannot be used as asked."""
+
+
+class OutputError(ContactlabError):
+    """Results cannot be written where they were asked for."""
+
+
+class StoreError(ContactlabError):
+    """Stored evidence is missing, damaged or of another schema version."""
+
+    exit_code = 3
+
+
+class ExpectationError(ContactlabError):
+    """Evidence was written, but it is not what was expected of it."""
+
+    exit_code = 1
+
+
+class RunFailedError(ContactlabError):
+    """The sweep went through, but some runs crashed or ran out of time."""
+
+    exit_code = 4
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return "; did you mean 'x'?" for the closest known name, or an empty string."""
+    close = difflib.get_close_matches(name, list(known), n=1)
+    return f"; did you mean '{close[0]}'?" if close else ""

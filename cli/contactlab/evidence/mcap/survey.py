@@ -1,0 +1,155 @@
+"""A file's records as they lie in it, for the check; nothing here is shared with the writer."""
+
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from io import BytesIO
+
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import (
+    Attachment,
+    AttachmentIndex,
+    Channel,
+    Chunk,
+    ChunkIndex,
+    Footer,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    MetadataIndex,
+    Schema,
+    Statistics,
+    SummaryOffset,
+)
+
+_MAGIC_SIZE = 8
+_FOOTER_SIZE = 29
+_FRAME = struct.Struct("<BQ")
+_MESSAGE = struct.Struct("<HIQ")
+
+_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
+    Opcode.FOOTER: Footer.read,
+    Opcode.SCHEMA: Schema.read,
+    Opcode.CHANNEL: Channel.read,
+    Opcode.CHUNK: Chunk.read,
+    Opcode.MESSAGE_INDEX: MessageIndex.read,
+    Opcode.CHUNK_INDEX: ChunkIndex.read,
+    Opcode.ATTACHMENT: Attachment.read,
+    Opcode.ATTACHMENT_INDEX: AttachmentIndex.read,
+    Opcode.STATISTICS: Statistics.read,
+    Opcode.METADATA: Metadata.read,
+    Opcode.METADATA_INDEX: MetadataIndex.read,
+    Opcode.SUMMARY_OFFSET: SummaryOffset.read,
+}
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One record: where it starts, its kind and its content."""
+
+    offset: int
+    opcode: int
+    body: bytes
+
+    @property
+    def length(self) -> int:
+        """Length in the file, opcode and length included."""
+        return _FRAME.size + len(self.body)
+
+    @property
+    def record(self) -> McapRecord | None:
+        """The decoded record, or None where its kind has no reader."""
+        read = _READERS.get(self.opcode)
+        return read(ReadDataStream(BytesIO(self.body))) if read else None
+
+
+@dataclass(frozen=True)
+class SurveyedChunk:
+    """A chunk with what is in it and the message indexes that follow it.
+
+    Attributes:
+        frame: the Chunk record in the file.
+        chunk: the same, decoded.
+        sound: whether its content matches its checksum.
+        messages: (log time, channel, offset in the content) of each message, as they lie.
+        indexes: each message index and its offset in the file.
+    """
+
+    frame: Frame
+    chunk: Chunk
+    sound: bool
+    messages: Sequence[tuple[int, int, int]]
+    indexes: list[tuple[int, MessageIndex]] = field(default_factory=list[tuple[int, MessageIndex]])
+
+
+@dataclass(frozen=True)
+class Survey:
+    """All records of a file.
+
+    Attributes:
+        chunks: the chunks, as they lie.
+        data: records of the data section other than chunks and message indexes, also those within
+            chunks other than messages.
+        summary: records of the summary.
+    """
+
+    chunks: Sequence[SurveyedChunk]
+    data: Sequence[Frame]
+    summary: Sequence[Frame]
+
+
+def survey(file: bytes) -> Survey:
+    """Return the records of a file whose frame and checksums are in order.
+
+    Raises:
+        ValueError: a record runs over the end of what it lies in.
+        Exception: of many classes, where a record's content is not as its kind demands.
+    """
+    chunks: list[SurveyedChunk] = []
+    data: list[Frame] = []
+    [footer] = frames(file, len(file) - _MAGIC_SIZE - _FOOTER_SIZE, len(file) - _MAGIC_SIZE)
+    summary_start = struct.unpack_from("<Q", footer.body)[0]
+    for frame in frames(file, _MAGIC_SIZE, summary_start):
+        record = frame.record
+        if isinstance(record, Chunk):
+            chunk, others = _chunk(frame, record)
+            chunks.append(chunk)
+            data += others
+        elif isinstance(record, MessageIndex) and chunks:
+            chunks[-1].indexes.append((frame.offset, record))
+        else:
+            data.append(frame)
+    return Survey(chunks, data, list(frames(file, summary_start, footer.offset)))
+
+
+def frames(data: bytes, start: int, stop: int) -> Iterator[Frame]:
+    """Yield the records that lie one after the other from `start` to `stop`."""
+    while start < stop:
+        opcode, length = _FRAME.unpack_from(data, start)
+        body = data[start + _FRAME.size : min(start + _FRAME.size + length, stop)]
+        if len(body) != length:
+            raise ValueError(f"the record at byte {start} runs over the end of its section")
+        yield Frame(start, opcode, body)
+        start += _FRAME.size + length
+
+
+def _chunk(frame: Frame, chunk: Chunk) -> tuple[SurveyedChunk, list[Frame]]:
+    content = chunk.data
+    if chunk.compression == "zstd":
+        content = zstandard.decompress(content, chunk.uncompressed_size)
+    elif chunk.compression:
+        raise ValueError(f"compression '{chunk.compression}' is not one that is read here")
+    messages: list[tuple[int, int, int]] = []
+    others: list[Frame] = []
+    for each in frames(content, 0, len(content)):
+        if each.opcode == Opcode.MESSAGE:
+            channel, _, log_time = _MESSAGE.unpack_from(each.body)
+            messages.append((log_time, channel, each.offset))
+        else:
+            others.append(each)
+    same = len(content) == chunk.uncompressed_size
+    sound = same and zlib.crc32(content) == chunk.uncompressed_crc
+    return SurveyedChunk(frame, chunk, sound, messages), others

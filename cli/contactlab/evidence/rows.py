@@ -1,0 +1,98 @@
+"""Between an EvidenceRecord and the flat row that the journal and the table hold of it."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from contactlab.schema import EvidenceRecord
+
+# What every run of a store has in common; in the table it is said once, in the file's metadata.
+SHARED = ("schema_version", "sweep", "units", "metric_versions")
+# Open-ended tables within a row; kept as JSON text, which every reader of Parquet can show.
+_TEXT = ("engine", "pairs", "warnings", "provenance")
+_PLAIN = (
+    "run_id",
+    "index",
+    "scene",
+    "scene_hash",
+    "seed",
+    "label",
+    "trajectory_hash",
+    "expectation_met",
+    "expectation_reason",
+    "tolerances_met",
+    "status",
+    "status_reason",
+    "steps",
+    "steps_asked",
+    "duration",
+    "settings",
+    "effects",
+    "started",
+    "finished",
+)
+_COST = ("cpu_s", "cpu_per_sim_s", "latency_budget_s", "latency_used")
+_TRACE = ("file", "sha256", "bytes")
+
+Row = dict[str, Any]
+
+
+def to_row(record: EvidenceRecord) -> Row:
+    """Return a record as a flat row: axes and metrics by their own names beside its fields."""
+    row: Row = {name: getattr(record, name) for name in _PLAIN}
+    row |= {name: _encoded(getattr(record, name)) for name in _TEXT}
+    row |= _label_columns(record)
+    row["expected"] = record.expected
+    row["edited_geoms"] = record.edited_geoms
+    row["initial_qpos"], row["initial_qvel"] = record.initial.qpos, record.initial.qvel
+    row |= {f"cost_{name}": getattr(record.cost, name, None) for name in _COST}
+    row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
+    row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
+    row["axis_names"] = tuple(record.axes)
+    return row | record.axes | record.metrics
+
+
+def from_row(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
+    """Return the record that a row and its store's shared part came from."""
+    data: Row = {name: row[name] for name in _PLAIN}
+    data |= {name: json.loads(row[name]) for name in _TEXT}
+    data |= {name: shared[name] for name in SHARED}
+    data["labels"] = [
+        {"label": label, "reason": reason, "step": step}
+        for label, reason, step in zip(
+            row["labels"], row["label_reasons"], row["label_steps"], strict=True
+        )
+    ]
+    data["expected"], data["edited_geoms"] = row["expected"], row["edited_geoms"]
+    data["initial"] = {"qpos": row["initial_qpos"], "qvel": row["initial_qvel"]}
+    if row["cost_cpu_s"] is not None:
+        data["cost"] = {name: row[f"cost_{name}"] for name in _COST}
+    if row["trace_file"] is not None:
+        data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
+        data["trace"]["messages"] = json.loads(row["trace_messages"])
+    data["axes"] = {name: row[name] for name in row["axis_names"]}
+    data["metrics"] = {name: row[name] for name in shared["units"]}
+    return EvidenceRecord.model_validate(data)
+
+
+def _label_columns(record: EvidenceRecord) -> Row:
+    worst = record.labels[0] if record.labels else None
+    return {
+        "labels": tuple(entry.label for entry in record.labels),
+        "label_reasons": tuple(entry.reason for entry in record.labels),
+        "label_steps": tuple(entry.step for entry in record.labels),
+        "label_reason": worst.reason if worst else None,
+        "label_step": worst.step if worst else None,
+    }
+
+
+def _encoded(value: Any) -> str:  # noqa: ANN401 - a model, or a table of models or numbers
+    plain = value.model_dump() if hasattr(value, "model_dump") else _plain(value)
+    return json.dumps(plain, separators=(",", ":"))
+
+
+def _plain(table: Mapping[str, Any]) -> Row:
+    return {
+        name: value.model_dump() if hasattr(value, "model_dump") else value
+        for name, value in table.items()
+    }

@@ -1,0 +1,79 @@
+"""Read a finished store."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import pyarrow as pa
+
+from contactlab.errors import StoreError, did_you_mean
+from contactlab.evidence.identity import read_manifest
+from contactlab.evidence.mcap import StoredTrace, read_trace
+from contactlab.evidence.rows import from_row
+from contactlab.evidence.table import TABLE, read_table, shared_of
+from contactlab.evidence.writer import SCENES
+from contactlab.schema import EvidenceRecord, StoreManifest
+
+
+@dataclass(frozen=True)
+class Store:
+    """A finished store.
+
+    Attributes:
+        path: its folder.
+        manifest: what it holds.
+    """
+
+    path: Path
+    manifest: StoreManifest
+
+    @classmethod
+    def open(cls, path: Path) -> "Store":
+        """Open a store.
+
+        Raises:
+            StoreError: there is none, it is unfinished, damaged or of another version.
+        """
+        return cls(path, read_manifest(path))
+
+    @cached_property
+    def table(self) -> pa.Table:
+        """Every run as a row, in plan order; units are in the fields' metadata."""
+        return read_table(self.path / TABLE)
+
+    @property
+    def scene_folder(self) -> Path:
+        """Where the scene's files are."""
+        return self.path / SCENES / self.manifest.sweep.scene_hash
+
+    def records(self) -> Iterator[EvidenceRecord]:
+        """Yield every run's record, in plan order."""
+        shared = shared_of(self.table)
+        for batch in self.table.to_batches(max_chunksize=1024):
+            for row in batch.to_pylist():
+                yield from_row(row, shared)
+
+    def record(self, run: str) -> EvidenceRecord:
+        """Return the record of a run, by its id or the start of it.
+
+        Raises:
+            StoreError: no run or more than one has this id.
+        """
+        ids: list[str] = self.table["run_id"].to_pylist()
+        found = [run_id for run_id in ids if run_id.startswith(run)]
+        if len(found) != 1:
+            what = "no run" if not found else f"{len(found)} runs"
+            raise StoreError(f"{what} in {self.path} with id {run}{did_you_mean(run, ids)}")
+        row = self.table.slice(ids.index(found[0]), 1).to_pylist()[0]
+        return from_row(row, shared_of(self.table))
+
+    def trace(self, record: EvidenceRecord) -> StoredTrace:
+        """Return the stored trace of a run.
+
+        Raises:
+            StoreError: none was kept, or it is damaged.
+        """
+        if record.trace is None:
+            raise StoreError(f"no trace of run {record.run_id} was kept; sweep with trace: all")
+        return read_trace(self.path / record.trace.file)

@@ -1,0 +1,85 @@
+"""`runs.parquet`: one row a run, in plan order."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.json
+import pyarrow.parquet as pq
+
+from contactlab.errors import StoreError
+from contactlab.evidence.columns import Column, table_schema
+from contactlab.evidence.files import replacing
+
+TABLE = "runs.parquet"
+_COLUMNS = b"contactlab.columns"
+_SHARED = b"contactlab.shared"
+_BLOCK = 8 << 20
+
+
+def write_table(
+    journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
+) -> None:
+    """Turn a journal into the table.
+
+    Args:
+        journal: one row a line, as JSON, in any order.
+        target: the Parquet file, replaced in one step.
+        own: columns of axes and metrics.
+        shared: what all runs have in common, kept in the file's metadata.
+    """
+    with journal.open("rb") as lines:
+        first = json.loads(lines.readline())
+    schema = table_schema(first, own)
+    table = pyarrow.json.read_json(
+        journal,
+        read_options=pyarrow.json.ReadOptions(use_threads=False, block_size=_BLOCK),
+        parse_options=pyarrow.json.ParseOptions(
+            explicit_schema=schema, unexpected_field_behavior="error"
+        ),
+    )
+    table = table.select(schema.names).sort_by("index")
+    described = {
+        field.name: {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
+        for field in schema
+    }
+    meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
+    table = table.cast(schema).replace_schema_metadata(meta)
+    with replacing(target) as temporary:
+        pq.write_table(
+            table,
+            temporary,
+            compression="zstd",
+            compression_level=3,
+            use_dictionary=_texts(schema),  # pyright: ignore[reportArgumentType]
+            column_encoding=dict.fromkeys(_reals(schema), "BYTE_STREAM_SPLIT"),
+        )
+
+
+def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
+    """Return the table, or some of its columns.
+
+    Raises:
+        StoreError: there is none, or it is damaged.
+    """
+    try:
+        return pq.read_table(path, columns=columns)
+    except FileNotFoundError as error:
+        raise StoreError(f"{path} is missing; the sweep has not finished, run it again") from error
+    except (pa.ArrowException, OSError) as error:
+        raise StoreError(f"{path} is damaged: {error}") from error
+
+
+def shared_of(table: pa.Table) -> dict[str, Any]:
+    """Return what all runs of the table have in common."""
+    return json.loads((table.schema.metadata or {})[_SHARED])
+
+
+def _texts(schema: pa.Schema) -> list[str]:
+    return [field.name for field in schema if pa.types.is_string(field.type)]
+
+
+def _reals(schema: pa.Schema) -> list[str]:
+    return [field.name for field in schema if pa.types.is_float64(field.type)]

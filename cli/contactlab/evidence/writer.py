@@ -1,0 +1,198 @@
+"""Write a store so that it can be interrupted at any point and resumed by the same command."""
+
+import fcntl
+import shutil
+from collections import Counter
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Protocol
+
+from contactlab.errors import OutputError
+from contactlab.evidence.columns import Column
+from contactlab.evidence.files import (
+    TEMPORARY,
+    cannot_write,
+    replacing,
+    sha256_of,
+    sync_filesystem,
+)
+from contactlab.evidence.identity import (
+    IDENTITY,
+    MANIFEST,
+    check_same,
+    read_identity,
+    read_manifest,
+)
+from contactlab.evidence.journal import JOURNAL, Journal, mend_journal, read_journal
+from contactlab.evidence.table import TABLE, read_table, write_table
+from contactlab.schema import Provenance, StoreManifest, SweepIdentity
+
+SCENES = "scenes"
+TRACES = "traces"
+_LOCK = ".lock"
+_OWN = {SCENES, TRACES, _LOCK, JOURNAL, TABLE, IDENTITY, MANIFEST}
+
+
+class SceneFiles(Protocol):
+    """The files of a scene."""
+
+    def copy_to(self, folder: Path) -> None:
+        """Copy every file into the folder."""
+        ...
+
+
+class StoreWriter:
+    """A store that runs are added to; made by `writing`."""
+
+    def __init__(self, path: Path, identity: SweepIdentity) -> None:
+        self.path = path
+        self.identity = identity
+        self.started = _now()
+        self._journal = Journal(path)
+
+    @property
+    def scene_folder(self) -> Path:
+        """Where the copied scene's files are."""
+        return self.path / SCENES / self.identity.scene_hash
+
+    def done(self) -> set[str]:
+        """Return the ids of the runs that are stored, trace file included where one is named."""
+        return {row["run_id"] for row in read_journal(self.path) if self._has_trace(row)}
+
+    def append(self, rows: Sequence[bytes]) -> None:
+        """Add finished runs, each a row as JSON; their traces must be in place."""
+        self._journal.append(rows)
+
+    def finish(
+        self, own: Sequence[Column], shared: Mapping[str, Any], provenance: Provenance
+    ) -> StoreManifest:
+        """Publish the table, then the manifest; from then on the store is whole.
+
+        Raises:
+            OutputError: something cannot be written; the store stays resumable.
+        """
+        self._journal.close()
+        write_table(self.path / JOURNAL, self.path / TABLE, own, shared)
+        sync_filesystem(self.path)
+        manifest = self._manifest(provenance)
+        with replacing(self.path / MANIFEST, durable=True) as temporary:
+            temporary.write_text(manifest.model_dump_json(indent=2) + "\n", encoding="utf-8")
+        (self.path / JOURNAL).unlink()
+        return manifest
+
+    def close(self) -> None:
+        """Leave the store as it is, resumable."""
+        self._journal.close()
+
+    def _has_trace(self, row: Mapping[str, Any]) -> bool:
+        file = row["trace_file"]
+        if file is None:
+            return True
+        path = self.path / file
+        return path.is_file() and path.stat().st_size == row["trace_bytes"]
+
+    def _manifest(self, provenance: Provenance) -> StoreManifest:
+        columns = ["label", "status", "trace_file", "expectation_met"]
+        table = read_table(self.path / TABLE, columns).to_pydict()
+        outcome = {True: "met", False: "unmet", None: "none"}
+        return StoreManifest(
+            sweep=self.identity,
+            provenance=provenance,
+            runs=len(table["label"]),
+            labels=dict(Counter(table["label"])),
+            statuses=dict(Counter(table["status"])),
+            traces=sum(file is not None for file in table["trace_file"]),
+            expectations=dict(Counter(outcome[met] for met in table["expectation_met"])),
+            files={file.as_posix(): sha256_of(self.path / file) for file in self._files()},
+            started=self.started,
+            finished=_now(),
+        )
+
+    def _files(self) -> list[Path]:
+        scene = sorted(path for path in self.scene_folder.rglob("*") if path.is_file())
+        files = [self.path / IDENTITY, self.path / TABLE, *scene]
+        return [path.relative_to(self.path) for path in files]
+
+
+@contextmanager
+def writing(
+    path: Path, identity: SweepIdentity, scene: SceneFiles, *, fresh: bool
+) -> Generator[StoreWriter | StoreManifest]:
+    """Yield a writer for a new or interrupted store, or the manifest of a finished one.
+
+    Args:
+        path: the store's folder.
+        identity: what the runs are asked to be.
+        scene: copies the scene's files into a folder.
+        fresh: whether to remove a store that is there.
+
+    Raises:
+        OutputError: the folder cannot be written, holds something else, or is in use.
+        StoreError: the folder holds a store of another sweep.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with _locked(path):
+            if fresh:
+                _clear(path)
+            if (path / MANIFEST).is_file():
+                finished = read_manifest(path)
+                check_same(path, finished.sweep, identity)
+                (path / JOURNAL).unlink(missing_ok=True)
+                yield finished
+                return
+            _prepare(path, identity, scene)
+            writer = StoreWriter(path, identity)
+            try:
+                yield writer
+            finally:
+                writer.close()
+    except OSError as error:
+        raise cannot_write(Path(error.filename or path), error) from error
+
+
+def _prepare(path: Path, identity: SweepIdentity, scene: SceneFiles) -> None:
+    if (path / IDENTITY).is_file():
+        check_same(path, read_identity(path), identity)
+        mend_journal(path)
+        for leftover in path.rglob("*" + TEMPORARY):
+            leftover.unlink()
+        return
+    strangers = sorted({each.name for each in path.iterdir()} - _OWN)
+    if strangers:
+        raise OutputError(
+            f"{path} holds other files ({', '.join(strangers[:3])}); choose another folder with -o"
+        )
+    (path / TRACES).mkdir(exist_ok=True)
+    scene.copy_to(path / SCENES / identity.scene_hash)
+    with replacing(path / IDENTITY) as temporary:
+        temporary.write_text(identity.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def _clear(path: Path) -> None:
+    strangers = sorted({each.name for each in path.iterdir()} - _OWN)
+    if strangers:
+        raise OutputError(f"{path} holds other files ({', '.join(strangers[:3])}); not removed")
+    # The manifest goes first: a half-removed store must not look whole.
+    (path / MANIFEST).unlink(missing_ok=True)
+    for name in (IDENTITY, TABLE, JOURNAL):
+        (path / name).unlink(missing_ok=True)
+    for name in (SCENES, TRACES):
+        shutil.rmtree(path / name, ignore_errors=True)
+
+
+@contextmanager
+def _locked(path: Path) -> Generator[None]:
+    """Keep a second sweep out; the lock goes with the process that holds it."""
+    with (path / _LOCK).open("a") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise OutputError(f"{path} is in use by another sweep; wait or use -o") from error
+        yield
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="milliseconds")

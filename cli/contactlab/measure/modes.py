@@ -1,0 +1,101 @@
+"""Stick or slide: what a pair does over time, from its net force and slip.
+
+The rule, with hysteresis, for samples that bear force:
+
+* slide from the sample where the friction bound is in full use (usage >= .999) and the pair slips
+  at 5 mm/s or more; stick from the sample where usage is below .98 or slip below 2.5 mm/s; between
+  the two nothing changes;
+* a contact that begins, or begins again after more than 100 ms, sticks unless it meets the rule
+  for sliding;
+* a gap between contacts of up to 100 ms holds the last mode: sliding bodies hop by micrometres,
+  and touch in half of the steps only. Longer gaps, and the time before the first contact, are
+  NO_CONTACT throughout. A gap that the end of the run cuts off counts by its length so far.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.trace import NO_CONTACT, SLIDE, STICK, Floats
+
+ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
+LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3
+LONGEST_GAP = 0.1
+"""Longest gap between contacts [s] that holds the mode."""
+
+Modes = NDArray[np.int8]
+Rows = NDArray[np.intp]
+
+_NOTHING = 0
+_PARTED = 3  # stands for NO_CONTACT among the events, where 0 means that nothing happens
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Stretches of steps [start, stop) in which something holds, in order of run and time."""
+
+    run: Rows
+    start: Rows
+    stop: Rows
+
+
+def spans(mask: NDArray[np.bool_]) -> Spans:
+    """Return the stretches in which `mask` (n, N) holds."""
+    runs, steps = mask.shape
+    padded = np.zeros((runs, steps + 2), dtype=np.bool_)
+    padded[:, 1:-1] = mask
+    edges = np.flatnonzero(padded[:, 1:] != padded[:, :-1])
+    run, step = np.divmod(edges, steps + 1)
+    return Spans(run[::2], step[::2], step[1::2])
+
+
+def modes(bearing: NDArray[np.bool_], usage: Floats, slip: Floats, timestep: Floats) -> Modes:
+    """Return the mode (n, N) of a pair by the rule of this module.
+
+    Args:
+        bearing: (n, N) whether the pair carries a normal force.
+        usage: (n, N) share of the friction bound in use.
+        slip: (n, N) slip speed [m/s].
+        timestep: (n,) step length [s].
+    """
+    events = _events(bearing, usage, slip)
+    _mark_long_gaps(events, bearing, np.floor(LONGEST_GAP / timestep + 1e-6))
+    return _hold_last(events)
+
+
+def switches(mode: Modes) -> NDArray[np.bool_]:
+    """Return (n, N - 1) where `mode` (n, N) changes between stick and slide at the next sample."""
+    return mode[:, 1:] + mode[:, :-1] == STICK + SLIDE
+
+
+def _events(bearing: NDArray[np.bool_], usage: Floats, slip: Floats) -> Modes:
+    enter = (usage >= ENTER_USAGE) & (slip >= ENTER_SLIP) & bearing
+    leave = ((usage < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
+    return enter * np.int8(SLIDE) + leave * np.int8(STICK)
+
+
+def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
+    """Set events where nothing has touched for too long, and where contact begins anew."""
+    steps = bearing.shape[1]
+    gaps = spans(~bearing)
+    long = (gaps.start == 0) | (gaps.stop - gaps.start > longest[gaps.run])
+    events[gaps.run[long], gaps.start[long]] = _PARTED
+    again = long & (gaps.stop < steps)
+    _begin(events, gaps.run[again], gaps.stop[again])
+    if steps:
+        first = np.flatnonzero(bearing[:, 0])
+        _begin(events, first, np.zeros_like(first))
+
+
+def _begin(events: Modes, run: Rows, step: Rows) -> None:
+    events[run, step] = np.where(events[run, step] == SLIDE, SLIDE, STICK)
+
+
+def _hold_last(events: Modes) -> Modes:
+    """Return at each sample the last event at or before it."""
+    step = np.arange(1, events.shape[1] + 1, dtype=np.int32) * 4
+    dated = np.where(events == _NOTHING, 0, step + events)
+    held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
+    held[held == _PARTED] = NO_CONTACT
+    return held

@@ -1,0 +1,89 @@
+"""What goes to a worker and what comes back; all of it pickles."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from contactlab.plan import Match
+from contactlab.schema import Engine, Expectation, Provenance, Sweep
+
+
+@dataclass(frozen=True)
+class Task:
+    """What all jobs of a sweep have in common; sent to a worker once.
+
+    Attributes:
+        sweep: the sweep file.
+        expected: conditions, with what is expected of the runs that each picks.
+        name: the sweep's name.
+        runs: how many runs there are in all.
+        store: the store's folder.
+        scene: the scene's name.
+        scene_folder: the store's copy of the scene.
+        scene_model: the model file, relative to it.
+        engine: what computes.
+        provenance: what writes.
+    """
+
+    sweep: Sweep
+    expected: tuple[tuple[Match, Expectation], ...]
+    name: str
+    runs: int
+    store: Path
+    scene: str
+    scene_folder: Path
+    scene_model: str
+    engine: Engine
+    provenance: Provenance
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedRun:
+    """One run of a plan.
+
+    Attributes:
+        index: its place in the plan.
+        run_id: its identity.
+        values: canonical axis values by name.
+        seed: what perturbs its start.
+    """
+
+    index: int
+    run_id: str
+    values: Mapping[str, object]
+    seed: int
+
+
+Job = tuple[PlannedRun, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Finished:
+    """A run that is done; its trace, if one is kept, is in the store.
+
+    Attributes:
+        row: its journal line.
+        label: its worst label.
+        status: whether it went through.
+        expectation_met: whether what was expected came out; None if nothing was.
+    """
+
+    row: bytes
+    label: str
+    status: str
+    expectation_met: bool | None
+
+
+@dataclass(frozen=True, slots=True)
+class Lost:
+    """A job whose worker died.
+
+    Attributes:
+        job: its runs.
+        reason: how the worker died.
+        timed_out: whether its own watchdog ended it.
+    """
+
+    job: Job
+    reason: str
+    timed_out: bool

@@ -1,0 +1,68 @@
+"""From a plan to jobs: runs of one structure and step count, as many as memory allows."""
+
+from collections.abc import Iterable, Iterator
+
+from contactlab.errors import SweepFileError
+from contactlab.pipeline.job import Job, PlannedRun
+from contactlab.plan import Plan
+from contactlab.scene import Resolved, Scene
+from contactlab.sim import bytes_of_run
+
+MOST_RUNS = 32
+# A job's records; with its temporary arrays a worker needs about three times as much.
+JOB_BYTES = 32 << 20
+RUN_BYTES = 1 << 30
+_MOST_OPEN = 64
+
+Key = tuple[object, ...]
+
+
+def planned_runs(plan: Plan, scene: Scene) -> Iterator[tuple[PlannedRun, Resolved]]:
+    """Yield every distinct run of a plan with what it resolves to, in plan order.
+
+    Raises:
+        SweepFileError: a run would record more than 1 GiB.
+    """
+    seen: set[str] = set()
+    for run in plan.runs():
+        resolved = scene.resolve(run.values, run.seed, plan.sweep.duration)
+        run_id = scene.run_id(resolved)
+        if run_id not in seen:
+            seen.add(run_id)
+            yield PlannedRun(run.index, run_id, run.values, run.seed), resolved
+
+
+def pack(runs: Iterable[tuple[PlannedRun, Resolved]], scene: Scene, workers: int) -> Iterator[Job]:
+    """Yield jobs, each bounded by `MOST_RUNS` and by `JOB_BYTES` or one run.
+
+    Args:
+        runs: what is left to do.
+        scene: theirs.
+        workers: jobs stay small enough that each worker gets several.
+    """
+    todo = list(runs)
+    most = max(1, min(MOST_RUNS, len(todo) // (4 * max(1, workers))))
+    waiting: dict[Key, list[PlannedRun]] = {}
+    for run, resolved in todo:
+        key = _key(resolved)
+        group = waiting.setdefault(key, [])
+        group.append(run)
+        if len(group) >= _most_of(scene, resolved, most):
+            yield tuple(waiting.pop(key))
+        elif len(waiting) > _MOST_OPEN:
+            yield tuple(waiting.pop(next(iter(waiting))))
+    yield from (tuple(group) for group in waiting.values())
+
+
+def _key(resolved: Resolved) -> Key:
+    return (*resolved.structure.items(), resolved.steps, resolved.flags.get("sleep", False))
+
+
+def _most_of(scene: Scene, resolved: Resolved, most: int) -> int:
+    size = bytes_of_run(scene.base(resolved.structure).model, resolved.steps)
+    if size > RUN_BYTES:
+        raise SweepFileError(
+            f"a run of {resolved.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
+            "the bound is 1 GiB. Shorten `duration` or grade fewer pairs"
+        )
+    return max(1, min(most, JOB_BYTES // size))

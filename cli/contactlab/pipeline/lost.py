@@ -1,0 +1,31 @@
+"""Runs whose worker died: found by running their job one by one, recorded without a trace."""
+
+from collections.abc import Iterable, Iterator
+
+from contactlab.pipeline.job import Finished, Job, Lost, Task
+from contactlab.pipeline.pool import run_jobs
+from contactlab.pipeline.worker import Worker
+from contactlab.schema import LabelEntry
+
+
+def run_all(task: Task, jobs: Iterable[Job], workers: int) -> Iterator[list[Finished]]:
+    """Yield what comes of every job, once for each run.
+
+    A job that is lost is run again, run by run; a run that is lost once more is the culprit.
+    """
+    lost: list[Job] = []
+    for result in run_jobs(task, jobs, workers):
+        if isinstance(result, Lost):
+            lost.append(result.job)
+        else:
+            yield result
+    singles = [(run,) for job in lost for run in job]
+    for result in run_jobs(task, singles, workers) if singles else ():
+        yield [_record_loss(task, result)] if isinstance(result, Lost) else result
+
+
+def _record_loss(task: Task, lost: Lost) -> Finished:
+    (run,) = lost.job
+    label = "timeout" if lost.timed_out else "crashed"
+    reason = f"over {task.sweep.timeout:g} s: {lost.reason}" if lost.timed_out else lost.reason
+    return Worker(task, None).lost(run, LabelEntry(label=label, reason=reason, step=None))

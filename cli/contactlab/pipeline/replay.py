@@ -1,0 +1,116 @@
+"""Simulate a stored run again from its store alone, and compare the trajectories bit for bit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactlab.errors import StoreError
+from contactlab.evidence import Store
+from contactlab.scene import Prepared, Scene, stored_scene
+from contactlab.schema import EvidenceRecord
+from contactlab.sim import Buffers, Rollout, quiet, roll_out, trajectory_hash
+from contactlab.trace import Floats
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of running a stored run again.
+
+    Attributes:
+        run_id: the run.
+        equal: whether every state is equal, bit for bit.
+        stored_hash: of the stored trajectory.
+        hash: of the new one.
+        step: first step after which the states differ; None if equal or if no trace was kept.
+        difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
+        stored_engine: engine and version that stored it.
+    """
+
+    run_id: str
+    equal: bool
+    stored_hash: str | None
+    hash: str
+    step: int | None
+    difference: float | None
+    stored_engine: str
+
+
+@dataclass(frozen=True)
+class Start:
+    """A stored run, ready to be simulated again."""
+
+    record: EvidenceRecord
+    prepared: Prepared
+    qpos: Floats
+    qvel: Floats
+
+
+def prepare(store: Store, run: str) -> Start:
+    """Return a stored run's model and start state, made from the store's own files.
+
+    Raises:
+        StoreError: no such run, or its start state is not what its settings give.
+        SceneError: the stored scene does not compile with this engine.
+    """
+    record = store.record(run)
+    identity = store.manifest.sweep
+    scene = Scene(stored_scene(store.scene_folder, identity.scene_model, identity.scene))
+    values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
+    resolved = scene.resolve(values, record.seed, record.duration)
+    if scene.run_id(resolved) != record.run_id:
+        raise StoreError(
+            f"run {record.run_id}: the stored scene and settings give another id, "
+            f"{scene.run_id(resolved)}; the store or this version's defaults changed"
+        )
+    prepared = scene.base(resolved.structure).prepare(resolved.edits())
+    return Start(record, prepared, np.array(record.initial.qpos), np.array(record.initial.qvel))
+
+
+def replay(store: Store, run: str) -> Replay:
+    """Simulate a stored run again and say whether it is the same, or where it first differs."""
+    quiet()
+    start = prepare(store, run)
+    record = start.record
+    rollout = roll_out(
+        [start.prepared.model],
+        start.qpos[None],
+        start.qvel[None],
+        record.steps_asked,
+        Buffers(),
+    )
+    found = trajectory_hash(rollout, 0)
+    equal = found == record.trajectory_hash
+    step, difference = (None, None) if equal else _first_difference(store, record, rollout)
+    return Replay(
+        run_id=record.run_id,
+        equal=equal,
+        stored_hash=record.trajectory_hash,
+        hash=found,
+        step=step,
+        difference=difference,
+        stored_engine=f"{record.engine.name} {record.engine.version}",
+    )
+
+
+def _parsed(scene: Scene, name: str, value: object) -> object:
+    spec = scene.catalogue.find(name)
+    if spec is None:
+        raise StoreError(f"the stored scene has no axis '{name}'")
+    return spec.parse(value)
+
+
+def _first_difference(
+    store: Store, record: EvidenceRecord, rollout: Rollout
+) -> tuple[int | None, float | None]:
+    if record.trace is None:
+        return None, None
+    stored = store.trace(record)
+    width = stored.qpos.shape[1] + stored.qvel.shape[1]
+    old = np.concatenate([stored.qpos, stored.qvel], axis=1)
+    new = rollout.state[0, : rollout.steps[0] + 1, 1 : 1 + width]
+    rows = min(len(old), len(new))
+    differs = np.flatnonzero((old[:rows] != new[:rows]).any(axis=1))
+    if len(differs) == 0:
+        return rows, None
+    first = int(differs[0])
+    return first, float(np.abs(old[first] - new[first]).max())

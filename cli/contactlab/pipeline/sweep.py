@@ -1,0 +1,152 @@
+"""Run a sweep into a store: plan, skip what is done, run the rest, publish."""
+
+import hashlib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contactlab.errors import SweepFileError
+from contactlab.evidence import Column, StoreWriter, axis_column, metric_column, writing
+from contactlab.measure import METRICS
+from contactlab.pipeline.job import Finished, PlannedRun, Task
+from contactlab.pipeline.jobs import pack, planned_runs
+from contactlab.pipeline.lost import run_all
+from contactlab.pipeline.provenance import engine, provenance
+from contactlab.pipeline.record import UNITS, VERSIONS, as_written
+from contactlab.plan import Plan
+from contactlab.scene import Resolved, Scene
+from contactlab.schema import RECORD_VERSION, StoreManifest, SweepIdentity
+
+Progress = Callable[[Sequence[Finished]], None]
+Planned = Sequence[tuple[PlannedRun, Resolved]]
+
+
+@dataclass(frozen=True)
+class Ask:
+    """A sweep to run.
+
+    Attributes:
+        plan: its runs.
+        scene: its scene.
+        name: the sweep's name.
+        source: the sweep file's text.
+        overrides: options that changed it, as given.
+        store: the folder to write.
+        workers: processes; 0 for none but this one.
+        fresh: whether to replace a store that is there.
+    """
+
+    plan: Plan
+    scene: Scene
+    name: str
+    source: str
+    overrides: tuple[str, ...]
+    store: Path
+    workers: int
+    fresh: bool = False
+
+
+def run_sweep(ask: Ask, begin: Callable[[int, int], None], progress: Progress) -> StoreManifest:
+    """Run what is not stored yet and publish the store.
+
+    Args:
+        ask: the sweep.
+        begin: told how many runs there are and how many of them are done already.
+        progress: told of runs as they finish.
+
+    Raises:
+        SweepFileError: the sweep cannot be run as asked.
+        OutputError: the store cannot be written.
+        StoreError: the store is another sweep's.
+    """
+    planned = list(planned_runs(ask.plan, ask.scene))
+    if not planned:
+        raise SweepFileError(f"sweep '{ask.name}' has no runs; see `--plan`")
+    columns = _columns(ask, [run for run, _ in planned])
+    identity = _identity(ask, [run for run, _ in planned])
+    with writing(ask.store, identity, ask.scene.source.content, fresh=ask.fresh) as store:
+        if isinstance(store, StoreManifest):
+            begin(len(planned), len(planned))
+            return store
+        _run_rest(ask, store, planned, begin, progress)
+        return store.finish(columns, _shared(ask), provenance())
+
+
+def _run_rest(
+    ask: Ask,
+    store: StoreWriter,
+    planned: Planned,
+    begin: Callable[[int, int], None],
+    progress: Progress,
+) -> None:
+    done = store.done()
+    rest = [each for each in planned if each[0].run_id not in done]
+    begin(len(planned), len(planned) - len(rest))
+    task = _task(ask, store, len(planned))
+    for finished in run_all(task, pack(rest, ask.scene, ask.workers), ask.workers):
+        store.append([each.row for each in finished])
+        progress(finished)
+
+
+def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
+    return Task(
+        sweep=ask.plan.sweep,
+        expected=ask.plan.expected,
+        name=ask.name,
+        runs=runs,
+        store=ask.store.resolve(),
+        scene=ask.scene.name,
+        scene_folder=store.scene_folder.resolve(),
+        scene_model=ask.scene.source.content.model.as_posix(),
+        engine=engine(),
+        provenance=provenance(),
+    )
+
+
+def _identity(ask: Ask, runs: Sequence[PlannedRun]) -> SweepIdentity:
+    digest = hashlib.sha256("".join(run.run_id for run in runs).encode())
+    return SweepIdentity(
+        name=ask.name,
+        source=ask.source,
+        overrides=ask.overrides,
+        resolved=ask.plan.sweep.model_dump(mode="json"),
+        scene=ask.scene.name,
+        scene_hash=ask.scene.hash,
+        scene_model=ask.scene.source.content.model.as_posix(),
+        engine=engine(),
+        metric_versions=VERSIONS,
+        runs_asked=len(runs),
+        plan_hash=digest.hexdigest()[:32],
+    )
+
+
+def _shared(ask: Ask) -> Mapping[str, Any]:
+    return {
+        "schema_version": RECORD_VERSION,
+        "sweep": ask.name,
+        "units": UNITS,
+        "metric_versions": VERSIONS,
+    }
+
+
+def _columns(ask: Ask, runs: Iterable[PlannedRun]) -> list[Column]:
+    """Return the columns of axes, typed by their values, and of metrics."""
+    values: dict[str, dict[object, None]] = {}
+    for run in runs:
+        for name, value in run.values.items():
+            values.setdefault(name, {})[as_written(value)] = None
+    for name, taken in values.items():
+        if len({isinstance(value, str) for value in taken}) > 1:
+            raise SweepFileError(
+                f"axis '{name}' mixes single numbers with lists of them; write all as lists"
+            )
+    axes = [_axis_column(ask.scene, name, list(taken)) for name, taken in values.items()]
+    metrics = [metric_column(each.name, each.unit, each.definition) for each in METRICS.values()]
+    return axes + metrics
+
+
+def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:
+    spec = scene.catalogue.find(name)
+    assert spec is not None
+    return axis_column(name, values, spec.unit, spec.description)

@@ -1,0 +1,194 @@
+"""Run a job: models, rollouts, metrics, labels, traces, records."""
+
+import faulthandler
+import json
+from collections import OrderedDict
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from contactlab.evidence import TRACES, TraceExtras, TraceSummary, to_row, write_trace
+from contactlab.measure import assess
+from contactlab.pipeline.job import Finished, Job, PlannedRun, Task
+from contactlab.pipeline.record import Outcome, RecordMaker, RunPlan
+from contactlab.scene import Base, Prepared, Resolved, Scene, make_setup, stored_scene
+from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
+from contactlab.sim import Buffers, Rollout, make_trace, quiet, roll_out, trajectory_hash
+from contactlab.trace import Setup, Trace
+
+_MOST_MODELS = 64
+_RECORD_SCHEMA = b'{"type":"object"}'
+
+
+@dataclass(frozen=True)
+class _Group:
+    """Runs whose arrays are whole, with their place in the job."""
+
+    places: tuple[int, ...]
+    trace: Trace
+    setup: Setup
+
+
+class Worker:
+    """Runs jobs of one sweep, keeping models and memory between them."""
+
+    def __init__(self, task: Task, marker: Path | None) -> None:
+        quiet()
+        self._task = task
+        self._marker = marker
+        self._scene = Scene(stored_scene(task.scene_folder, task.scene_model, task.scene))
+        self._models: OrderedDict[str, Prepared] = OrderedDict()
+        self._buffers = Buffers()
+        self._records = RecordMaker(task, self._scene.hash)
+        model = self._scene.source.model
+        self._model_xml = model.read_bytes()
+
+    def run(self, job: Job) -> list[Finished]:
+        """Run a job of runs that share structure and step count; write their traces."""
+        started = self._records.now()
+        plans = self.plans(job)
+        resolved = [plan.resolved for plan in plans]
+        prepared = [plan.prepared for plan in plans]
+        models = [each.model for each in prepared]
+        base = self._scene.base(resolved[0].structure)
+        qpos = np.array([plan.qpos for plan in plans])
+        qvel = np.array([plan.qvel for plan in plans])
+        with self._watchdog() as watch:
+            rollout = roll_out(models, qpos, qvel, resolved[0].steps, self._buffers, watch)
+        manifest = self._scene.source.manifest
+        setup = make_setup(base, manifest, resolved, models, self._task.sweep.thresholds)
+        trace = make_trace(base, prepared, rollout)
+        if setup.gravity.any():
+            trace = replace(trace, momentum=None, spin=None)
+        finished: dict[int, Finished] = {}
+        for group in _groups(trace, setup, rollout):
+            assessment = assess(group.trace, group.setup)
+            for row, place in enumerate(group.places):
+                outcome = Outcome(
+                    plan=plans[place],
+                    assessment=assessment,
+                    row=row,
+                    steps=rollout.steps[place],
+                    warnings=rollout.warnings[place],
+                    error=rollout.errors[place],
+                    trajectory_hash=trajectory_hash(rollout, place),
+                    cpu=float(rollout.cost[place]),
+                    started=started,
+                )
+                finished[place] = self._finish(outcome, group)
+        return [finished[place] for place in range(len(job))]
+
+    def plans(self, job: Job) -> list[RunPlan]:
+        """Return all that decides the runs of a job of one structure."""
+        resolved = [
+            self._scene.resolve(run.values, run.seed, self._task.sweep.duration) for run in job
+        ]
+        base = self._scene.base(resolved[0].structure)
+        qpos, qvel = self._scene.starts(resolved)
+        return [
+            RunPlan(run, each, self._prepared(base, each), qpos[place], qvel[place])
+            for place, (run, each) in enumerate(zip(job, resolved, strict=True))
+        ]
+
+    def lost(self, run: PlannedRun, label: LabelEntry) -> Finished:
+        """Return the outcome of a run that no worker survives."""
+        (plan,) = self.plans((run,))
+        return _finished(self._records.lost(plan, label))
+
+    def _finish(self, outcome: Outcome, group: _Group) -> Finished:
+        record = self._records.make(outcome)
+        if self._keeps_trace(outcome.plan.run, record):
+            trace = self._write_trace(record, outcome, group)
+            record = record.model_copy(update={"trace": trace})
+        record = self._records.with_cost(record, outcome)
+        return _finished(record)
+
+    def _prepared(self, base: Base, run: Resolved) -> Prepared:
+        edits = run.edits()
+        key = json.dumps([run.structure, edits])
+        if key not in self._models:
+            self._models[key] = base.prepare(edits)
+            if len(self._models) > _MOST_MODELS:
+                self._models.popitem(last=False)
+        self._models.move_to_end(key)
+        return self._models[key]
+
+    def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
+        rule = self._task.sweep.trace
+        if rule.startswith("sample:"):
+            stride = max(1, self._task.runs // int(rule.removeprefix("sample:")))
+            return run.index % stride == 0
+        return rule == "all" or (rule == "flagged" and record.label != "stable")
+
+    def _write_trace(self, record: EvidenceRecord, outcome: Outcome, group: _Group) -> TraceFile:
+        """Write a run's trace; its record there has neither cost nor clock, so that it repeats."""
+        file = Path(TRACES) / record.run_id[:2] / f"{record.run_id}.mcap"
+        path = self._task.store / file
+        path.parent.mkdir(parents=True, exist_ok=True)
+        extras = TraceExtras(
+            record_json=record.model_dump_json().encode(),
+            record_schema=_RECORD_SCHEMA,
+            metadata=_metadata(record),
+            model_xml=self._model_xml,
+        )
+        summary: TraceSummary = write_trace(
+            path, group.trace, outcome.row, outcome.assessment.series, extras
+        )
+        return TraceFile(
+            file=file.as_posix(),
+            sha256=summary.sha256,
+            bytes=summary.size,
+            messages=dict(summary.messages),
+        )
+
+    @contextmanager
+    def _watchdog(self) -> Generator[Callable[[], None]]:
+        """End this process when a run takes too long, even one that never gives Python a turn."""
+        if self._marker is None:
+            yield lambda: None
+            return
+        with self._marker.open("w") as file:
+            try:
+                yield lambda: faulthandler.dump_traceback_later(
+                    self._task.sweep.timeout, exit=True, file=file
+                )
+            finally:
+                faulthandler.cancel_dump_traceback_later()
+
+
+def _finished(record: EvidenceRecord) -> Finished:
+    return Finished(
+        row=json.dumps(to_row(record), separators=(",", ":"), allow_nan=False).encode(),
+        label=record.label,
+        status=record.status,
+        expectation_met=record.expectation_met,
+    )
+
+
+def _groups(trace: Trace, setup: Setup, rollout: Rollout) -> Iterator[_Group]:
+    """Yield the runs that went through as one group, and each that did not as its own."""
+    whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
+    if len(whole) == trace.runs:
+        yield _Group(tuple(whole), trace, setup)
+        return
+    if whole:
+        yield _Group(tuple(whole), trace.pick(whole), setup.pick(whole))
+    for place in sorted(set(range(trace.runs)) - set(whole)):
+        cut = trace.pick([place], rollout.steps[place])
+        yield _Group((place,), cut, setup.pick([place]))
+
+
+def _metadata(record: EvidenceRecord) -> dict[str, str]:
+    return {
+        "run_id": record.run_id,
+        "sweep": record.sweep,
+        "scene": record.scene,
+        "scene_hash": record.scene_hash,
+        "seed": str(record.seed),
+        "label": record.label,
+        "engine": f"{record.engine.name} {record.engine.version}",
+        "contactlab": record.provenance.contactlab,
+    }

@@ -1,0 +1,30 @@
+"""A sweep file and the runs that it asks for."""
+
+from contactlab.plan.diagnostic import Diagnostic, Place, Source, SweepMistakesError
+from contactlab.plan.expression import Expression
+from contactlab.plan.override import Overrides
+from contactlab.plan.plan import CONFIRM_ABOVE, MOST_RUNS, Plan, Run, SweptAxis
+from contactlab.plan.reading import SweepFile, read_sweep
+from contactlab.plan.rows import Match
+from contactlab.plan.starter import SCHEMA_NAME, starter
+from contactlab.plan.term import ExpressionError
+
+__all__ = [
+    "CONFIRM_ABOVE",
+    "MOST_RUNS",
+    "SCHEMA_NAME",
+    "Diagnostic",
+    "Expression",
+    "ExpressionError",
+    "Match",
+    "Overrides",
+    "Place",
+    "Plan",
+    "Run",
+    "Source",
+    "SweepFile",
+    "SweepMistakesError",
+    "SweptAxis",
+    "read_sweep",
+    "starter",
+]

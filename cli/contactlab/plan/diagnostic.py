@@ -1,0 +1,131 @@
+"""Mistakes as data and as text: what is wrong, where, and what to write instead."""
+
+import unicodedata
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from contactlab.errors import SweepFileError
+
+Severity = Literal["error", "warning"]
+_EXCERPT = 100
+_MOST_SHOWN = 50
+
+
+@dataclass(frozen=True)
+class Source:
+    """A text that mistakes point into.
+
+    Attributes:
+        name: a path, or what else the user knows the text by.
+        lines: its lines without their ends.
+        numbered: whether line numbers help; they do not in one command-line argument.
+    """
+
+    name: str
+    lines: tuple[str, ...]
+    numbered: bool = True
+
+
+@dataclass(frozen=True)
+class Place:
+    """Some characters of one line; line and column count from 1."""
+
+    source: Source
+    line: int
+    column: int
+    width: int = 1
+
+    @property
+    def text(self) -> str:
+        """The whole line."""
+        lines = self.source.lines
+        return lines[self.line - 1] if 0 < self.line <= len(lines) else ""
+
+    @property
+    def spot(self) -> str:
+        """Where it is, in a few words."""
+        return f"in line {self.line}" if self.source.numbered else f"in `{self.text}`"
+
+    def part(self, start: int, width: int) -> "Place":
+        """Return some of its characters, counted from its first."""
+        return Place(self.source, self.line, self.column + start, max(width, 1))
+
+    def __str__(self) -> str:
+        if not self.source.numbered:
+            return f"{self.source.name}, column {self.column}"
+        return f"{self.source.name}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True)
+class Diagnostic:
+    """One mistake in a sweep file or option.
+
+    Attributes:
+        code: the kind of mistake, in words joined by dashes.
+        message: what is wrong.
+        place: where.
+        hint: what to write instead, shown beside the caret.
+        severity: an error stops the sweep, a warning does not.
+    """
+
+    code: str
+    message: str
+    place: Place
+    hint: str = ""
+    severity: Severity = "error"
+
+    def __str__(self) -> str:
+        head = f"{self.severity}[{self.code}]: {self.message}"
+        return "\n".join([head, *_excerpt(self.place, self.hint)])
+
+
+class SweepMistakesError(SweepFileError):
+    """All mistakes of a sweep file and its options.
+
+    Attributes:
+        diagnostics: the mistakes, in the order of their places, warnings included.
+    """
+
+    def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
+        self.diagnostics = tuple(diagnostics)
+        shown = [str(diagnostic) for diagnostic in self.diagnostics[:_MOST_SHOWN]]
+        more = len(self.diagnostics) - len(shown)
+        super().__init__("\n\n".join([*shown, f"and {more:,} more"] if more else shown))
+
+
+def _excerpt(place: Place, hint: str) -> list[str]:
+    number = str(place.line) if place.source.numbered else ""
+    margin = " " * len(number)
+    line, start, width = _window(place)
+    caret = _blank(line[:start]) + "^" * max(_cells(line[start : start + width]), 1)
+    return [
+        f"{margin} --> {place}",
+        f"{margin} |",
+        f"{number} | {line}".rstrip(),
+        f"{margin} | {caret} {hint}".rstrip(),
+    ]
+
+
+def _window(place: Place) -> tuple[str, int, int]:
+    """Return the line, cut to what surrounds the place if long, and where the place is in it."""
+    line, start = place.text, place.column - 1
+    width = max(min(place.width, len(line) - start), 1)
+    if len(line) <= _EXCERPT:
+        return line, start, width
+    first = max(0, min(start - _EXCERPT // 3, len(line) - _EXCERPT))
+    shown = line[first : first + _EXCERPT]
+    before = "..." if first else ""
+    after = "..." if first + _EXCERPT < len(line) else ""
+    width = min(width, first + _EXCERPT - start)
+    return before + shown + after, start - first + len(before), width
+
+
+def _blank(text: str) -> str:
+    return "".join("\t" if sign == "\t" else " " * _cells(sign) for sign in text)
+
+
+def _cells(text: str) -> int:
+    """Return how many columns a terminal gives to a text."""
+    wide = sum(unicodedata.east_asian_width(sign) in "WF" for sign in text)
+    return len(text) + wide - sum(unicodedata.combining(sign) != 0 for sign in text)

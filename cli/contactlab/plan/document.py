@@ -1,0 +1,252 @@
+"""A YAML text as plain data, with the place of every key and value."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Protocol, cast
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
+
+from contactlab.plan.diagnostic import Diagnostic, Place, Severity, Source
+
+Path = tuple[str | int, ...]
+MOST_NODES = 1_000_000
+# YAML 1.2's own definition of a number; the loader misses `.5e3`.
+_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_BREAK = re.compile("\r\n|[\n\r\x85\u2028\u2029]")
+_TAGS = "tag:yaml.org,2002:"
+
+
+class _Mark(Protocol):
+    line: int
+    column: int
+
+
+@dataclass
+class Document:
+    """Plain data with places, and the mistakes noted about it.
+
+    Attributes:
+        source: the text.
+        data: mappings, lists, words, numbers, booleans and None.
+        values: path to the place of the value there.
+        keys: path to the place of the key there.
+        found: mistakes, in the order in which they were noted.
+        unreadable: places of syntax errors, which nothing else is said of.
+    """
+
+    source: Source
+    data: object = None
+    values: dict[Path, Place] = field(default_factory=dict[Path, Place])
+    keys: dict[Path, Place] = field(default_factory=dict[Path, Place])
+    found: list[Diagnostic] = field(default_factory=list[Diagnostic])
+    unreadable: set[Place] = field(default_factory=set[Place])
+
+    @property
+    def has_errors(self) -> bool:
+        """Whether a mistake was noted that is more than a warning."""
+        return any(each.severity == "error" for each in self.found)
+
+    def mapping(self, *path: str | int) -> dict[str, object]:
+        """Return the mapping at a path, or an empty one."""
+        data = self.at(path)
+        return cast("dict[str, object]", data) if isinstance(data, dict) else {}
+
+    def add(
+        self,
+        code: str,
+        path: Path | Place,
+        message: str,
+        hint: str = "",
+        *,
+        severity: Severity = "error",
+    ) -> None:
+        """Note a mistake at the value of a path, or at a place."""
+        place = path if isinstance(path, Place) else self.value(path)
+        if place not in self.unreadable:
+            self.found.append(Diagnostic(code, message, place, hint, severity))
+        if code == "syntax":
+            self.unreadable.add(place)
+
+    def replace(self, path: Path, value: object, other: "Document", at: Place) -> None:
+        """Put a value from another text at a path, with its places.
+
+        Args:
+            path: where it goes; mappings on the way are made as needed.
+            value: the plain data.
+            other: has the places of the parts of the value, by path below it.
+            at: the place of the key.
+        """
+        for places in (self.values, self.keys):
+            for old in [each for each in places if each[: len(path)] == path]:
+                del places[old]
+        parent = cast("dict[str, object]", self.data)
+        for part in path[:-1]:
+            inner = parent.get(str(part))
+            if not isinstance(inner, dict):
+                inner = parent[str(part)] = {}
+            parent = cast("dict[str, object]", inner)
+        parent[str(path[-1])] = value
+        self.keys[path] = at
+        self.values.update({(*path, *below): place for below, place in other.values.items()})
+        self.keys.update({(*path, *below): place for below, place in other.keys.items()})
+
+    def value(self, path: Path) -> Place:
+        """Return the place of the value at a path, or of what is nearest above it."""
+        while path and path not in self.values:
+            path = path[:-1]
+        return self.values.get(path) or Place(self.source, 1, 1)
+
+    def at(self, path: Path) -> object:
+        """Return the data at a path, or None."""
+        data = self.data
+        for part in path:
+            if isinstance(data, dict) and isinstance(part, str):
+                data = cast("dict[str, object]", data).get(part)
+            elif isinstance(data, list) and isinstance(part, int):
+                items = cast("list[object]", data)
+                data = items[part] if part < len(items) else None
+            else:
+                return None
+        return data
+
+    def key(self, path: Path) -> Place:
+        """Return the place of the key at a path, or else of the value."""
+        return self.keys.get(path) or self.value(path)
+
+
+def read_document(text: str, name: str) -> Document:
+    """Read a YAML text; its mistakes are in the document's `found`."""
+    source = Source(name, tuple(_BREAK.split(text)))
+    return _Reader(Document(source), _Origin(source)).read(text)
+
+
+def read_argument(text: str, source: Source, column: int) -> Document:
+    """Read a piece of YAML that stands in a line of another text.
+
+    Args:
+        text: the piece, wrapped in one character at each end that the line does not have.
+        source: the line.
+        column: where in the line the piece begins, counted from 1.
+    """
+    return _Reader(Document(source), _Origin(source, column - 2)).read(text)
+
+
+@dataclass(frozen=True)
+class _Origin:
+    """Where a YAML text lies in its source."""
+
+    source: Source
+    shift: int = 0
+
+    def place(self, start: _Mark, end: _Mark | None = None) -> Place:
+        line, column = start.line + 1, start.column + 1 + self.shift
+        place = Place(self.source, line, max(column, 1))
+        if end is None:
+            return place
+        same = end.line == start.line
+        last = end.column + self.shift if same else len(place.text.rstrip())
+        return Place(self.source, line, place.column, max(last + 1 - column, 1))
+
+
+class _Reader:
+    def __init__(self, document: Document, origin: _Origin) -> None:
+        self.document = document
+        self.origin = origin
+        self.yaml = YAML(typ="safe", pure=True)
+        self.nodes = 0
+
+    def read(self, text: str) -> Document:
+        try:
+            root = cast("Node | None", self.yaml.compose(text))
+            if root is not None:
+                self.document.data = self._data(root, ())
+        except MarkedYAMLError as error:
+            self._fail(_wording(error), self._marked(error))
+        except ReaderError as error:
+            self._fail("a character that YAML does not allow", self._character(text, error))
+        except YAMLError as error:
+            self._fail(str(error), Place(self.document.source, 1, 1))
+        except RecursionError:
+            self._fail("nested too deeply", Place(self.document.source, 1, 1))
+        return self.document
+
+    def _data(self, node: Node, path: Path) -> object:
+        self.nodes += 1
+        if self.nodes > MOST_NODES:
+            raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
+        self.document.values[path] = self.origin.place(node.start_mark, node.end_mark)
+        if isinstance(node, MappingNode):
+            return self._mapping(node, path)
+        if isinstance(node, SequenceNode):
+            items = cast("list[Node]", node.value)
+            return [self._data(item, (*path, index)) for index, item in enumerate(items)]
+        return self._scalar(cast("ScalarNode", node))
+
+    def _mapping(self, node: MappingNode, path: Path) -> dict[str, object]:
+        data: dict[str, object] = {}
+        for name, key, value in self._entries(node):
+            place = self.origin.place(key.start_mark, key.end_mark)
+            if name in data:
+                first = self.document.keys[(*path, name)]
+                message = f"'{name}' is given twice"
+                self.document.add("duplicate-key", place, message, f"first given {first.spot}")
+                continue
+            self.document.keys[(*path, name)] = place
+            data[name] = self._data(value, (*path, name))
+        return data
+
+    def _entries(self, node: MappingNode) -> Iterator[tuple[str, Node, Node]]:
+        for key, value in cast("list[tuple[Node, Node]]", node.value):
+            if isinstance(key, ScalarNode):
+                yield str(key.value), key, value
+            else:
+                self._fail("a key is one word", self.origin.place(key.start_mark, key.end_mark))
+
+    def _scalar(self, node: ScalarNode) -> object:
+        text, tag = str(node.value), str(node.tag)
+        if not node.style and tag == f"{_TAGS}str" and _FLOAT.fullmatch(text):
+            return float(text)
+        if tag == f"{_TAGS}timestamp":
+            return text
+        try:
+            return self.yaml.constructor.construct_object(node)
+        except (MarkedYAMLError, ValueError):
+            place = self.origin.place(node.start_mark, node.end_mark)
+            self._fail(f"{text!r} cannot be read as {tag.removeprefix(_TAGS)}", place)
+            return None
+
+    def _marked(self, error: MarkedYAMLError) -> Place:
+        mark = error.problem_mark or error.context_mark
+        if mark is None:
+            return Place(self.document.source, 1, 1)
+        return self.origin.place(cast("_Mark", mark))
+
+    def _character(self, text: str, error: ReaderError) -> Place:
+        before = text[: cast("int", error.position)]
+        column = len(before) - (before.rfind("\n") + 1) + 1
+        return Place(self.document.source, before.count("\n") + 1, column)
+
+    def _fail(self, message: str, place: Place) -> None:
+        self.document.add("syntax", place, message)
+
+
+_PLAIN = {
+    "mapping values are not allowed here": "a second ': ' in one line; quote the text or indent",
+    "found character '\\t' that cannot start any token": "a tab; indent with spaces",
+    "but found another document": "a second document; a sweep file is one",
+    "found undefined alias": "no anchor of this name",
+}
+
+
+def _wording(error: MarkedYAMLError) -> str:
+    """Return a syntax error in one line, with the cause first."""
+    problem = str(error.problem or error.context or "not YAML").strip()
+    for known, plain in _PLAIN.items():
+        if problem.startswith(known):
+            return plain
+    context = f" {error.context}" if error.context and error.problem else ""
+    return f"{problem}{context}".replace("<stream end>", "the end of the file")

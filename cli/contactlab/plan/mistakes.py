@@ -1,0 +1,183 @@
+"""What pydantic finds wrong with a document, in the words of the sweep file."""
+
+from collections.abc import Iterator, Mapping
+from types import UnionType
+from typing import Annotated, Union, cast, get_args, get_origin
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from contactlab.errors import did_you_mean
+from contactlab.plan.document import Document, Path
+from contactlab.schema import FORMS, Sweep
+
+_WANTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a word",
+    "bool_type": "true or false",
+    "dict_type": "a mapping",
+    "model_type": "a mapping",
+    "tuple_type": "a list",
+}
+_CODES = {
+    "finite_number": "not-finite",
+    "greater_than": "out-of-range",
+    "greater_than_equal": "out-of-range",
+    "less_than": "out-of-range",
+    "less_than_equal": "out-of-range",
+    "string_too_short": "bad-value",
+    "literal_error": "bad-value",
+    "string_pattern_mismatch": "bad-value",
+}
+_COUNTED = set(FORMS) - {"values"}
+_TRACE = "write all, flagged, none or sample:N"
+
+
+def note_mistakes(document: Document, error: ValidationError) -> None:
+    """Note every mistake that a model found, once each, at its place in the document."""
+    seen: set[tuple[str, Path]] = set()
+    details = error.errors(include_url=False)
+    deep = {path for detail in details for path in _above(file_path(detail["loc"]))}
+    for detail in details:
+        path = file_path(detail["loc"])
+        if detail["type"] == "too_short" and path in deep:
+            continue
+        if detail["type"] in {"missing", "too_long"} and _is_form(path[:-1]):
+            path = path[:-1]
+        if (detail["type"], path) not in seen:
+            seen.add((detail["type"], path))
+            _note(document, detail, path)
+
+
+def file_path(loc: tuple[str | int, ...]) -> Path:
+    """Return where in the file an error lies: its location without the tags of unions."""
+    return tuple(part for part in loc if not (isinstance(part, str) and part.startswith("@")))
+
+
+def _above(path: Path) -> Iterator[Path]:
+    return (path[:length] for length in range(len(path)))
+
+
+def _is_form(path: Path) -> bool:
+    return len(path) > 2 and path[-1] in _COUNTED and path[0] in {"axes", "zip"}
+
+
+def _note(document: Document, detail: ErrorDetails, path: Path) -> None:
+    kind = detail["type"]
+    if kind == "extra_forbidden":
+        _note_unknown_key(document, detail, path)
+    elif kind == "axis_form":
+        _note_form(document, path)
+    elif kind in {"missing", "too_long", "too_short"}:
+        _note_length(document, kind, path)
+    elif kind in _WANTED:
+        _note_type(document, _WANTED[kind], path)
+    else:
+        _note_value(document, detail, path)
+
+
+def _note_unknown_key(document: Document, detail: ErrorDetails, path: Path) -> None:
+    name = str(path[-1])
+    known = list(_model_at(detail["loc"][:-1]).model_fields)
+    hint = _suggestion(name, known) or f"known here: {', '.join(known)}"
+    if name in FORMS:
+        hint = "an axis takes one form"
+    document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
+
+
+def _note_form(document: Document, path: Path) -> None:
+    data, name = document.at(path), path[-1]
+    forms = ", ".join(FORMS)
+    if isinstance(data, dict):
+        wrong = next((key for key in cast("dict[str, object]", data) if key != "role"), None)
+        if wrong is None:
+            document.add("empty-axis", path, f"axis '{name}' has no values", f"one of: {forms}")
+            return
+        hint = _suggestion(wrong, FORMS) or f"one of: {forms}"
+        document.add("unknown-key", document.key((*path, wrong)), f"no form '{wrong}'", hint)
+    elif data is None:
+        document.add("empty-axis", path, f"axis '{name}' has no values", "write a list: [...]")
+    else:
+        document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{data}]")
+
+
+def _note_length(document: Document, kind: str, path: Path) -> None:
+    name = path[-1]
+    if _is_form(path):
+        description = (FORMS[str(name)].model_fields[str(name)].description or "").split(":")[0]
+        document.add("wrong-length", path, f"'{name}' takes {description}")
+    elif kind == "missing":
+        place = document.key(path[:-1]) if path[:-1] else document.value(())
+        document.add("missing-key", place.part(0, 1), f"missing key '{name}'", _example(path))
+    elif axis := path[1:2] if path[0] == "axes" else path[2:3] if path[0] == "zip" else ():
+        document.add("empty-axis", path, f"axis '{axis[0]}' has no values")
+    else:
+        name = next(part for part in reversed(path) if isinstance(part, str))
+        document.add("wrong-length", path, f"'{name}' has too few entries")
+
+
+def _example(path: Path) -> str:
+    examples: dict[Path, str] = {("version",): "version: 1", ("scene",): "scene: NAME"}
+    return f"add {examples.get(path, f'{path[-1]}: ...')}"
+
+
+def _note_type(document: Document, wanted: str, path: Path) -> None:
+    data = document.at(path)
+    shown = "nothing" if data is None else repr(data) if _is_scalar(data) else _kind(data)
+    name = next((part for part in reversed(path) if isinstance(part, str)), None)
+    subject = f"'{name}' takes" if name else "a sweep file is"
+    place = document.key(path) if data is None and path else document.value(path)
+    document.add("wrong-type", place, f"{subject} {wanted}, not {shown}")
+
+
+def _is_scalar(data: object) -> bool:
+    return isinstance(data, bool | int | float | str)
+
+
+def _kind(data: object) -> str:
+    return "a mapping" if isinstance(data, Mapping) else "a list"
+
+
+def _note_value(document: Document, detail: ErrorDetails, path: Path) -> None:
+    kind = detail["type"]
+    name = next((f"'{part}' " for part in reversed(path) if isinstance(part, str)), "")
+    wording = (
+        detail["msg"]
+        .replace("a finite number", "finite")
+        .replace("Input should be", "must be")
+        .replace("String should", "must")
+    )
+    hint = ""
+    if kind == "string_pattern_mismatch":
+        wording, hint = f"has no choice {detail['input']!r}", _TRACE
+    if kind == "literal_error":
+        choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
+        hint = _suggestion(str(detail["input"]), choices.replace(" or ", ", ").split(", "))
+    code = _CODES.get(kind, kind.replace("_", "-"))
+    document.add(code, path, f"{name}{wording}", hint)
+
+
+def _suggestion(name: str, known: object) -> str:
+    return did_you_mean(name, cast("list[str]", known)).removeprefix("; ")
+
+
+def _model_at(loc: tuple[str | int, ...]) -> type[BaseModel]:
+    """Return the model that reads what lies at an error's location."""
+    model: type[BaseModel] = Sweep
+    for part in loc:
+        if isinstance(part, str) and part.removeprefix("@") in FORMS and part.startswith("@"):
+            model = FORMS[part[1:]]
+        elif part in model.model_fields:
+            annotation = model.model_fields[str(part)].annotation
+            model = next(_models_in(annotation), model)
+    return model
+
+
+def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        yield annotation
+    elif get_origin(annotation) in {Annotated, Union, UnionType, tuple, dict}:
+        for part in get_args(annotation):
+            yield from _models_in(part)

@@ -1,0 +1,149 @@
+"""The names and values of a sweep file, checked against what its scene offers."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations
+from typing import cast
+
+from contactlab.errors import did_you_mean
+from contactlab.plan.diagnostic import Place
+from contactlab.plan.document import Document, Path
+from contactlab.plan.draft import Draft
+from contactlab.schema import AxisSpec, Sweep, Vocabulary
+
+UNREADABLE = object()
+
+
+@dataclass(frozen=True)
+class Context:
+    """What the checks of a file share: what was read, and the names it may use."""
+
+    draft: Draft
+    vocabulary: Vocabulary
+
+    @property
+    def document(self) -> Document:
+        """The file as written."""
+        return self.draft.document
+
+    @property
+    def sweep(self) -> Sweep:
+        """What of it could be read."""
+        return self.draft.sweep
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None."""
+        return self.vocabulary.axes.find(name)
+
+    def canonical(self, name: str, value: object, place: Place) -> object:
+        """Return the canonical form of an axis value, or UNREADABLE, with the mistake noted."""
+        spec = self.find(name)
+        if spec is None:
+            return UNREADABLE
+        if isinstance(value, float) and not math.isfinite(value):
+            self.document.add("not-finite", place, f"'{name}' must be finite")
+            return UNREADABLE
+        try:
+            return spec.parse(value)
+        except ValueError as error:
+            close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
+            message = f"{_shown(value)} is no value of '{name}'"
+            self.document.add("bad-value", place, message, f"{error}{close}")
+            return UNREADABLE
+
+    def swept(self) -> list[tuple[str, Path]]:
+        """Return the axes that the file names, readable or not, with where it names them."""
+        return list(_swept(self.document))
+
+
+def check_names(context: Context) -> None:
+    """Note unknown names, axes given twice and axes that set the same thing."""
+    document, vocabulary = context.document, context.vocabulary
+    for name, path in context.swept():
+        note_unknown_axis(context, name, document.key(path))
+    for name in document.mapping("effects"):
+        note_unknown_axis(context, name, document.key(("effects", name)), "effect")
+    _check_twice(context)
+    _check_known(document, "metric", vocabulary.metrics, ("tolerances",))
+    for index, expectation in enumerate(context.sweep.expect):
+        path = context.draft.path("expect", index)
+        _check_known(document, "metric", vocabulary.metrics, (*path, "metrics"))
+        for label in expectation.label or ():
+            if label not in vocabulary.labels:
+                place = _label_place(document, (*path, "label"), label)
+                _note_unknown(document, "label", label, place, vocabulary.labels)
+
+
+def note_unknown_axis(context: Context, name: str, place: Place, kind: str = "axis") -> None:
+    """Note an axis that the scene does not have."""
+    if context.find(name) is None:
+        known = list(context.vocabulary.axes.names)
+        if not place.source.numbered:
+            known += list(Sweep.model_fields)
+        if name == "seed":
+            known = ["seeds"]
+        _note_unknown(context.document, kind, name, place, known)
+
+
+def note_conflicts(context: Context, places: dict[str, Place]) -> None:
+    """Note pairs of axes that set the same thing and stand in one row."""
+    for first, second in combinations(places, 2):
+        if _conflict(context.find(first), context.find(second)):
+            message = f"'{second}' sets the same thing as '{first}'"
+            hint = f"leave one out; '{first}' is {places[first].spot}"
+            context.document.add("axis-conflict", places[second], message, hint)
+
+
+def _conflict(first: AxisSpec | None, second: AxisSpec | None) -> bool:
+    if first is None or second is None:
+        return False
+    return second.name in first.conflicts or first.name in second.conflicts
+
+
+def _check_twice(context: Context) -> None:
+    document = context.document
+    places: dict[str, Place] = {}
+    paths = [(name, ("effects", name)) for name in document.mapping("effects")]
+    for name, path in [*context.swept(), *paths]:
+        place = document.key(path)
+        if name in places:
+            hint = f"first given {places[name].spot}"
+            document.add("axis-twice", place, f"'{name}' is given twice", hint)
+        else:
+            places[name] = place
+    note_conflicts(context, places)
+
+
+def _swept(document: Document) -> Iterator[tuple[str, Path]]:
+    for name in document.mapping("axes"):
+        yield name, ("axes", name)
+    blocks = document.at(("zip",))
+    for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
+        for name in document.mapping("zip", index):
+            yield name, ("zip", index, name)
+
+
+def _check_known(document: Document, kind: str, known: object, path: Path) -> None:
+    names = list(cast("list[str]", known))
+    for name in document.mapping(*path):
+        if name not in names:
+            _note_unknown(document, kind, name, document.key((*path, name)), names)
+
+
+def _note_unknown(document: Document, kind: str, name: str, place: Place, known: object) -> None:
+    names = list(cast("list[str]", known))
+    few = f"known: {', '.join(names)}" if 0 < len(names) <= 12 else ""
+    hint = did_you_mean(name, names).removeprefix("; ") or few
+    document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
+
+
+def _label_place(document: Document, path: Path, label: str) -> Place:
+    data = document.at(path)
+    if isinstance(data, list):
+        return document.value((*path, cast("list[object]", data).index(label)))
+    return document.value(path)
+
+
+def _shown(value: object) -> str:
+    return repr(list(cast("tuple[object]", value))) if isinstance(value, tuple) else repr(value)

@@ -1,0 +1,80 @@
+"""A commented sweep file to begin with."""
+
+import json
+
+from contactlab.schema import AxisSpec, Vocabulary
+
+SCHEMA_NAME = "contactlab-sweep.schema.json"
+_FIRST = {"timestep": (5e-4, 1e-3, 2e-3, 4e-3)}
+_MOST_LISTED = 40
+
+
+def starter(scene: str, vocabulary: Vocabulary) -> str:
+    """Return a sweep file of a scene that is ready to run, with what else could go in it."""
+    axes = [f"  {name}: [{', '.join(words)}]" for name, words in _axes(vocabulary).items()]
+    expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
+    metric = next(iter(vocabulary.metrics), "")
+    lines = [
+        f"# yaml-language-server: $schema=./{SCHEMA_NAME}",
+        "version: 1",
+        f"scene: {json.dumps(scene, ensure_ascii=False)}",
+        "# duration: 1.0       # s of simulated time; the scene's own if left out",
+        "seeds: 1              # a count, or a list such as [0, 7]",
+        "",
+        "# The sweep is the product of its axes. An axis is a list, or one of",
+        "#   {linspace: [first, last, count]}   {logspace: [first, last, count]}",
+        "#   {range: [first, last, step]}       {values: [...], role: scenario}",
+        "#   {uniform: [low, high]}             {loguniform: [low, high]}   (with `sample`)",
+        "# A knob is something you may choose; a scenario is something the world chooses.",
+        "axes:" if axes else "axes: {}",
+        *axes,
+        "",
+        "# zip:                  # axes that advance together",
+        "#   - {axis_a: [1, 2], axis_b: [10, 20]}",
+        "# sample: {method: sobol, n: 64, seed: 0}",
+        "# exclude:              # partial matches or expressions",
+        '#   - {where: "timestep > 2e-3"}',
+        "# include:              # further rows, or {file: runs.csv}",
+        "#   - {timestep: 1e-4}",
+        *([f"# tolerances: {{{metric}: 1e-3}}   # what is accurate enough"] if metric else []),
+        *(["# expect:               # makes the sweep a test"] if expected else []),
+        *([f"#   - {{where: {{timestep: 1e-3}}, label: {expected}}}"] if expected else []),
+        "trace: all            # all, flagged, none or sample:N",
+        "",
+        *_listing(vocabulary),
+    ]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def _axes(vocabulary: Vocabulary) -> dict[str, list[str]]:
+    """Return a few axes that most questions begin with, as far as the scene has them."""
+    axes: dict[str, list[str]] = {}
+    for name in ("timestep", "integrator", "cone"):
+        spec = vocabulary.axes.find(name)
+        values = (_FIRST.get(name) or spec.choices) if spec else ()
+        written = [f"{value:g}" if isinstance(value, float) else str(value) for value in values]
+        if spec and written and all(_fits(spec, value) for value in values):
+            axes[name] = written
+    return axes
+
+
+def _fits(spec: AxisSpec, value: object) -> bool:
+    try:
+        spec.parse(value)
+    except ValueError:
+        return False
+    return True
+
+
+def _listing(vocabulary: Vocabulary) -> list[str]:
+    names = list(vocabulary.axes.names)[:_MOST_LISTED]
+    specs = [spec for name in names if (spec := vocabulary.axes.find(name))]
+    width = max((len(spec.name) for spec in specs), default=0)
+    head = ["# Axes of this scene:"] if specs else []
+    return head + [f"#   {spec.name:<{width}}  {_about(spec)}" for spec in specs]
+
+
+def _about(spec: AxisSpec) -> str:
+    if spec.choices:
+        return f"{spec.description}: {', '.join(spec.choices)}"
+    return f"{spec.description} [{spec.unit}]" if spec.unit else spec.description

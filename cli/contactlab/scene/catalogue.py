@@ -1,0 +1,63 @@
+"""Every axis that one scene offers."""
+
+from collections.abc import Sequence
+
+from contactlab.scene.base import Base
+from contactlab.scene.fields import field_axis
+from contactlab.scene.flags import FLAGS
+from contactlab.scene.parameters import CONTACT_SETTINGS, PARAMETERS
+from contactlab.scene.values import integer, number, switch
+from contactlab.schema import AxisSpec, SceneManifest
+
+
+class SceneCatalogue:
+    """The axes of a scene: its own initial and structure values, parameters, engine switches.
+
+    Model fields such as `dof_damping[hinge]` are found, though not listed.
+    """
+
+    def __init__(self, base: Base, manifest: SceneManifest | None) -> None:
+        self._model = base.model
+        self._axes = {axis.name: axis for axis in _axes(base, manifest)}
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names to list and to suggest."""
+        return tuple(self._axes)
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None.
+
+        Raises:
+            ValueError: the name has the form of a model field, but there is none such.
+        """
+        return self._axes.get(name) or field_axis(self._model, name)
+
+
+def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
+    axes = list(_own_axes(manifest)) if manifest else []
+    axes += [
+        parameter.axis
+        for parameter in PARAMETERS.values()
+        if parameter.sets not in CONTACT_SETTINGS or base.pairs
+    ]
+    if base.targets.subject is not None:
+        body = base.model.body(base.targets.subject).name
+        axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))
+    taken = {axis.name for axis in axes}
+    axes += [AxisSpec(name, "", "engine switch", switch) for name in FLAGS if name not in taken]
+    return axes
+
+
+def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:
+    initial = [
+        AxisSpec(name, entry.unit, entry.description, number())
+        for name, entry in manifest.initial.items()
+    ]
+    structure = [
+        AxisSpec(
+            name, entry.unit, entry.description, integer(1) if entry.integer else number(above=0)
+        )
+        for name, entry in manifest.structure.items()
+    ]
+    return initial + structure

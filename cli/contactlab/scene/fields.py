@@ -1,0 +1,93 @@
+"""Any MjModel field by name, as an axis: `dof_damping[hinge]`, `geom_friction[pad,1]`."""
+
+import re
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import did_you_mean
+from contactlab.scene.values import number
+from contactlab.schema import AxisSpec
+
+_NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+)(,(?P<place>\d+))?\]")
+_KINDS = {
+    "body": mujoco.mjtObj.mjOBJ_BODY,
+    "jnt": mujoco.mjtObj.mjOBJ_JOINT,
+    "dof": mujoco.mjtObj.mjOBJ_JOINT,
+    "geom": mujoco.mjtObj.mjOBJ_GEOM,
+    "pair": mujoco.mjtObj.mjOBJ_PAIR,
+    "eq": mujoco.mjtObj.mjOBJ_EQUALITY,
+    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
+    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+}
+# Addresses, counts, ids and types are structure, which the engine trusts blindly; bounds, inertia
+# and broad phase derive from sizes when a model is compiled, and not later.
+_STRUCTURE = re.compile(
+    r"(adr|num|id|type|simple|limited|signature|weldid|geom1|geom2|plugin|size|rbound|aabb)$"
+)
+
+
+def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
+    """Return the axis of a model field, or None if the name is not of that form.
+
+    Raises:
+        ValueError: the form is right, but there is no such field, object or place.
+    """
+    found = _NAME.fullmatch(name)
+    if found is None:
+        return None
+    _locate(model, name)
+    text = "MuJoCo's model field"
+    return AxisSpec(name, "", text, _parser(model, name))
+
+
+def is_field(model: mujoco.MjModel, name: str) -> bool:
+    """Say whether a setting's name is that of a model field."""
+    return field_axis(model, name) is not None
+
+
+def write_field(model: mujoco.MjModel, name: str, value: object) -> bool:
+    """Write a model field; return whether constants derived from it must be computed anew."""
+    array, index = _locate(model, name)
+    array[index] = value
+    inputs = getattr(mujoco.MjModel, "_setconst_inputs", ())
+    return not inputs or name.partition("[")[0] in inputs
+
+
+def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]]:
+    """Return the field's array and the index of the named object's row or element."""
+    found = _NAME.fullmatch(name)
+    assert found is not None
+    field, item, place = found["field"], found["object"], found["place"]
+    kind = _KINDS.get(field.partition("_")[0])
+    array = getattr(model, field, None)
+    if kind is None or not isinstance(array, np.ndarray) or _STRUCTURE.search(field):
+        known = [each for each in dir(model) if each.partition("_")[0] in _KINDS]
+        raise ValueError(f"'{field}' is not a model field to sweep{did_you_mean(field, known)}")
+    row = mujoco.mj_name2id(model, kind, item)
+    if row < 0:
+        raise ValueError(f"no {field.partition('_')[0]} named '{item}' in the model")
+    if field.startswith("dof_"):
+        row = int(model.jnt_dofadr[row])
+    index = (row,) if place is None else (row, int(place))
+    if len(index) > array.ndim or (place and int(place) >= array.shape[1]):
+        raise ValueError(f"'{field}' has no place {place}; it has shape {array.shape}")
+    return array, index
+
+
+def _parser(model: mujoco.MjModel, name: str) -> Callable[[object], object]:
+    array, index = _locate(model, name)
+    width = int(np.size(array[index]))
+    whole = array.dtype.kind in "iub"
+    one = number()
+
+    def parse(value: object) -> object:
+        parts = value.split() if isinstance(value, str) else value
+        many = list(parts) if isinstance(parts, (list, tuple)) else [parts]
+        if len(many) != width:
+            raise ValueError(f"write {width} numbers for {name}, not {value!r}")
+        numbers = tuple(int(one(part)) if whole else one(part) for part in many)
+        return numbers[0] if width == 1 else numbers
+
+    return parse

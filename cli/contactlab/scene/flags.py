@@ -1,0 +1,45 @@
+"""Engine switches by name: MuJoCo's disable and enable bits, whichever this version has."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import mujoco
+
+# These serve the recording itself: sensors carry the evidence, an automatic reset would hide a
+# divergence, and the energy flag makes the kinetic energy sensor lag a step.
+_FIXED = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
+_UNSUPPORTED = {"ipc"}
+
+
+def _bits(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a pybind11 enum
+    return {
+        name.removeprefix(prefix).lower(): int(bit)
+        for name, bit in enum.__members__.items()
+        if name.startswith(prefix)
+    }
+
+
+_DISABLE = _bits(mujoco.mjtDisableBit, "mjDSBL_")
+_ENABLE = _bits(mujoco.mjtEnableBit, "mjENBL_")
+FLAGS = tuple(sorted((_DISABLE.keys() | _ENABLE.keys()) - _FIXED.keys() - _UNSUPPORTED))
+
+
+def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
+    """Return every switch of a model; True means that the effect is on."""
+    off, on = int(model.opt.disableflags), int(model.opt.enableflags)
+    states = {name: not off & bit for name, bit in _DISABLE.items()}
+    states |= {name: bool(on & bit) for name, bit in _ENABLE.items()}
+    return {name: bool(states[name]) for name in sorted(states)} | _FIXED
+
+
+def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
+    """Set the given switches, and those that recording needs."""
+    for name, state in {**states, **_FIXED}.items():
+        if name in _DISABLE:
+            model.opt.disableflags = _with(int(model.opt.disableflags), _DISABLE[name], not state)
+        else:
+            model.opt.enableflags = _with(int(model.opt.enableflags), _ENABLE[name], state)
+
+
+def _with(flags: int, bit: int, state: bool) -> int:
+    return flags | bit if state else flags & ~bit

@@ -1,0 +1,143 @@
+"""Which contact pairs of a model are graded."""
+
+import fnmatch
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.schema import PairEntry
+
+MOST_PAIRS = 64
+_SEARCH_STEPS = 2000
+_BODY_SLOTS = 16
+_GEOM = mujoco.mjtGeom
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A graded contact pair: two geoms, or two bodies with all of their geoms.
+
+    Attributes:
+        name: `side-side`, unique in the model.
+        sides: the two names.
+        bodies: whether the sides are bodies.
+        geoms: ids of the geoms on each side.
+        slots: contacts recorded each step.
+    """
+
+    name: str
+    sides: tuple[str, str]
+    bodies: bool
+    geoms: tuple[tuple[int, ...], tuple[int, ...]]
+    slots: int
+
+
+def declared_pairs(model: mujoco.MjModel, entries: tuple[PairEntry, ...]) -> tuple[Pair, ...]:
+    """Return the pairs that a manifest lists.
+
+    Raises:
+        SceneError: an entry names an unknown geom or body.
+    """
+    return tuple(pair for entry in entries for pair in _of_entry(model, entry))
+
+
+def found_pairs(model: mujoco.MjModel) -> tuple[Pair, ...]:
+    """Return the geom pairs that can touch; if there are over 64, those that do in a short run."""
+    pairs = [each for each in combinations(range(model.ngeom), 2) if _may_touch(model, *each)]
+    if len(pairs) > MOST_PAIRS:
+        pairs = _touching(model)[:MOST_PAIRS]
+    return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
+
+
+def _of_entry(model: mujoco.MjModel, entry: PairEntry) -> list[Pair]:
+    if entry.bodies is not None:
+        return [_body_pair(model, *entry.bodies, entry.slots)]
+    chain = _expand(model, entry.chain) if entry.chain else [*(entry.geoms or ())]
+    ids = [_geom_id(model, name) for name in chain]
+    return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
+
+
+def _expand(model: mujoco.MjModel, patterns: tuple[str, ...]) -> list[str]:
+    names = [model.geom(index).name for index in range(model.ngeom)]
+    return [name for pattern in patterns for name in fnmatch.filter(names, pattern) or [pattern]]
+
+
+def _geom_id(model: mujoco.MjModel, name: str) -> int:
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+    if index < 0:
+        known = [model.geom(each).name for each in range(model.ngeom)]
+        raise SceneError(f"no geom '{name}' in the model{did_you_mean(name, known)}")
+    return index
+
+
+def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> Pair:
+    names = (model.geom(first).name, model.geom(second).name)
+    slots = slots or _usual_slots(int(model.geom_type[first]), int(model.geom_type[second]))
+    return Pair("-".join(names), names, False, ((first,), (second,)), slots)
+
+
+def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> Pair:
+    sides = (_geoms_of(model, first), _geoms_of(model, second))
+    return Pair(f"{first}-{second}", (first, second), True, sides, slots or _BODY_SLOTS)
+
+
+def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    if body < 0:
+        known = [model.body(each).name for each in range(model.nbody)]
+        raise SceneError(f"no body '{name}' in the model{did_you_mean(name, known)}")
+    return tuple(int(each) for each in np.flatnonzero(model.geom_bodyid == body))
+
+
+def _usual_slots(first: int, second: int) -> int:
+    shapes = {first, second}
+    if _GEOM.mjGEOM_SPHERE in shapes:
+        return 1
+    return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
+
+
+def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
+    if _listed(model, first, second):
+        return True
+    bits = (model.geom_contype[first] & model.geom_conaffinity[second]) | (
+        model.geom_contype[second] & model.geom_conaffinity[first]
+    )
+    flat = {int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD)}
+    both_flat = {int(model.geom_type[first]), int(model.geom_type[second])} <= flat
+    bodies = (int(model.geom_bodyid[first]), int(model.geom_bodyid[second]))
+    return bool(bits) and not both_flat and not _excluded(model, *bodies)
+
+
+def _listed(model: mujoco.MjModel, first: int, second: int) -> bool:
+    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    return any({first, second} == set(each) for each in pairs)
+
+
+def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Follow the filters of MuJoCo's documentation, Computation > Collision > Selection."""
+    weld1, weld2 = int(model.body_weldid[first]), int(model.body_weldid[second])
+    if weld1 == weld2:
+        return True
+    signature = (min(first, second) << 16) + max(first, second)
+    if signature in model.exclude_signature:
+        return True
+    parent1 = int(model.body_weldid[model.body_parentid[weld1]])
+    parent2 = int(model.body_weldid[model.body_parentid[weld2]])
+    filtered = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    return bool(filtered and 0 not in (weld1, weld2) and (weld1 == parent2 or weld2 == parent1))
+
+
+def _touching(model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Return the geom pairs that touch in a short run from the start state, most often first."""
+    data = mujoco.MjData(model)
+    counts: dict[tuple[int, int], int] = {}
+    for _ in range(_SEARCH_STEPS):
+        mujoco.mj_step(model, data)
+        for first, second in np.sort(data.contact.geom, axis=1).tolist():
+            if first < 0:  # a flex, which has no geom
+                continue
+            counts[first, second] = counts.get((first, second), 0) + 1
+    return sorted(counts, key=lambda pair: (-counts[pair], pair))

@@ -1,0 +1,95 @@
+"""From what a sweep names as its scene to the scene's files and manifest."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from contactlab import shipped
+from contactlab.errors import SceneError
+from contactlab.scene.content import Content, collect
+from contactlab.schema import SceneManifest
+
+MANIFEST = "scene.yaml"
+_MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """A scene as it lies on disk.
+
+    Attributes:
+        name: the shipped name, or the folder's or file's stem.
+        manifest: what is asked of the model; None for a bare model file.
+        content: its files and their hash.
+    """
+
+    name: str
+    manifest: SceneManifest | None
+    content: Content
+
+    @property
+    def model(self) -> Path:
+        """The model file."""
+        return self.content.root / self.content.model
+
+
+def find_scene(reference: str, base: Path | None = None) -> SceneSource:
+    """Return the scene of a shipped name, a folder with a manifest, or an .xml or .urdf file.
+
+    Args:
+        reference: what the sweep says after `scene:`.
+        base: the folder that relative paths are relative to; the working directory if None.
+
+    Raises:
+        SceneError: there is no such scene, or its manifest is wrong.
+    """
+    path = (base or Path()) / Path(reference).expanduser()
+    if path.suffix in _MODEL_SUFFIXES:
+        return _bare_model(path)
+    if "/" in reference or (path / MANIFEST).is_file():
+        return _folder(path, path.resolve().name)
+    return _folder(shipped.scene_folder(reference), reference)
+
+
+def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
+    """Return a scene that was copied into a store's folder."""
+    path = folder / model
+    manifest = path.parent / MANIFEST
+    if manifest.is_file():
+        return _folder(path.parent, name)
+    return SceneSource(name, None, collect(path))
+
+
+def _bare_model(path: Path) -> SceneSource:
+    if not path.is_file():
+        raise SceneError(f"no model file {path}")
+    return SceneSource(path.stem, None, collect(path))
+
+
+def _folder(path: Path, name: str) -> SceneSource:
+    manifest = path / MANIFEST
+    if not manifest.is_file():
+        raise SceneError(f"{path} holds no {MANIFEST}; name the model file itself to run without")
+    read = read_manifest(manifest)
+    return SceneSource(name, read, collect(path / read.model, beside=manifest))
+
+
+def read_manifest(path: Path) -> SceneManifest:
+    """Read a scene's manifest.
+
+    Raises:
+        SceneError: it is not YAML, or a key is unknown, missing or wrong; all are named.
+    """
+    try:
+        data = YAML(typ="safe", pure=True).load(path)
+        return SceneManifest.model_validate(data)
+    except YAMLError as error:
+        raise SceneError(f"{path}: not YAML: {error}") from error
+    except ValidationError as error:
+        mistakes = [
+            f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()
+        ]
+        raise SceneError("\n".join([f"{path}: the manifest is wrong", *mistakes])) from error

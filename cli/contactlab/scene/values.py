@@ -1,0 +1,96 @@
+"""Checked forms of the values that a setting takes; each parser says what to write instead."""
+
+import math
+from collections.abc import Callable, Sequence
+
+Parser = Callable[[object], object]
+
+
+def number(
+    least: float = -math.inf, above: float = -math.inf, most: float = math.inf
+) -> Callable[[object], float]:
+    """Return a parser of finite numbers within bounds (`above` is exclusive)."""
+
+    def parse(value: object) -> float:
+        if isinstance(value, str):
+            value = _number_of(value)
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise ValueError(f"write a number, not {value!r}")
+        if not math.isfinite(value):
+            raise ValueError(f"write a finite number, not {value!r}")
+        if not (least <= value <= most and value > above):
+            raise ValueError(f"write a number {_range(least, above, most)}, not {value!r}")
+        return float(value)
+
+    return parse
+
+
+def integer(least: int, most: int | None = None) -> Callable[[object], int]:
+    """Return a parser of whole numbers within bounds."""
+    inner = number(least=least, most=math.inf if most is None else most)
+
+    def parse(value: object) -> int:
+        parsed = inner(value)
+        if parsed != int(parsed):
+            raise ValueError(f"write a whole number, not {value!r}")
+        return int(parsed)
+
+    return parse
+
+
+def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | None]) -> Parser:
+    """Return a parser of a fixed number of numbers, as a list or as in MJCF: "0.02 1".
+
+    Args:
+        count: how many.
+        names: what they are, for the message.
+        check: says what is wrong with them, or None.
+    """
+    one = number()
+
+    def parse(value: object) -> tuple[float, ...]:
+        parts = value.split() if isinstance(value, str) else value
+        if not isinstance(parts, Sequence) or isinstance(parts, str) or len(parts) != count:
+            raise ValueError(f"write {count} numbers ({names}), not {value!r}")
+        parsed = tuple(one(part) for part in parts)
+        if wrong := check(parsed):
+            raise ValueError(wrong)
+        return parsed
+
+    return parse
+
+
+def choice(words: Sequence[str]) -> Callable[[object], str]:
+    """Return a parser of one of a few words, in any case."""
+    canonical = {word.lower(): word for word in words}
+
+    def parse(value: object) -> str:
+        if not isinstance(value, str) or value.lower() not in canonical:
+            raise ValueError(f"write one of {', '.join(words)}, not {value!r}")
+        return canonical[value.lower()]
+
+    return parse
+
+
+def switch(value: object) -> bool:
+    """Parse true or false; also on and off, which YAML 1.2 leaves as words."""
+    words = {"on": True, "true": True, "off": False, "false": False}
+    if isinstance(value, str) and value.lower() in words:
+        return words[value.lower()]
+    if not isinstance(value, bool):
+        raise ValueError(f"write true or false, not {value!r}")
+    return value
+
+
+def _number_of(text: str) -> object:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def _range(least: float, above: float, most: float) -> str:
+    parts = [f"of at least {least:g}"] if math.isfinite(least) else []
+    parts += [f"above {above:g}"] if math.isfinite(above) else []
+    parts += [f"of at most {most:g}"] if math.isfinite(most) else []
+    return " and ".join(parts)

@@ -1,0 +1,100 @@
+"""JSON Schemas of the models, as draft-07, which editors check best."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
+
+from pydantic import BaseModel
+
+from contactlab.schema.sweep import Sweep
+
+MODELS: Mapping[str, type[BaseModel]] = {
+    "sweep.schema.json": Sweep,
+}
+
+Node = dict[str, object]
+_DRAFT = "http://json-schema.org/draft-07/schema#"
+_NULL: Node = {"type": "null"}
+
+
+def published() -> dict[str, Node]:
+    """Return the JSON Schema of every exchanged file, by file name."""
+    return {name: draft07(model.model_json_schema()) for name, model in MODELS.items()}
+
+
+def written(folder: Path) -> list[Path]:
+    """Write the published schemas into a folder; returns their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for name, text in _texts().items():
+        (folder / name).write_text(text, encoding="utf-8")
+    return [folder / name for name in MODELS]
+
+
+def drift(folder: Path) -> list[str]:
+    """Return the names of schemas in a folder that are missing or differ from the models."""
+    return [name for name, text in _texts().items() if _read(folder / name) != text]
+
+
+def draft07(schema: Mapping[str, object]) -> Node:
+    """Rewrite a schema of draft 2020-12 in terms of draft-07.
+
+    Tuples become `items` lists, "or null" branches go (a key is left out instead), and generated
+    titles go. Without this, editors miss tuples of the wrong length.
+    """
+    return {"$schema": _DRAFT, **_rewritten(schema)}
+
+
+def _texts() -> dict[str, str]:
+    return {name: json.dumps(schema, indent=2) + "\n" for name, schema in published().items()}
+
+
+def _read(path: Path) -> str | None:
+    return path.read_text(encoding="utf-8") if path.is_file() else None
+
+
+def _rewritten(schema: Mapping[str, object]) -> Node:
+    """Rewrite one schema; the values of `properties` and `$defs` are schemas by free names."""
+    node: Node = {}
+    for key, value in schema.items():
+        if key in {"title", "discriminator"} or (key == "default" and value is None):
+            continue
+        if key in {"properties", "$defs"}:
+            named = cast("Mapping[str, Mapping[str, object]]", value)
+            node[_renamed(key)] = {name: _rewritten(part) for name, part in named.items()}
+        elif key not in {"default", "const", "enum", "examples"}:
+            node[_renamed(key)] = _part(value)
+        else:
+            node[key] = value
+    return _referenced(_without_null(node))
+
+
+def _part(value: object) -> object:
+    if isinstance(value, Mapping):
+        return _rewritten(cast("Mapping[str, object]", value))
+    if isinstance(value, list):
+        return [_part(part) for part in cast("list[object]", value)]
+    if isinstance(value, str):
+        return value.replace("#/$defs/", "#/definitions/")
+    return value
+
+
+def _renamed(key: str) -> str:
+    return {"prefixItems": "items", "$defs": "definitions"}.get(key, key)
+
+
+def _without_null(node: Node) -> Node:
+    branches = node.get("anyOf")
+    if not isinstance(branches, list) or _NULL not in branches:
+        return node
+    kept = [cast("Node", branch) for branch in branches if branch != _NULL]
+    rest = {key: value for key, value in node.items() if key != "anyOf"}
+    return {**kept[0], **rest} if len(kept) == 1 else {**rest, "anyOf": kept}
+
+
+def _referenced(node: Node) -> Node:
+    """Move a reference with siblings into `allOf`, since draft-07 ignores its siblings."""
+    if "$ref" not in node or len(node) == 1:
+        return node
+    rest = {key: value for key, value in node.items() if key != "$ref"}
+    return {"allOf": [{"$ref": node["$ref"]}], **rest}

@@ -1,0 +1,107 @@
+"""What all models of exchanged files share: closed, frozen, strict about numbers and words."""
+
+import math
+from collections.abc import Sequence
+from typing import Annotated, cast
+
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
+from pydantic_core import PydanticCustomError
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
+Whole = Annotated[int, Field(strict=True)]
+Word = Annotated[str, Field(strict=True, min_length=1)]
+
+
+class Model(BaseModel):
+    """A mapping with known keys only, which cannot change once it is read."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+def is_number(value: object) -> bool:
+    """Tell whether a value is a number, which True and False are not."""
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _finite(value: float) -> bool:
+    try:
+        return math.isfinite(float(value))
+    except OverflowError:
+        return False
+
+
+def _checked_number(value: object) -> float:
+    if not is_number(value):
+        raise PydanticCustomError("number", "takes numbers only in a list")
+    if not _finite(cast("float", value)):
+        raise PydanticCustomError("finite_number", "must be finite")
+    return cast("float", value)
+
+
+def _checked_value(value: object) -> object:
+    if isinstance(value, bool | str):
+        return value
+    if isinstance(value, list | tuple):
+        return tuple(_checked_number(part) for part in cast("Sequence[object]", value))
+    if is_number(value):
+        return _checked_number(value)
+    raise PydanticCustomError("value", "takes numbers, words, true, false or lists of numbers")
+
+
+# What an axis may be set to, before its own parser makes it canonical.
+Value = Annotated[
+    object,
+    AfterValidator(_checked_value),
+    WithJsonSchema(
+        {
+            "type": ["number", "string", "boolean", "array"],
+            "items": {"type": "number"},
+            "description": "a number, a word, true or false, or a list of numbers such as a pair",
+        }
+    ),
+]
+
+
+def _fraction(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    try:
+        return float(value.removesuffix("%")) / 100 if value.endswith("%") else value
+    except ValueError:
+        return value
+
+
+# A bound in the metric's own unit; `1%` is another way to write 0.01.
+Tolerance = Annotated[
+    float,
+    Field(strict=True, allow_inf_nan=False, ge=0),
+    BeforeValidator(_fraction),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "number", "minimum": 0},
+                {"type": "string", "pattern": r"^[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%$"},
+            ]
+        }
+    ),
+]
+
+
+def _listed(value: object) -> object:
+    return (value,) if isinstance(value, str) else value
+
+
+Words = Annotated[
+    tuple[Word, ...],
+    Field(min_length=1),
+    BeforeValidator(_listed),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                {"type": "string", "minLength": 1},
+                {"type": "array", "items": {"type": "string", "minLength": 1}, "minItems": 1},
+            ]
+        }
+    ),
+]

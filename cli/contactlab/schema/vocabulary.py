@@ -1,0 +1,49 @@
+"""The names that a sweep file may use: axes of its scene, metrics and labels."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+
+@dataclass(frozen=True)
+class AxisSpec:
+    """One thing that a sweep can vary.
+
+    Attributes:
+        name: as written in a sweep file.
+        unit: its unit, `1` for a ratio, empty for a word.
+        description: one line on what it sets.
+        parse: turns a value of the sweep file into its canonical form: a number, a word, a
+            boolean, or a tuple of numbers; raises ValueError saying what to write instead.
+        choices: the words it accepts, if it is one of few.
+        conflicts: names of axes that set the same thing and so cannot be swept beside it.
+    """
+
+    name: str
+    unit: str
+    description: str
+    parse: Callable[[object], object]
+    choices: tuple[str, ...] = ()
+    conflicts: tuple[str, ...] = ()
+
+
+class Catalogue(Protocol):
+    """The axes that one scene offers; engine fields by name make the list open-ended."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names to list and to suggest."""
+        ...
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None."""
+        ...
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """Every name that a sweep of one scene may use."""
+
+    axes: Catalogue
+    metrics: Sequence[str]
+    labels: Sequence[str]

@@ -1,0 +1,63 @@
+"""Where the shipped scenes, sweeps and schemas lie: a checkout's folders or the wheel's copy.
+
+Always real paths, since MuJoCo opens meshes relative to the model file.
+"""
+
+from pathlib import Path
+
+from contactlab.errors import SceneError, SweepFileError, did_you_mean
+
+_INSTALLED = Path(__file__).parent / "_data"
+_CHECKOUT = Path(__file__).parents[2]
+_ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
+
+
+def models() -> Path:
+    """Return the folder of shipped scenes, one folder each."""
+    return _ROOT / "models"
+
+
+def sweeps() -> Path:
+    """Return the folder of shipped sweep files."""
+    return _ROOT / "sweeps"
+
+
+def schemas() -> Path:
+    """Return the folder of published JSON Schemas."""
+    return _ROOT / "schemas"
+
+
+def scene_names() -> list[str]:
+    """Return the names of the shipped scenes, sorted."""
+    return sorted(path.parent.name for path in models().glob("*/scene.yaml"))
+
+
+def sweep_names() -> list[str]:
+    """Return the names of the shipped sweeps, sorted."""
+    return sorted(path.stem for path in sweeps().glob("*.yaml"))
+
+
+def scene_folder(name: str) -> Path:
+    """Return the folder of a shipped scene.
+
+    Raises:
+        SceneError: no shipped scene has this name.
+    """
+    if name not in scene_names():
+        hint = did_you_mean(name, scene_names())
+        raise SceneError(f"no shipped scene named '{name}'{hint}\nsee `contactlab scenes`")
+    return models() / name
+
+
+def sweep_file(name: str) -> Path:
+    """Return the path of a shipped sweep file.
+
+    Raises:
+        SweepFileError: no shipped sweep has this name.
+    """
+    if name not in sweep_names():
+        hint = did_you_mean(name, sweep_names())
+        raise SweepFileError(
+            f"no sweep file and no shipped sweep named '{name}'{hint}\nsee `contactlab sweeps`"
+        )
+    return sweeps() / f"{name}.yaml"

@@ -1,0 +1,17 @@
+"""From models to traces, natively: rollouts, their memory and their hashes."""
+
+from contactlab.sim.buffers import Buffers, bytes_of_run
+from contactlab.sim.rollout import Rollout, quiet, roll_out
+from contactlab.sim.traces import make_trace, trajectory_hash
+from contactlab.sim.viewer import view
+
+__all__ = [
+    "Buffers",
+    "Rollout",
+    "bytes_of_run",
+    "make_trace",
+    "quiet",
+    "roll_out",
+    "trajectory_hash",
+    "view",
+]

@@ -1,0 +1,158 @@
+"""Arrays of a group of runs that share structure and step count; NumPy only.
+
+Time alignment: state row k is the state before step k, and sensor row k holds the forces that act
+during step k. So with N steps there are N + 1 state rows and N sensor rows, and
+``qvel[:, k + 1] - qvel[:, k]`` is the work of the forces in row k.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Integers = NDArray[np.int32]
+
+FOUND = 0
+FORCE = slice(1, 4)
+TORQUE = slice(4, 7)
+DISTANCE = 7
+POSITION = slice(8, 11)
+NORMAL = slice(11, 14)
+TANGENT = slice(14, 17)
+LINEAR_VELOCITY = slice(17, 20)
+ANGULAR_VELOCITY = slice(20, 23)
+SLOT_WIDTH = 23
+
+
+@dataclass(frozen=True)
+class PairTrace:
+    """What one graded contact pair did, for n runs of N steps with S contact slots.
+
+    Attributes:
+        name: the pair's name, `geom1-geom2`.
+        slots: (n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out. Force and
+            velocity are in the contact frame, normal first; the normal points from the pair's
+            first side to its second and is in the world frame, as is the position.
+        friction: (n, 5) effective coefficients (slide, slide, torsion, roll, roll).
+    """
+
+    name: str
+    slots: Floats
+    friction: Floats
+
+    @property
+    def found(self) -> Floats:
+        """(n, N) contacts of this pair that matched, which may exceed the slots."""
+        return self.slots[:, :, 0, FOUND]
+
+    @property
+    def touching(self) -> NDArray[np.bool_]:
+        """(n, N, S) whether a slot holds a contact."""
+        return self.slots[..., FOUND] > 0
+
+    @property
+    def force(self) -> Floats:
+        """(n, N, S, 3) contact force on the second side [N], contact frame, normal first."""
+        return self.slots[..., FORCE]
+
+    @property
+    def distance(self) -> Floats:
+        """(n, N, S) signed distance [m], negative when the bodies overlap; 0 in empty slots."""
+        return self.slots[..., DISTANCE]
+
+    @property
+    def velocity(self) -> Floats:
+        """(n, N, S, 3) velocity of the second side relative to the first [m/s], contact frame."""
+        return self.slots[..., LINEAR_VELOCITY]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """What n runs did over N steps.
+
+    Attributes:
+        timestep: (n,) step length [s].
+        steps_asked: steps that were asked for; N is smaller where the engine stopped a run.
+        time: (n, N + 1) simulated time [s].
+        qpos: (n, N + 1, nq) configuration.
+        qvel: (n, N + 1, nv) velocity.
+        kinetic: (n, N) kinetic energy [J].
+        potential: (n, N) potential energy [J] of gravity and springs.
+        contacts: (n, N) contacts in the whole model, graded or not.
+        least_distance: (n, N) smallest signed distance of any contact [m]; 0 where none.
+        iterations: (n, N) solver iterations, summed over contact islands.
+        iterations_most: (n, N) solver iterations of the busiest island.
+        momentum: (n, N, 3) linear momentum [kg m/s], or None where the system is not free.
+        spin: (n, N, 3) angular momentum about the centre of mass [kg m^2/s], or None likewise.
+        pairs: the graded contact pairs.
+        warnings: for each run, engine warnings by name with their counts.
+    """
+
+    timestep: Floats
+    steps_asked: int
+    time: Floats
+    qpos: Floats
+    qvel: Floats
+    kinetic: Floats
+    potential: Floats
+    contacts: Integers
+    least_distance: Floats
+    iterations: Integers
+    iterations_most: Integers
+    momentum: Floats | None
+    spin: Floats | None
+    pairs: tuple[PairTrace, ...]
+    warnings: tuple[dict[str, int], ...]
+
+    @property
+    def runs(self) -> int:
+        """Number of runs n."""
+        return len(self.timestep)
+
+    @property
+    def steps(self) -> int:
+        """Number of recorded steps N."""
+        return self.contacts.shape[1]
+
+    @property
+    def energy(self) -> Floats:
+        """(n, N) mechanical energy [J]."""
+        return self.kinetic + self.potential
+
+    def pick(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
+        """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""
+        index = slice(runs[0], runs[-1] + 1) if _contiguous(runs) else list(runs)
+        steps = self.steps if steps is None else steps
+
+        def sensor(array: NDArray[np.generic]) -> NDArray[np.generic]:
+            return array[index, :steps]
+
+        def state(array: Floats) -> Floats:
+            return array[index, : steps + 1]
+
+        return replace(
+            self,
+            timestep=self.timestep[index],
+            time=state(self.time),
+            qpos=state(self.qpos),
+            qvel=state(self.qvel),
+            kinetic=sensor(self.kinetic),
+            potential=sensor(self.potential),
+            contacts=sensor(self.contacts),
+            least_distance=sensor(self.least_distance),
+            iterations=sensor(self.iterations),
+            iterations_most=sensor(self.iterations_most),
+            momentum=None if self.momentum is None else sensor(self.momentum),
+            spin=None if self.spin is None else sensor(self.spin),
+            pairs=tuple(
+                replace(pair, slots=sensor(pair.slots), friction=pair.friction[index])
+                for pair in self.pairs
+            ),
+            warnings=tuple(self.warnings[run] for run in runs),
+        )
+
+
+def _contiguous(runs: Sequence[int]) -> bool:
+    return list(runs) == list(range(runs[0], runs[-1] + 1))

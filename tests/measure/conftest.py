@@ -1,0 +1,105 @@
+"""Traces made by hand, whose measures are known."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.trace import (
+    DISTANCE,
+    FORCE,
+    FOUND,
+    LINEAR_VELOCITY,
+    NORMAL,
+    TANGENT,
+    FreeBody,
+    PairTrace,
+    Setup,
+    Trace,
+)
+
+GRAVITY = 9.81
+
+MakeTrace = Callable[..., Trace]
+MakeSetup = Callable[..., Setup]
+
+
+def make_pair(runs: int, steps: int, slots: int = 1, **columns: Any) -> PairTrace:
+    """Return a pair that touches wherever `normal` (n, N, S) is positive; frame z, x, y."""
+    block = np.zeros((runs, steps, slots, 23))
+    for name, column in (("normal", FORCE.start), ("distance", DISTANCE)):
+        if name in columns:
+            block[..., column] = columns[name]
+    if "tangential" in columns:
+        block[..., FORCE.start + 1 : FORCE.stop] = columns["tangential"]
+    if "velocity" in columns:
+        block[..., LINEAR_VELOCITY.start + 1 : LINEAR_VELOCITY.stop] = columns["velocity"]
+    touching = columns.get("touching", block[..., FORCE.start] > 0)
+    block[..., FOUND] = touching * np.sum(touching, axis=-1, keepdims=True)
+    block[..., NORMAL] = touching[..., None] * np.array([0.0, 0.0, 1.0])
+    block[..., TANGENT] = touching[..., None] * np.array([1.0, 0.0, 0.0])
+    mu = columns.get("friction", 0.5)
+    friction = np.tile([mu, mu, 0.005, 1e-4, 1e-4], (runs, 1))
+    return PairTrace(columns.get("name", "floor-box"), block, friction)
+
+
+def make_trace(runs: int = 1, steps: int = 100, timestep: float = 2e-3, **changes: Any) -> Trace:
+    """Return a healthy trace of one free body at rest, without pairs, and the changes."""
+    zeros = np.zeros((runs, steps))
+    counts = zeros.astype(np.int32)
+    position = np.zeros((runs, steps + 1, 7))
+    position[..., 3] = 1
+    healthy = Trace(
+        timestep=np.full(runs, timestep),
+        steps_asked=steps,
+        time=np.tile(np.arange(steps + 1) * timestep, (runs, 1)),
+        qpos=position,
+        qvel=np.zeros((runs, steps + 1, 6)),
+        kinetic=zeros.copy(),
+        potential=zeros.copy(),
+        contacts=counts,
+        least_distance=zeros.copy(),
+        iterations=counts.copy(),
+        iterations_most=counts.copy(),
+        momentum=None,
+        spin=None,
+        pairs=(),
+        warnings=tuple({} for _ in range(runs)),
+    )
+    return replace(healthy, **changes)
+
+
+def make_setup(trace: Trace, **changes: Any) -> Setup:
+    """Return the setup of a trace of one free body of 1 kg, and the changes."""
+    runs = trace.runs
+    plain = Setup(
+        settings={},
+        elliptic=np.ones(runs, dtype=np.bool_),
+        iterations=np.full(runs, 100, dtype=np.int32),
+        gravity=np.tile([0.0, 0.0, -GRAVITY], (runs, 1)),
+        passive=True,
+        quaternions=(3,),
+        free_bodies=(FreeBody("box", 0, 0, np.ones(runs)),),
+        barriers=(),
+        thickness=np.full(len(trace.pairs), np.inf),
+        slots=np.array([pair.slots.shape[2] for pair in trace.pairs], dtype=np.int32),
+        duration=trace.timestep * trace.steps_asked,
+    )
+    return replace(plain, **changes)
+
+
+@pytest.fixture
+def pair_of() -> Callable[..., PairTrace]:
+    return make_pair
+
+
+@pytest.fixture
+def trace_of() -> MakeTrace:
+    return make_trace
+
+
+@pytest.fixture
+def setup_of() -> MakeSetup:
+    return make_setup

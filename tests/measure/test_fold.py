@@ -1,0 +1,119 @@
+"""Net force and slip of a pair, against a sum over contacts spelled out."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contactlab.measure import pair_series
+from contactlab.measure.fold import fold
+from contactlab.trace import Floats, PairTrace
+
+ELLIPTIC, PYRAMIDAL = np.array([True]), np.array([False])
+
+
+def random_pair(seed: int, slots: int, *, common: bool, stretch: float = 1) -> PairTrace:
+    """Contacts in a random number of slots, with random or common frames; forces in the cone."""
+    rng, steps, mu = np.random.default_rng(seed), 12, 0.6
+    block = np.zeros((1, steps, slots, 23))
+    frame = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    for k in range(steps):
+        count = int(rng.integers(0, slots + 1))
+        for s in range(count):
+            axes = frame if common else np.linalg.qr(rng.normal(size=(3, 3)))[0]
+            block[0, k, s] = rng.normal(size=23)
+            block[0, k, s, 0] = count
+            block[0, k, s, 1] = rng.uniform(0.1, 5)
+            block[0, k, s, 11:14], block[0, k, s, 14:17] = axes[0], axes[1]
+    return PairTrace("a-b", block, np.array([[mu, mu / stretch, 0.005, 1e-4, 1e-4]]))
+
+
+def slow_fold(pair: PairTrace, step: int, *, elliptic: bool) -> dict[str, Any]:
+    rows = [row for row in pair.slots[0, step] if row[0] > 0]
+    if not rows:
+        return dict.fromkeys(("normal", "tangential", "usage", "slip", "distance"), 0.0)
+    frames = [(row[14:17], np.cross(row[11:14], row[14:17])) for row in rows]
+    normal = sum(row[1] for row in rows)
+    force: Floats = np.zeros(3)
+    drift: Floats = np.zeros(3)
+    for row, (first, second) in zip(rows, frames, strict=True):
+        force += row[2] * first + row[3] * second
+        drift += row[1] * (row[18] * first + row[19] * second) / normal
+    mu, across_mu = pair.friction[0, :2]
+    along, across = (float(force @ axis) for axis in frames[0])
+    rest = float(force @ force) - along**2 - across**2
+    if elliptic:
+        used = np.sqrt((along / mu) ** 2 + (across / across_mu) ** 2 + rest / mu**2)
+    else:
+        used = abs(along) / mu + abs(across) / across_mu
+    return {
+        "normal": normal,
+        "tangential": np.linalg.norm(force),
+        "usage": used / normal,
+        "slip": np.linalg.norm(drift),
+        "distance": min(row[7] for row in rows),
+    }
+
+
+@settings(deadline=None)
+@given(st.integers(0, 10**6), st.integers(1, 4), st.booleans(), st.booleans(), st.booleans())
+def test_equal_to_the_sum_over_contacts(
+    seed: int, slots: int, common: bool, elliptic: bool, stretched: bool
+) -> None:
+    pair = random_pair(seed, slots, common=common, stretch=1.7 if stretched else 1)
+    folded = fold(pair, np.array([elliptic]))
+    for step in range(pair.slots.shape[1]):
+        for name, value in slow_fold(pair, step, elliptic=elliptic).items():
+            # A dozen sums and products of numbers of order 1 to 10.
+            assert getattr(folded, name)[0, step] == pytest.approx(value, abs=1e-11), name
+
+
+def test_opposite_pads_do_not_cancel(pair_of: Any) -> None:
+    pair = pair_of(1, 1, slots=2, normal=1.0, tangential=(0.3, 0.0))
+    pair.slots[0, 0, 1, 11:14] *= -1
+    folded = fold(pair, ELLIPTIC)
+    assert folded.normal[0, 0] == 2
+    assert folded.tangential[0, 0] == pytest.approx(0.6)
+
+
+def test_the_cone_has_its_own_norm(pair_of: Any) -> None:
+    pair = pair_of(1, 1, normal=1.0, tangential=(0.25, 0.25), friction=0.5)
+    assert fold(pair, PYRAMIDAL).usage[0, 0] == pytest.approx(1)
+    assert fold(pair, ELLIPTIC).usage[0, 0] == pytest.approx(np.sqrt(0.5))
+
+
+@pytest.mark.parametrize("slots", [1, 3])
+def test_excess_is_of_the_worst_contact_with_force(pair_of: Any, slots: int) -> None:
+    pair = pair_of(1, 4, slots=slots, normal=1.0, tangential=(0.4, 0.0), friction=0.5)
+    assert fold(pair, ELLIPTIC).excess[0] == 0
+    pair.slots[0, 2, -1, 2] = 0.55
+    assert fold(pair, ELLIPTIC).excess[0] == pytest.approx(0.1)
+    pair.slots[0, 3, 0, 1:3] = 1e-12, 1
+    assert fold(pair, ELLIPTIC).excess[0] == pytest.approx(0.1)
+
+
+def test_force_without_touch_is_detached_work(pair_of: Any) -> None:
+    pair = pair_of(1, 3, slots=2, normal=2.0, distance=-1e-3)
+    assert fold(pair, ELLIPTIC).detached[0] == 0
+    pair.slots[0, 1, 1, 7] = 1e-3
+    assert fold(pair, ELLIPTIC).detached[0] == pytest.approx(2e-3)
+
+
+def test_slots_that_lie_apart_in_memory_are_read_alike(pair_of: Any, trace_of: Any) -> None:
+    pair = random_pair(3, 2, common=False)
+    scattered = PairTrace(pair.name, np.asfortranarray(pair.slots), pair.friction)
+    assert (fold(scattered, ELLIPTIC).usage == fold(pair, ELLIPTIC).usage).all()
+
+
+@pytest.mark.parametrize("steps", [0, 1])
+@pytest.mark.parametrize("slots", [1, 2])
+def test_series_of_next_to_nothing(
+    pair_of: Any, trace_of: Any, setup_of: Any, steps: int, slots: int
+) -> None:
+    pair = pair_of(2, steps, slots=slots)
+    trace = trace_of(2, steps, pairs=(pair,))
+    series = pair_series(pair, trace, setup_of(trace))
+    assert series.mode.shape == (2, steps)
+    assert not series.contacts.any()

@@ -1,0 +1,296 @@
+"""Planted defects get their label, and healthy runs get none."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.errors import SceneError
+from contactlab.measure import LABELS, THRESHOLDS, Outcome, assess, limits
+from contactlab.trace import Barrier, FreeBody, Setup, Trace
+
+ORDER = (
+    "crashed timeout invalid diverged solver_nonconvergence tunneling energy_injection "
+    "penetration_growth deep_penetration chatter unexpected_slide unexpected_stick oracle_miss "
+    "stable"
+)
+
+
+def outcomes(trace: Trace, setup: Setup, run: int = 0) -> list[Outcome]:
+    return list(assess(trace, setup).labels[run])
+
+
+def only(trace: Trace, setup: Setup) -> Outcome:
+    found = outcomes(trace, setup)
+    assert len(found) == 1, found
+    return found[0]
+
+
+def test_every_label_and_threshold_says_what_it_is() -> None:
+    assert " ".join(LABELS) == ORDER
+    read = {name for label in LABELS.values() for name in label.thresholds}
+    assert read == set(THRESHOLDS)
+    for label in LABELS.values():
+        assert label.meaning.endswith(".")
+    for threshold in THRESHOLDS.values():
+        assert threshold.unit
+        assert threshold.source.endswith(".")
+        assert threshold.default > 0
+
+
+def test_unknown_thresholds_are_refused() -> None:
+    with pytest.raises(SceneError, match="did you mean 'energy_gain'"):
+        limits({"energy_gian": 1})
+    assert limits({"energy_gain": 0.5})["energy_gain"] == 0.5
+
+
+def test_a_healthy_run_is_stable(trace_of: Any, setup_of: Any) -> None:
+    trace = trace_of()
+    assert only(trace, setup_of(trace)).label == "stable"
+
+
+def test_the_worst_label_is_first_and_all_are_kept(
+    pair_of: Any, trace_of: Any, setup_of: Any
+) -> None:
+    pair = pair_of(2, 100, normal=1.0, distance=-0.02)
+    trace = trace_of(2, 100, pairs=(pair,))
+    trace.qvel[1, 40, 0] = np.nan
+    found = assess(trace, setup_of(trace)).labels
+    assert [each.label for each in found[0]] == ["deep_penetration"]
+    assert [each.label for each in found[1]] == ["diverged", "deep_penetration"]
+
+
+class TestDiverged:
+    @pytest.mark.parametrize("name", ["qpos", "qvel"])
+    @pytest.mark.parametrize("poison", [np.nan, np.inf])
+    def test_numbers(self, trace_of: Any, setup_of: Any, name: str, poison: float) -> None:
+        trace = trace_of()
+        getattr(trace, name)[0, 40, 1] = poison
+        found = outcomes(trace, setup_of(trace))[0]
+        assert found == ("diverged", f"{name} is not finite", 39)
+
+    def test_energy(self, trace_of: Any, setup_of: Any) -> None:
+        trace = trace_of()
+        trace.kinetic[0, 40] = np.nan
+        found = outcomes(trace, setup_of(trace))[0]
+        assert found == ("diverged", "energy is not finite", 40)
+
+    def test_warnings_by_name(self, trace_of: Any, setup_of: Any) -> None:
+        trace = trace_of(warnings=({"BADQACC": 2, "INERTIA": 0},))
+        assert only(trace, setup_of(trace)).reason == "engine warnings: BADQACC x2"
+
+    def test_a_run_cut_short(self, trace_of: Any, setup_of: Any) -> None:
+        trace = trace_of().pick([0], 60)
+        assert only(trace, setup_of(trace)).reason == "stopped after 60 of 100 steps"
+
+    def test_a_silent_reset(self, trace_of: Any, setup_of: Any) -> None:
+        trace = trace_of()
+        trace.time[0, 50:] -= trace.time[0, 50]
+        found = only(trace, setup_of(trace))
+        assert (found.label, found.step) == ("diverged", 49)
+        assert "the clock moved by -0.098 s" in found.reason
+
+    def test_long_clocks_round(self, trace_of: Any, setup_of: Any) -> None:
+        time = np.cumsum(np.full((1, 100001), 1e-5), axis=1) - 1e-5 + 50
+        trace = trace_of(1, 100000, 1e-5, time=time)
+        assert only(trace, setup_of(trace)).label == "stable"
+
+    @pytest.mark.parametrize(("norm", "label"), [(1.0005, "stable"), (0.995, "diverged")])
+    def test_quaternions(self, trace_of: Any, setup_of: Any, norm: float, label: str) -> None:
+        trace = trace_of()
+        trace.qpos[0, 30, 3] = norm
+        assert only(trace, setup_of(trace)).label == label
+
+    def test_every_sign_is_in_the_reason(self, trace_of: Any, setup_of: Any) -> None:
+        trace = trace_of(warnings=({"BADQVEL": 1},))
+        trace.qpos[0, 30, 0] = trace.qvel[0, 20, 0] = np.nan
+        found = outcomes(trace, setup_of(trace))[0]
+        assert found.reason.count(";") == 2
+        assert found.step == 19
+
+
+@pytest.mark.parametrize("case", ["steps", "timestep", "duration"])
+def test_invalid(trace_of: Any, setup_of: Any, case: str) -> None:
+    trace = trace_of(steps=0) if case == "steps" else trace_of()
+    setup = setup_of(trace, duration=np.full(1, 0.0 if case == "duration" else 0.2))
+    if case == "timestep":
+        trace = replace(trace, timestep=np.zeros(1))
+    assert outcomes(trace, setup)[0].label == "invalid"
+
+
+@pytest.mark.parametrize(
+    ("limit", "share", "label"),
+    [(20, 0.6, "solver_nonconvergence"), (20, 0.4, "stable"), (1, 1.0, "stable")],
+)
+def test_solver_nonconvergence(
+    trace_of: Any, setup_of: Any, limit: int, share: float, label: str
+) -> None:
+    contacts = np.zeros((1, 100), np.int32)
+    contacts[0, 50:] = 1
+    most = np.where(np.arange(100) >= 100 - 50 * share, limit, 0)[None].astype(np.int32)
+    trace = trace_of(contacts=contacts, iterations_most=most)
+    setup = setup_of(trace, iterations=np.array([limit], np.int32))
+    assert only(trace, setup).label == label
+
+
+class TestTunneling:
+    def crossing(self, trace_of: Any, setup_of: Any, pair_of: Any, **changes: Any) -> Any:
+        pair = pair_of(1, 100, **changes.pop("contact", {}))
+        trace = trace_of(pairs=(pair,))
+        trace.qpos[0, :, 0] = changes.pop("x", 0.0)
+        trace.qpos[0, :, 2] = changes.pop("z", np.linspace(1, -1, 101))
+        body = FreeBody("ball", 0, 0, np.ones(1))
+        plate = Barrier(0, body, np.zeros(3), np.array([0.0, 0.0, 1.0]), changes.pop("reach", 0.1))
+        return trace, setup_of(trace, barriers=(plate,), passive=False)
+
+    @pytest.mark.parametrize("start", [1.0, -1.0])
+    def test_with_or_without_contact(
+        self, trace_of: Any, setup_of: Any, pair_of: Any, start: float
+    ) -> None:
+        z = np.linspace(start, -start, 101) + 0.01
+        for contact in ({}, {"normal": 1.0}):
+            made = self.crossing(trace_of, setup_of, pair_of, z=z, contact=contact)
+            found = only(*made)
+            assert (found.label, found.step) == ("tunneling", 50 if start > 0 else 49)
+            assert "ball passed the mid-plane of floor-box" in found.reason
+
+    def test_beside_a_plate_there_is_nothing_to_pass(
+        self, trace_of: Any, setup_of: Any, pair_of: Any
+    ) -> None:
+        made = self.crossing(trace_of, setup_of, pair_of, x=0.11)
+        assert only(*made).label == "stable"
+        assert only(*self.crossing(trace_of, setup_of, pair_of, x=0.09)).label == "tunneling"
+        plane = self.crossing(trace_of, setup_of, pair_of, x=1e3, reach=np.inf)
+        assert only(*plane).label == "tunneling"
+
+    def test_the_way_between_two_states_is_straight(
+        self, trace_of: Any, setup_of: Any, pair_of: Any
+    ) -> None:
+        # The plane is met at a quarter of the step, where x is a quarter of 0.3 or of 0.5.
+        z = np.where(np.arange(101) < 50, 0.1, -0.3)
+        for far, label in ((0.3, "tunneling"), (0.5, "stable")):
+            x = np.where(np.arange(101) < 50, 0.0, far)
+            assert only(*self.crossing(trace_of, setup_of, pair_of, z=z, x=x)).label == label
+
+    def test_a_pair_without_barrier_by_its_thickness(
+        self, trace_of: Any, setup_of: Any, pair_of: Any
+    ) -> None:
+        distance = np.zeros((1, 100, 1))
+        distance[0, 30:33] = -0.006
+        pair = pair_of(1, 100, distance=distance, touching=distance < 0)
+        trace = trace_of(pairs=(pair,))
+        assert only(trace, setup_of(trace, thickness=np.array([0.007]))).label == "stable"
+        thin = setup_of(trace, thickness=np.array([0.005]))
+        assert only(trace, thin)[::2] == ("tunneling", 30)
+        speculative = replace(thin, speculative=np.array([True]))
+        assert only(trace, speculative).label == "stable"
+
+
+class TestEnergy:
+    @pytest.mark.parametrize(("gain", "label"), [(0.02, "energy_injection"), (0.005, "stable")])
+    def test_gain(self, trace_of: Any, setup_of: Any, gain: float, label: str) -> None:
+        potential = np.full((1, 100), 10.0)
+        potential[0, 50], potential[0, 70:] = 0, 10 * (1 + gain)
+        trace = trace_of(potential=potential)
+        found = only(trace, setup_of(trace))
+        assert found.label == label
+        assert found.step == (70 if label != "stable" else 0)
+        assert only(trace, setup_of(trace, passive=False)).label == "stable"
+        assert only(trace, setup_of(trace, thresholds={"energy_gain": 0.03})).label == "stable"
+
+    def test_an_ejected_body(self, trace_of: Any, setup_of: Any) -> None:
+        trace = trace_of(kinetic=np.full((1, 100), 0.5))
+        trace.qvel[0, 30:, 0] = 1.04
+        assert only(trace, setup_of(trace)).label == "stable"
+        trace.qvel[0, 40:, 0] = 1.06
+        found = only(trace, setup_of(trace))
+        assert (found.label, found.step) == ("energy_injection", 39)
+
+
+class TestDepth:
+    @pytest.mark.parametrize(
+        ("depth", "thickness", "thresholds", "label"),
+        [
+            (4.9e-3, np.inf, {}, "stable"),
+            (5.1e-3, np.inf, {}, "deep_penetration"),
+            (2.1e-3, 4e-3, {}, "deep_penetration"),
+            (2.1e-3, 4e-3, {"penetration_steady": 3e-3}, "stable"),
+            (2e-4, np.inf, {"penetration_steady": 1e-4}, "deep_penetration"),
+        ],
+    )
+    def test_deep_penetration(
+        self,
+        pair_of: Any,
+        trace_of: Any,
+        setup_of: Any,
+        depth: float,
+        thickness: float,
+        thresholds: dict[str, float],
+        label: str,
+    ) -> None:
+        trace = trace_of(pairs=(pair_of(1, 100, normal=1.0, distance=-depth),))
+        setup = setup_of(trace, thickness=np.array([thickness]), thresholds=thresholds)
+        assert only(trace, setup).label == label
+
+    @pytest.mark.parametrize(("rate", "label"), [(2e-4, "penetration_growth"), (5e-5, "stable")])
+    def test_growth(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, rate: float, label: str
+    ) -> None:
+        # Two seconds: half of them is one, so the rate is the depth gained [m].
+        depth = (1e-3 + rate * np.arange(1000) * 2e-3)[None, :, None]
+        trace = trace_of(1, 1000, pairs=(pair_of(1, 1000, normal=1.0, distance=-depth),))
+        assert only(trace, setup_of(trace)).label == label
+
+
+class TestFriction:
+    def pad(self, pair_of: Any, trace_of: Any, slides: Any) -> Any:
+        """Return a trace of 1 s in which a pair slides wherever `slides` (500,) holds."""
+        slides = np.asarray(slides)[None, :, None, None]
+        pair = pair_of(
+            1,
+            500,
+            normal=1.0,
+            tangential=np.where(slides, 0.5, 0.1) * [1.0, 0.0],
+            velocity=np.where(slides, 0.1, 0.0) * [1.0, 0.0],
+        )
+        return trace_of(1, 500, pairs=(pair,))
+
+    @pytest.mark.parametrize(("period", "label"), [(50, "chatter"), (125, "stable")])
+    def test_chatter(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, period: int, label: str
+    ) -> None:
+        trace = self.pad(pair_of, trace_of, np.arange(500) // period % 2)
+        found = only(trace, setup_of(trace))
+        assert (found.label, found.step) == (label, period if label == "chatter" else 0)
+
+    def test_two_switches_are_no_chatter_however_short(
+        self, pair_of: Any, trace_of: Any, setup_of: Any
+    ) -> None:
+        trace = self.pad(pair_of, trace_of, np.arange(500) // 10 % 2)
+        setup = setup_of(trace)
+        assert only(trace.pick([0], 500), setup).label == "chatter"
+        short = replace(trace.pick([0], 25), steps_asked=25)
+        assert assess(short, setup).metrics["mode_switches"][0] > 5
+        assert only(short, setup).label == "stable"
+
+    @pytest.mark.parametrize("when", ["first", "last"])
+    @pytest.mark.parametrize("wanted", ["stick", "slide"])
+    def test_unexpected_modes(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, when: str, wanted: str
+    ) -> None:
+        early = np.arange(500) < 250
+        for first in ("stick", "slide"):
+            trace = self.pad(pair_of, trace_of, early if first == "slide" else ~early)
+            shown = first if when == "first" else {"stick": "slide", "slide": "stick"}[first]
+            found = only(trace, setup_of(trace, **{f"{when}_mode": wanted}))
+            expected = "stable" if shown == wanted else f"unexpected_{shown}"
+            assert found.label == expected
+            assert found.step == (250 if expected != "stable" and when == "last" else 0)
+
+    def test_a_mode_must_be_held(self, pair_of: Any, trace_of: Any, setup_of: Any) -> None:
+        steps = np.arange(500)
+        for samples, label in ((9, "stable"), (10, "unexpected_stick")):
+            trace = self.pad(pair_of, trace_of, (steps >= samples) & (steps < 490))
+            # The last ten samples stick for 20 ms, which is long enough, so only ask for the first.
+            assert only(trace, setup_of(trace, first_mode="slide")).label == label

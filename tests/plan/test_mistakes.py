@@ -1,0 +1,267 @@
+"""Planted mistakes: each is found, all in one pass, at its own characters."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.errors import SweepFileError
+from contactlab.plan import SweepMistakesError, read_sweep
+
+Mistakes = Callable[..., list[tuple[str, str]]]
+
+MANY = """\
+version: 1
+scene: ball
+durations: 3
+seeds: [0, 1.5]
+axes:
+  timestep: {logspce: [5e-4, 2e-2, 8]}
+  solref.timeconstant: [0.002, 0.004]
+  cone: [pyramidal, eliptic]
+  friction.slide: {linspace: [0, 1]}
+  iterations: []
+zip:
+  - {drop_height: [1, 2], integrator: [Euler]}
+exclude:
+  - {solref: 0.02 1}
+  - {where: "timestep < 2 * friction.slid"}
+tolerances: {penetration: 1e-3}
+expect:
+  - {where: {timestep: 1e-3}, label: [stable, tuneling]}
+seeds: 4
+"""
+
+
+def found(text: str, vocabulary: Any, path: Path | None = None) -> SweepMistakesError:
+    with pytest.raises(SweepMistakesError) as caught:
+        read_sweep(path or text, vocabulary)
+    return caught.value
+
+
+def test_all_mistakes_are_found_in_one_pass(vocabulary: Any) -> None:
+    marks = [
+        (each.code, each.place.line, each.place.column, each.place.width)
+        for each in found(MANY, vocabulary).diagnostics
+    ]
+    assert marks == [
+        ("unknown-key", 3, 1, 9),
+        ("wrong-type", 4, 12, 3),
+        ("unknown-key", 6, 14, 7),
+        ("unknown-axis", 7, 3, 19),
+        ("bad-value", 8, 21, 7),
+        ("wrong-length", 9, 30, 6),
+        ("empty-axis", 10, 15, 2),
+        ("zip-length", 12, 39, 7),
+        ("axis-not-swept", 14, 6, 6),
+        ("axis-not-swept", 15, 27, 13),
+        ("unknown-metric", 16, 14, 11),
+        ("unknown-label", 18, 45, 8),
+        ("duplicate-key", 19, 1, 5),
+    ]
+
+
+def test_a_rendered_mistake(vocabulary: Any, tmp_path: Path) -> None:
+    path = tmp_path / "grid.yaml"
+    path.write_text("version: 1\nscene: ball\naxes:\n  timestp: [1e-3]\n", encoding="utf-8")
+    assert str(found("", vocabulary, path)) == (
+        "error[unknown-axis]: unknown axis 'timestp'\n"
+        f"  --> {path}:4:3\n"
+        "  |\n"
+        "4 |   timestp: [1e-3]\n"
+        "  |   ^^^^^^^ did you mean 'timestep'?"
+    )
+
+
+def test_a_rendered_mistake_of_the_command_line(read: Any) -> None:
+    with pytest.raises(SweepMistakesError) as caught:
+        read("axes: {cone: [elliptic]}", assign=["timestep=logspace(1e-3,-1,8)"])
+    assert str(caught.value) == (
+        "error[out-of-range]: 'logspace' must be greater than 0\n"
+        " --> command line, column 30\n"
+        " |\n"
+        " | --set timestep=logspace(1e-3,-1,8)\n"
+        " |                              ^^"
+    )
+
+
+PLANTED = [
+    ("wrong-type", "axes: [1]", "[1]"),
+    ("wrong-type", "axes:", "axes"),
+    ("wrong-type", "duration: '3'", "'3'"),
+    ("wrong-type", "seeds: true", "true"),
+    ("wrong-type", "axes: {timestep: 1e-3}", "1e-3"),
+    ("wrong-type", "exclude: [cone]", "cone"),
+    ("value", "axes: {timestep: [~]}", "~"),
+    ("number", "axes: {solref: [[0.02, x]]}", "[0.02, x]"),
+    ("not-finite", "axes: {timestep: [1e-3, .nan]}", ".nan"),
+    ("not-finite", "axes: {timestep: {linspace: [0, 1e999, 3]}}", "1e999"),
+    ("not-finite", "duration: .inf", ".inf"),
+    ("out-of-range", "duration: 0", "0"),
+    ("out-of-range", "axes: {timestep: {logspace: [0, 1, 3]}}", "0"),
+    ("out-of-range", "axes: {timestep: {linspace: [1, 2, 1]}}", "1"),
+    ("out-of-range", "axes: {timestep: {linspace: [1, 2, 999999999]}}", "999999999"),
+    ("out-of-range", "seeds: 0", "0"),
+    ("out-of-range", "seeds: [-1]", "-1"),
+    ("out-of-range", "timeout: -1", "-1"),
+    ("wrong-length", "axes: {timestep: {logspace: [1, 2]}}", "[1, 2]"),
+    ("wrong-length", "axes: {timestep: {logspace: [1, 2, 3, 4]}}", "[1, 2, 3, 4]"),
+    ("wrong-length", "zip: [{}]", "{}"),
+    ("range-step", "axes: {timestep: {range: [1, 2, -1]}}", "{range: [1, 2, -1]}"),
+    ("range-step", "axes: {timestep: {range: [0, 1, 1e-9]}}", "{range: [0, 1, 1e-9]}"),
+    ("span-order", "axes: {timestep: {uniform: [2, 1]}}\nsample: {n: 1}", "{uniform: [2, 1]}"),
+    ("empty-axis", "axes: {timestep: {role: knob}}", "{role: knob}"),
+    ("empty-axis", "axes: {timestep: {values: []}}", "[]"),
+    ("unknown-key", "axes: {timestep: {values: [1], rol: knob}}", "rol"),
+    ("unknown-key", "axes: {timestep: {values: [1], linspace: [1, 2, 3]}}", "linspace"),
+    ("unknown-key", "sample: {n: 3, nn: 4}\naxes: {timestep: {uniform: [1, 2]}}", "nn"),
+    ("unknown-key", "expect: [{label: stable, lable: x}]", "lable"),
+    ("missing-key", "sample: {method: lhs}\naxes: {timestep: {uniform: [1, 2]}}", "s"),
+    ("bad-value", "axes: {timestep: {values: [1], role: nob}}", "nob"),
+    ("bad-value", "axes: {timestep: [-1]}", "-1"),
+    ("bad-value", "axes: {timestep: {linspace: [-1, 1, 3]}}", "[-1, 1, 3]"),
+    ("bad-value", "axes: {iterations: {linspace: [1, 2, 3]}}", "[1, 2, 3]"),
+    ("bad-value", "axes: {timestep: {uniform: [-1, 1]}}\nsample: {n: 3}", "-1"),
+    ("bad-value", "axes: {solref: [0.02]}", "0.02"),
+    ("bad-value", "axes: {cone: [elliptic]}\nexclude: [{cone: eliptic}]", "eliptic"),
+    ("bad-value", "trace: sample:0", "sample:0"),
+    ("unknown-axis", "zip: [{timestp: [1]}]", "timestp"),
+    ("unknown-axis", "axes: {seed: [1]}", "seed"),
+    ("unknown-axis", "include: [{timestp: 1}]", "timestp"),
+    ("unknown-effect", "effects: {multicd: true}", "multicd"),
+    ("unknown-metric", "expect: [{metrics: {penetration: {max: 1}}}]", "penetration"),
+    ("bounds-empty", "expect: [{metrics: {penetration_max: {}}}]", "{}"),
+    ("bounds-order", "expect: [{metrics: {energy_gain: {min: 2, max: 1}}}]", "{min: 2, max: 1}"),
+    ("expect-empty", "expect: [{reason: why}]", "{reason: why}"),
+    ("axis-twice", "axes: {timestep: [1]}\nzip: [{timestep: [1]}]", "timestep"),
+    ("axis-twice", "axes: {multiccd: [true]}\neffects: {multiccd: true}", "multiccd"),
+    ("axis-conflict", "axes: {solref: [0.02 1], solref.timeconst: [1]}", "solref.timeconst"),
+    ("axis-conflict", "include: [{solref.timeconst: 1, solref: 0.02 1}]", "solref"),
+    ("zip-length", "zip: [{timestep: [1, 2], iterations: {linspace: [1, 3, 3]}}]",
+     "{linspace: [1, 3, 3]}"),
+    ("sample-missing", "axes: {timestep: {uniform: [1, 2]}}", "timestep"),
+    ("sample-unused", "axes: {timestep: [1]}\nsample: {n: 3}", "sample"),
+    ("sampled-in-zip", "zip: [{timestep: {uniform: [1, 2]}}]", "timestep"),
+    ("axis-not-swept", "exclude: [{cone: elliptic}]", "cone"),
+    ("axis-not-swept", "include: [{cone: elliptic}]\nexclude: [{cone: elliptic}]", "cone"),
+    ("axis-not-swept", "expect: [{where: {cone: elliptic}, label: stable}]", "cone"),
+    ("axis-not-swept", "axes: {cone: [elliptic]}\nexclude: [{where: cone == elliptic}]",
+     "elliptic"),
+    ("bad-expression", "axes: {timestep: [1]}\nexclude: [{where: timestep % 2}]", "timestep % 2"),
+    ("bad-expression", "axes: {timestep: [1]}\nexclude: [{where: 'sqrt(0 - timestep)'}]",
+     "sqrt(0 - timestep)"),
+    ("bad-expression", "axes: {solref: [0.02 1]}\nexclude: [{where: 1 < solref}]", "solref"),
+    ("no-runs", "axes: {cone: [elliptic]}\nexclude: [{cone: elliptic}]", "exclude"),
+    ("syntax", "axes: {timestep: !oops 3}", "!oops 3"),
+    ("syntax", "axes: {? [1] : 3}", "[1]"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("code", "body", "marked"), PLANTED)
+def test_a_planted_mistake_is_found_alone(
+    mistakes: Mistakes, code: str, body: str, marked: str
+) -> None:
+    assert mistakes(body) == [(code, marked)]
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "column"),
+    [
+        ("version: 1\nscene: [ball", 2, 13),
+        ("version: 1\nscene: ball: x", 2, 12),
+        ("version: 1\naxes:\n\ttimestep: [1]", 3, 1),
+        ("version: 1\n---\nversion: 1", 2, 1),
+        ("version: 1\nscene: *ball", 2, 8),
+        ("version: 1\nscene: b\x00", 2, 9),
+        ("a: &a [*a]", 1, 1),
+        ("{" * 3000, 1, 1),
+        ("version: 1\nscene: ball\nduration: " + "9" * 5000, 3, 11),
+        ("", 1, 1),
+        ("- version: 1", 1, 1),
+    ],
+)
+def test_what_is_no_sweep_file_is_refused_in_place(
+    vocabulary: Any, text: str, line: int, column: int
+) -> None:
+    first = found(text, vocabulary).diagnostics[0]
+    assert first.code in {"syntax", "wrong-type", "missing-key", "unknown-key"}
+    assert (first.place.line, first.place.column) == (line, column)
+
+
+def test_an_unknown_scene_is_marked(vocabulary: Any) -> None:
+    error = found("version: 1\nscene: bal\nduration: 0\n", vocabulary)
+    assert [(each.code, each.place.line) for each in error.diagnostics] == [
+        ("unknown-scene", 2),
+        ("out-of-range", 3),
+    ]
+    assert error.diagnostics[0].message == "no shipped scene named 'bal'; did you mean 'ball'?"
+
+
+def test_another_version_is_refused(vocabulary: Any) -> None:
+    assert "'version' must be 1" in str(found("version: 2\nscene: ball\n", vocabulary))
+
+
+def test_a_missing_file_is_named(vocabulary: Any, tmp_path: Path) -> None:
+    with pytest.raises(SweepFileError, match=r"cannot read .*none\.yaml: No such file"):
+        read_sweep(tmp_path / "none.yaml", vocabulary)
+    (tmp_path / "latin.yaml").write_bytes(b"scene: \xe9")
+    with pytest.raises(SweepFileError, match="not UTF-8"):
+        read_sweep(tmp_path / "latin.yaml", vocabulary)
+
+
+def test_wide_characters_and_long_lines_keep_the_caret_in_place(vocabulary: Any) -> None:
+    wide = found("version: 1\nscene: ball\naxes: {箱: [1], cone: [x]}\n", vocabulary)
+    lines = str(wide.diagnostics[0]).splitlines()
+    # Each of the two-column characters before the caret counts for two.
+    assert lines[4].index("^") == lines[3].index("箱")
+    assert "^^ known" in lines[4]
+    values = ", ".join(["pyramidal"] * 200 + ["x"])
+    long = found(f"version: 1\nscene: ball\naxes: {{cone: [{values}]}}\n", vocabulary)
+    lines = str(long.diagnostics[0]).splitlines()
+    assert lines[3][lines[4].index("^")] == "x"
+    assert len(lines[3]) < 120
+
+
+@pytest.mark.parametrize(
+    ("table", "code", "where"),
+    [
+        ("timestep,con\n1,2\n", "unknown-axis", (1, 10, 3)),
+        ("timestep,cone\n1e-3,elliptic\n1e-3,  eliptic\n", "bad-value", (3, 8, 7)),
+        ('solref,timestep\n"0.02 1",-1\n', "bad-value", (2, 10, 2)),
+        ("timestep,cone\n1e-3\n", "bad-table", (2, 1, 4)),
+        ("timestep,timestep\n1,1\n", "bad-table", (1, 10, 8)),
+        ("timestep,\n1,1\n", "bad-table", (1, 10, 1)),
+        ("timestep\n", "bad-table", (3, 17, 8)),
+        ("solref,solref.timeconst\n0.02 1,1\n", "axis-conflict", (1, 8, 16)),
+        ("timestep\n1e999\n", "not-finite", (2, 1, 5)),
+    ],
+)
+def test_mistakes_in_a_table_are_marked_there(
+    vocabulary: Any, tmp_path: Path, table: str, code: str, where: tuple[int, ...]
+) -> None:
+    (tmp_path / "runs.csv").write_text(table, encoding="utf-8")
+    path = tmp_path / "sweep.yaml"
+    path.write_text("version: 1\nscene: ball\ninclude: {file: runs.csv}\n", encoding="utf-8")
+    (only,) = found("", vocabulary, path).diagnostics
+    place = only.place
+    assert (only.code, (place.line, place.column, place.width)) == (code, where)
+    assert place.source.name.endswith(
+        "sweep.yaml" if where[2] == 8 and where[0] == 3 else "runs.csv"
+    )
+
+
+def test_a_missing_table_is_marked_in_the_sweep_file(mistakes: Mistakes) -> None:
+    assert mistakes("include: {file: none.csv}") == [("bad-table", "none.csv")]
+
+
+@given(st.text(max_size=60))
+def test_any_text_is_read_or_refused_politely(text: str) -> None:
+    with pytest.raises(SweepFileError):
+        read_sweep(f"axes: {text}", _no_scene)
+
+
+def _no_scene(_: str) -> Any:
+    raise AssertionError("a text without a scene asks for no vocabulary")
