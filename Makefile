@@ -4,7 +4,7 @@ BIN := .venv/bin
 NODE_READER := tests/evidence/mcap/node
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
-.PHONY: bounce test test-slow test-lowest check lint format stubs schemas wheel bench clean
+.PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel bench clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -47,6 +47,10 @@ test-lowest: .venv/dev
 
 bench: .venv/dev
 	$(BIN)/python -m bench.overhead
+
+# The picture of the README, from a real run.
+picture: .venv/dev
+	$(BIN)/python -m docs.picture
 
 constraints: pyproject.toml
 	sh .ci/lock

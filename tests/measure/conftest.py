@@ -54,7 +54,7 @@ def make_trace(runs: int = 1, steps: int = 100, timestep: float = 2e-3, **change
     healthy = Trace(
         timestep=np.full(runs, timestep),
         steps_asked=steps,
-        time=np.tile(np.arange(steps + 1) * timestep, (runs, 1)),
+        time=np.tile(timestep * np.arange(steps + 1, dtype=np.float64), (runs, 1)),
         qpos=position,
         qvel=np.zeros((runs, steps + 1, 6)),
         kinetic=zeros.copy(),

@@ -33,7 +33,7 @@ def random_pair(seed: int, slots: int, *, common: bool, stretch: float = 1) -> P
 def slow_fold(pair: PairTrace, step: int, *, elliptic: bool) -> dict[str, Any]:
     rows = [row for row in pair.slots[0, step] if row[0] > 0]
     if not rows:
-        return dict.fromkeys(("normal", "tangential", "usage", "slip", "distance"), 0.0)
+        return dict.fromkeys(("normal", "tangential", "usage", "grip", "slip", "distance"), 0.0)
     frames = [(row[14:17], np.cross(row[11:14], row[14:17])) for row in rows]
     normal = sum(row[1] for row in rows)
     force: Floats = np.zeros(3)
@@ -42,6 +42,7 @@ def slow_fold(pair: PairTrace, step: int, *, elliptic: bool) -> dict[str, Any]:
         force += row[2] * first + row[3] * second
         drift += row[1] * (row[18] * first + row[19] * second) / normal
     mu, across_mu = pair.friction[0, :2]
+    each = [(abs(row[2]) / mu, abs(row[3]) / across_mu) for row in rows]
     along, across = (float(force @ axis) for axis in frames[0])
     rest = float(force @ force) - along**2 - across**2
     if elliptic:
@@ -52,6 +53,7 @@ def slow_fold(pair: PairTrace, step: int, *, elliptic: bool) -> dict[str, Any]:
         "normal": normal,
         "tangential": np.linalg.norm(force),
         "usage": used / normal,
+        "grip": sum(np.hypot(*one) if elliptic else sum(one) for one in each) / normal,
         "slip": np.linalg.norm(drift),
         "distance": min(row[7] for row in rows),
     }
@@ -101,7 +103,7 @@ def test_force_without_touch_is_detached_work(pair_of: Any) -> None:
     assert fold(pair, ELLIPTIC).detached[0] == pytest.approx(2e-3)
 
 
-def test_slots_that_lie_apart_in_memory_are_read_alike(pair_of: Any, trace_of: Any) -> None:
+def test_slots_that_lie_apart_in_memory_are_read_alike() -> None:
     pair = random_pair(3, 2, common=False)
     scattered = PairTrace(pair.name, np.asfortranarray(pair.slots), pair.friction)
     assert (fold(scattered, ELLIPTIC).usage == fold(pair, ELLIPTIC).usage).all()

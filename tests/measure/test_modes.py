@@ -14,7 +14,9 @@ LEVELS_USAGE = st.sampled_from([0.0, 0.979, 0.98, 0.99, 0.999, 1.0, np.nan])
 LEVELS_SLIP = st.sampled_from([0.0, 0.0024, 0.0025, 0.004, 0.005, 1.0, np.nan])
 
 
-def slow_modes(bearing: Floats, usage: Floats, slip: Floats, longest: int) -> list[int]:
+def slow_modes(
+    bearing: Floats, usage: Floats, grip: Floats, slip: Floats, longest: int
+) -> list[int]:
     """The rule for one run: first what each contact does, then what gaps hold."""
     found, last, gap = [NO_CONTACT] * len(bearing), NO_CONTACT, longest + 1
     for k, touches in enumerate(bearing):
@@ -28,7 +30,7 @@ def slow_modes(bearing: Floats, usage: Floats, slip: Floats, longest: int) -> li
         gap = 0
         if last == STICK and usage[k] >= 0.999 and slip[k] >= 5e-3:
             last = SLIDE
-        elif last == SLIDE and (usage[k] < 0.98 or slip[k] < 2.5e-3):
+        elif last == SLIDE and (grip[k] < 0.98 or slip[k] < 2.5e-3):
             last = STICK
         found[k] = last
     if gap <= longest:
@@ -43,10 +45,11 @@ def test_equal_to_the_rule_sample_by_sample(
     shape = (runs, steps)
     bearing = data.draw(arrays(np.bool_, shape))
     usage = data.draw(arrays(np.float64, shape, elements=LEVELS_USAGE))
+    grip = np.fmax(usage, data.draw(arrays(np.float64, shape, elements=LEVELS_USAGE)))
     slip = data.draw(arrays(np.float64, shape, elements=LEVELS_SLIP))
     timestep = np.full(runs, 0.1 / longest)
-    expected = [slow_modes(bearing[k], usage[k], slip[k], longest) for k in range(runs)]
-    assert modes(bearing, usage, slip, timestep).tolist() == expected
+    expected = [slow_modes(bearing[k], usage[k], grip[k], slip[k], longest) for k in range(runs)]
+    assert modes(bearing, usage, grip, slip, timestep).tolist() == expected
 
 
 @given(arrays(np.bool_, st.tuples(st.integers(1, 3), st.integers(0, 30))))
@@ -67,7 +70,7 @@ def test_a_slide_with_micro_hops_that_stops_is_one_switch(contact_share: float) 
     slip = np.maximum(1 - 4.905 * timestep * np.arange(steps), 0)
     bearing = (rng.random(steps) < contact_share) | (slip == 0)
     usage = np.where(slip > 0, 1.0, 0.0)
-    mode = modes(bearing[None], usage[None], slip[None], np.array([timestep]))
+    mode = modes(bearing[None], usage[None], usage[None], slip[None], np.array([timestep]))
     assert switches(mode).sum() == 1
     assert (mode[0, bearing.argmax() : 90] == SLIDE).all()
     assert (mode[0, 110:] == STICK).all()
@@ -77,7 +80,8 @@ def test_a_slide_with_micro_hops_that_stops_is_one_switch(contact_share: float) 
 
 def test_a_pad_that_alternates_switches_at_every_change() -> None:
     slip = np.where(np.arange(200) // 20 % 2, 0.01, 0.0)
-    mode = modes(np.ones((1, 200), dtype=np.bool_), slip[None] * 100, slip[None], np.array([2e-3]))
+    touching, usage = np.ones((1, 200), dtype=np.bool_), slip[None] * 100
+    mode = modes(touching, usage, usage, slip[None], np.array([2e-3]))
     assert switches(mode).sum() == 9
 
 
@@ -85,7 +89,7 @@ def test_gaps_hold_up_to_a_tenth_of_a_second_and_no_longer() -> None:
     bearing = np.ones((2, 200), dtype=np.bool_)
     bearing[0, 50:100] = bearing[1, 50:101] = False
     sliding = np.ones((2, 200))
-    mode = modes(bearing, sliding, sliding, np.full(2, 2e-3))
+    mode = modes(bearing, sliding, sliding, sliding, np.full(2, 2e-3))
     assert (mode[0] == SLIDE).all()
     assert (mode[1, 50:101] == NO_CONTACT).all()
     assert switches(mode).sum() == 0

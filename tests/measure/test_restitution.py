@@ -38,8 +38,9 @@ def bounces(height: float, restitution: list[float], steps: int) -> tuple[Floats
 
 
 def ball(
-    trace_of: Any, setup_of: Any, pair_of: Any, z: Floats, v: Floats, distance: Floats, side: int
+    trace_of: Any, setup_of: Any, pair_of: Any, flight: tuple[Floats, Floats, Floats], side: int = 1
 ) -> tuple[Any, Any]:
+    z, v, distance = flight
     steps = len(z) - 1
     pair = pair_of(
         1,
@@ -65,23 +66,25 @@ def ball(
 def test_parabolas_give_their_restitution(
     trace_of: Any, setup_of: Any, pair_of: Any, ratio: float, height: float, side: int
 ) -> None:
-    z, v, distance = bounces(height, [ratio] * 8, 3000)
-    trace, setup = ball(trace_of, setup_of, pair_of, z, v, distance, side)
+    flight = bounces(height, [ratio] * 8, 3000)
+    trace, setup = ball(trace_of, setup_of, pair_of, flight, side)
     # Exact but for rounding of the square roots.
     assert assess(trace, setup).metrics["restitution_measured"][0] == pytest.approx(ratio, abs=1e-9)
 
 
 def test_only_the_first_strong_impacts_count(trace_of: Any, setup_of: Any, pair_of: Any) -> None:
-    z, v, distance = bounces(1.0, [0.8, 0.3, 0.9, 0.9], 3000)
-    trace, setup = ball(trace_of, setup_of, pair_of, z, v, distance, 1)
+    flight = bounces(1.0, [0.8, 0.3, 0.9, 0.9], 3000)
+    trace, setup = ball(trace_of, setup_of, pair_of, flight)
     # The third impact is at .8 x .3 = .24 of the first one's speed.
     expected = np.mean([0.8, 0.3])
-    assert assess(trace, setup).metrics["restitution_measured"][0] == pytest.approx(expected, abs=1e-9)
+    assert assess(trace, setup).metrics["restitution_measured"][0] == pytest.approx(
+        expected, abs=1e-9
+    )
 
 
 def test_a_ball_that_stays_has_none(trace_of: Any, setup_of: Any, pair_of: Any) -> None:
-    z, v, distance = bounces(1.0, [], 1000)
+    flight = z, v, distance = bounces(1.0, [], 1000)
     first = int((distance < 0).argmax())
     z[first:], v[first:], distance[first:] = RADIUS, 0, -1e-4
-    trace, setup = ball(trace_of, setup_of, pair_of, z, v, distance, 1)
+    trace, setup = ball(trace_of, setup_of, pair_of, flight)
     assert np.isnan(assess(trace, setup).metrics["restitution_measured"][0])

@@ -4,15 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import pytest
-from hypothesis import settings
 
 from contactlab.errors import SceneError
 from contactlab.plan import Overrides, SweepFile, SweepMistakesError, read_sweep
 from contactlab.schema import AxisSpec, Vocabulary
-
-# A busy machine is no defect of the code under test.
-settings.register_profile("patient", deadline=None)
-settings.load_profile("patient")
 
 
 def positive(value: object) -> float:

@@ -1,5 +1,6 @@
 """Planted mistakes: each is found, all in one pass, at its own characters."""
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import SweepFileError
-from contactlab.plan import SweepMistakesError, read_sweep
+from contactlab.plan import Plan, SweepMistakesError, read_sweep
+from contactlab.schema import Sweep
 
 Mistakes = Callable[..., list[tuple[str, str]]]
 
@@ -57,10 +59,25 @@ def test_all_mistakes_are_found_in_one_pass(vocabulary: Any) -> None:
         ("empty-axis", 10, 15, 2),
         ("zip-length", 12, 39, 7),
         ("axis-not-swept", 14, 6, 6),
-        ("axis-not-swept", 15, 27, 13),
+        ("axis-not-swept", 15, 29, 13),
         ("unknown-metric", 16, 14, 11),
-        ("unknown-label", 18, 45, 8),
+        ("unknown-label", 18, 47, 8),
         ("duplicate-key", 19, 1, 5),
+    ]
+
+
+def test_a_broken_entry_does_not_shift_the_others(mistakes: Mistakes) -> None:
+    body = (
+        "axes: {cone: [elliptic]}\n"
+        "exclude: [{cone: ~}, {cone: elliptic}, {cnoe: 1}]\n"
+        "include: [{cone: []}, 3, {cone: elliptc}]\n"
+    )
+    assert mistakes(body) == [
+        ("value", "~"),
+        ("axis-not-swept", "cnoe"),
+        ("bad-value", "[]"),
+        ("wrong-type", "3"),
+        ("bad-value", "elliptc"),
     ]
 
 
@@ -177,7 +194,7 @@ def test_a_planted_mistake_is_found_alone(
         ("version: 1\nscene: *ball", 2, 8),
         ("version: 1\nscene: b\x00", 2, 9),
         ("a: &a [*a]", 1, 1),
-        ("{" * 3000, 1, 1),
+        ("{" * 1000, 1, 1),
         ("version: 1\nscene: ball\nduration: " + "9" * 5000, 3, 11),
         ("", 1, 1),
         ("- version: 1", 1, 1),
@@ -255,6 +272,36 @@ def test_mistakes_in_a_table_are_marked_there(
 
 def test_a_missing_table_is_marked_in_the_sweep_file(mistakes: Mistakes) -> None:
     assert mistakes("include: {file: none.csv}") == [("bad-table", "none.csv")]
+
+
+WORDS = st.sampled_from([
+    "timestep", "cone", "elliptic", "values", "linspace", "uniform", "role", "where", "label",
+    "metrics", "file", "n", "", "timestep > 1", "0.02 1", "solref",
+])  # fmt: skip
+SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | WORDS
+ANYTHING = st.recursive(
+    SCALARS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(WORDS, inner, max_size=3),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.sampled_from(sorted(Sweep.model_fields)), ANYTHING, max_size=6))
+def test_any_data_is_read_or_refused_politely(vocabulary: Any, data: dict[str, object]) -> None:
+    text = json.dumps({"version": 1, "scene": "ball"} | data)
+    outcome = read_or_refused(text, vocabulary)
+    if isinstance(outcome, SweepMistakesError):
+        assert all(each.place.source.lines == (text,) for each in outcome.diagnostics)
+        assert any(each.severity == "error" for each in outcome.diagnostics)
+    else:
+        assert sum(1 for _ in outcome.runs()) == outcome.count
+
+
+def read_or_refused(text: str, vocabulary: Any) -> Plan | SweepMistakesError:
+    try:
+        return read_sweep(text, vocabulary).plan
+    except SweepMistakesError as error:
+        return error
 
 
 @given(st.text(max_size=60))

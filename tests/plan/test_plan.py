@@ -141,9 +141,23 @@ def test_included_rows_alone_make_no_product(read: Reader) -> None:
 
 
 def test_effects_hold_in_every_run_unless_a_row_says_otherwise(read: Reader) -> None:
-    body = "effects: {multiccd: true}\naxes: {iterations: [1]}\ninclude: [{multiccd: false}]"
+    body = (
+        "effects: {multiccd: true}\naxes: {iterations: [1]}\n"
+        "include: [{multiccd: false}, {iterations: 2}]"
+    )
     values = [dict(run.values) for run in read(body).plan.runs()]
-    assert values == [{"multiccd": True, "iterations": 1}, {"multiccd": False}]
+    assert values == [
+        {"multiccd": True, "iterations": 1},
+        {"multiccd": False},
+        {"multiccd": True, "iterations": 2},
+    ]
+    kept = [dict(run.values) for run in read(body, only=["multiccd=false"]).plan.runs()]
+    assert kept == [{"multiccd": False}]
+
+
+def test_only_on_an_included_axis_leaves_no_product(read: Reader) -> None:
+    body = "axes: {cone: [elliptic]}\ninclude: [{timestep: 1e-3}, {timestep: 2e-3}]"
+    assert listed(read(body, only=["timestep=2e-3"]).plan) == [({"timestep": 2e-3}, 0)]
 
 
 def test_axes_have_roles_and_different_values(read: Reader) -> None:

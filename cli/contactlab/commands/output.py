@@ -9,6 +9,13 @@ import typer
 from rich import box
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
+
+
+# Colour repeats what the word says already.
+_STYLES = {"stable": "green", "crashed": "red", "timeout": "red", "diverged": "red"}
+_STYLES |= dict.fromkeys(("tunneling", "energy_injection", "invalid"), "red")
+_STYLES |= dict.fromkeys(("oracle_miss", "chatter", "deep_penetration"), "yellow")
 
 
 class Format(StrEnum):
@@ -28,19 +35,19 @@ def print_json(data: Any) -> None:  # noqa: ANN401 - anything that JSON holds
 
 def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print a plain table to stdout; columns that hold only numbers are aligned to the right."""
-    table = Table(box=box.SIMPLE_HEAD, pad_edge=False)
+    table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for index, name in enumerate(header):
         numeric = all(isinstance(row[index], (int, float)) for row in rows)
-        table.add_column(name, justify="right" if numeric else "left", overflow="fold")
+        table.add_column(Text(name), justify="right" if numeric else "left", no_wrap=len(header) > 3)
     for row in rows:
-        table.add_row(*[_cell(value) for value in row])
-    stdout().print(table, markup=False, highlight=False)
+        table.add_row(*[Text(_cell(value), style=_STYLES.get(str(value), "")) for value in row])
+    stdout().print(table, highlight=False)
 
 
 def stdout() -> Console:
     """Return the console for results; as wide as they need where nobody looks."""
     console = Console()
-    return console if console.is_terminal else Console(width=160)
+    return console if console.is_terminal else Console(width=10_000)
 
 
 def say(message: str) -> None:

@@ -30,7 +30,7 @@ def replay(
         from contactlab.sim import view as open_viewer
 
         start = prepare(opened, run)
-        open_viewer(start.prepared.model, start.qpos, start.qvel)
+        open_viewer(start.prepared.model, start.state)
         return
     result = run_again(opened, run)
     if output is Format.json:

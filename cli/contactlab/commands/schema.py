@@ -8,6 +8,8 @@ import typer
 from contactlab.commands.output import print_json, say
 from contactlab.errors import ExpectationError, SweepFileError, did_you_mean
 
+_SUFFIX = ".schema.json"
+
 
 def schema(
     name: Annotated[str | None, typer.Argument(help="Which one; all names if left out.")] = None,
@@ -18,7 +20,13 @@ def schema(
     from contactlab.schema import drift, published, written
 
     if write is not None:
-        say(f"wrote {', '.join(path.name for path in written(write))}")
+        from contactlab.evidence import cannot_write
+
+        try:
+            names = [path.name for path in written(write)]
+        except OSError as error:
+            raise cannot_write(write, error) from error
+        say(f"wrote {', '.join(names)}")
     elif check is not None:
         differs = drift(check)
         if differs:
@@ -31,7 +39,8 @@ def schema(
             typer.echo(each)
     else:
         known = published()
-        found = known.get(name) or known.get(f"{name}.schema.json")
+        found = known.get(name) or known.get(name + _SUFFIX)
         if found is None:
-            raise SweepFileError(f"no schema '{name}'{did_you_mean(name, known)}")
+            names = [each.removesuffix(_SUFFIX) for each in known]
+            raise SweepFileError(f"no schema '{name}'{did_you_mean(name, names)}")
         print_json(found)

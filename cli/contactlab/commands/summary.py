@@ -14,7 +14,16 @@ if TYPE_CHECKING:
     from contactlab.schema import StoreManifest
 
 _MOST_ROWS = 60
-_SHOWN = ("oracle_expected", "oracle_measured", "penetration_max", "energy_gain", "mode_switches")
+_MOST_VALUES = 12
+_ID_DIGITS = 8
+# Metrics of the summary, under headings short enough for a terminal.
+_SHOWN = {
+    "oracle_expected": "expected",
+    "oracle_measured": "measured",
+    "penetration_max": "depth [m]",
+    "energy_gain": "gain",
+    "mode_switches": "switches/s",
+}
 
 
 def print_summary(path: Path, manifest: "StoreManifest", output: Format) -> None:
@@ -25,15 +34,16 @@ def print_summary(path: Path, manifest: "StoreManifest", output: Format) -> None
     if output is Format.json:
         print_json({"store": str(path), **manifest.model_dump(mode="json", exclude={"sweep"})})
         return
-    rows: list[dict[str, Any]] = store.table.to_pylist() if manifest.runs <= _MOST_ROWS else []
-    if rows:
+    rows: list[dict[str, Any]] = store.table.to_pylist()
+    if len(rows) <= _MOST_ROWS:
         _print_runs(rows)
+    else:
+        _print_shares(rows)
     print_table(("label", "runs"), Counter(manifest.labels).most_common())
     typer.echo(_expectations(manifest))
     typer.echo(f"{manifest.runs} runs, {manifest.traces} traces in {path}")
-    if rows:
-        worst = max(rows, key=lambda row: (row["label"] != "stable", row["index"] == 0))
-        typer.echo(f"look closer: contactlab show {path} {worst['run_id']}")
+    flagged = next((row for row in rows if row["label"] != "stable"), rows[0])
+    typer.echo(f"look closer: contactlab show {path} {_run(flagged)}")
 
 
 def print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
@@ -56,10 +66,32 @@ def print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
 
 def _print_runs(rows: list[dict[str, Any]]) -> None:
     axes: list[str] = rows[0]["axis_names"]
-    shown = [name for name in _SHOWN if any(row[name] is not None for row in rows)]
-    header = [*axes, "label", *shown, "as expected", "run"]
-    columns = [*axes, "label", *shown, "expectation_met", "run_id"]
-    print_table(header, [[row[name] for name in columns] for row in rows])
+    shown = [name for name in _SHOWN if any(row[name] for row in rows)]
+    header = [*axes, "label", *(_SHOWN[name] for name in shown), "as asked", "run"]
+    columns = [*axes, "label", *shown, "expectation_met"]
+    print_table(header, [[*(row[name] for name in columns), _run(row)] for row in rows])
+
+
+def _print_shares(rows: list[dict[str, Any]]) -> None:
+    """Print, for each value of each axis, how many of its runs are stable and what the rest are."""
+    lines: list[tuple[object, ...]] = []
+    for axis in rows[0]["axis_names"]:
+        counts: dict[object, Counter[str]] = {}
+        for row in rows:
+            counts.setdefault(row[axis], Counter())[row["label"]] += 1
+        if len(counts) <= _MOST_VALUES:
+            lines += [_share(axis, value, labels) for value, labels in counts.items()]
+    print_table(("axis", "value", "runs", "stable", "most others"), lines)
+
+
+def _share(axis: str, value: object, labels: Counter[str]) -> tuple[object, ...]:
+    others = Counter({label: count for label, count in labels.items() if label != "stable"})
+    most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
+    return axis, _short(value), labels.total(), f"{labels['stable'] / labels.total():.0%}", most
+
+
+def _run(row: dict[str, Any]) -> str:
+    return str(row["run_id"])[:_ID_DIGITS]
 
 
 def _expectations(manifest: "StoreManifest") -> str:

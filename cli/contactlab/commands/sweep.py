@@ -1,6 +1,8 @@
 """`contactlab sweep`: run a declared sweep and write a store of evidence."""
 
 import os
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -14,6 +16,8 @@ if TYPE_CHECKING:
     from contactlab.schema import StoreManifest
 
 RESULTS = Path("results")
+# As a shell reports a command that Ctrl-C ended.
+_INTERRUPTED = 130
 
 
 def sweep(  # noqa: PLR0913 - one argument an option
@@ -67,10 +71,20 @@ def sweep(  # noqa: PLR0913 - one argument an option
     )
     from contactlab.commands.progress import progress
 
-    with progress() as shown:
+    with _resumable(), progress() as shown:
         manifest = run_sweep(ask, shown.begin, shown.advance)
     print_summary(target, manifest, output)
     _fail_on(manifest)
+
+
+@contextmanager
+def _resumable() -> Generator[None]:
+    """Turn Ctrl-C into a word on how to go on."""
+    try:
+        yield
+    except KeyboardInterrupt as error:
+        say("interrupted; the same command goes on where it stopped")
+        raise typer.Exit(_INTERRUPTED) from error
 
 
 def _sweep_path(name: str) -> Path:

@@ -1,6 +1,12 @@
 """The store: traces in MCAP, one table in Parquet, a manifest written last."""
 
-from contactlab.evidence.columns import RESERVED, Column, axis_column, metric_column
+from contactlab.evidence.columns import (
+    RESERVED,
+    Column,
+    axis_column,
+    metric_column,
+    struct_column,
+)
 from contactlab.evidence.files import cannot_write, sha256_of
 from contactlab.evidence.identity import read_manifest
 from contactlab.evidence.mcap import (
@@ -35,6 +41,7 @@ __all__ = [
     "read_manifest",
     "read_trace",
     "sha256_of",
+    "struct_column",
     "to_row",
     "verify",
     "write_trace",

@@ -1,8 +1,7 @@
 """The columns of `runs.parquet`: type, unit and description."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import pyarrow as pa
 
@@ -52,6 +51,8 @@ FIXED = (
     Column("settings", pa.struct([]), "", "every resolved setting"),
     Column("initial_qpos", pa.list_(_REAL), "", "start configuration"),
     Column("initial_qvel", pa.list_(_REAL), "", "start velocity"),
+    Column("initial_ctrl", pa.list_(_REAL), "", "constant control"),
+    Column("initial_applied", pa.list_(_REAL), "", "constant force and torque on each body"),
     Column("pairs", _TEXT, "", "effective contact parameters of each pair, as JSON"),
     Column("edited_geoms", pa.list_(_TEXT), "", "geoms whose contact parameters were set"),
     Column("warnings", _TEXT, "", "engine warnings by name, as JSON"),
@@ -68,17 +69,22 @@ FIXED = (
 RESERVED = frozenset(column.name for column in FIXED)
 
 
-def table_schema(first: Mapping[str, Any], own: Sequence[Column]) -> pa.Schema:
+def table_schema(own: Sequence[Column]) -> pa.Schema:
     """Return the table's schema.
 
     Args:
-        first: a row, which says what settings and effects there are.
-        own: columns of axes and metrics.
+        own: columns of axes and metrics, and of `settings` and `effects`, which say what is in
+            them.
     """
-    open_ended = {"settings": _struct(first["settings"]), "effects": _struct(first["effects"])}
-    return pa.schema(
-        [_field(column, open_ended.get(column.name, column.type)) for column in (*FIXED, *own)]
-    )
+    columns = {column.name: column for column in (*FIXED, *own)}
+    return pa.schema([_field(column) for column in columns.values()])
+
+
+def struct_column(name: str, values: Mapping[str, object]) -> Column:
+    """Return the column of `settings` or `effects`, with the fields that these values need."""
+    (placeholder,) = (column for column in FIXED if column.name == name)
+    fields = [pa.field(inner, _type_of(value)) for inner, value in values.items()]
+    return replace(placeholder, type=pa.struct(fields))
 
 
 def axis_column(name: str, values: Sequence[object], unit: str, description: str) -> Column:
@@ -100,13 +106,10 @@ def metric_column(name: str, unit: str, description: str) -> Column:
     return Column(name, _REAL, unit, description)
 
 
-def _field(column: Column, kind: pa.DataType) -> pa.Field:
+def _field(column: Column) -> pa.Field:
     meta = {"unit": column.unit, "description": column.description}
-    return pa.field(column.name, kind, metadata={key: text for key, text in meta.items() if text})
-
-
-def _struct(values: Mapping[str, object]) -> pa.DataType:
-    return pa.struct([pa.field(name, _type_of(value)) for name, value in values.items()])
+    told = {key: text for key, text in meta.items() if text}
+    return pa.field(column.name, column.type, metadata=told)
 
 
 def _type_of(value: object) -> pa.DataType:

@@ -41,13 +41,11 @@ def replacing(target: Path, *, durable: bool = False) -> Generator[Path]:
 
 def cannot_write(path: Path, error: OSError) -> OutputError:
     """Return the error for a path that cannot be written, with what to do about it."""
-    remedies = {
-        errno.ENOSPC: "free some space and run the same command, which goes on where it stopped",
-        errno.EACCES: "choose another folder with -o",
-        errno.EROFS: "choose another folder with -o",
-    }
-    remedy = remedies.get(error.errno or 0, "choose another folder with -o")
-    return OutputError(f"cannot write {path}: {os.strerror(error.errno or 0)}; {remedy}")
+    remedy = "choose another folder with -o"
+    if error.errno in {errno.ENOSPC, errno.EDQUOT}:
+        remedy = "free some space and run the same command, which goes on where it stopped"
+    reason = os.strerror(error.errno) if error.errno else error
+    return OutputError(f"cannot write {path}: {reason}; {remedy}")
 
 
 def sha256_of(path: Path) -> str:

@@ -2,7 +2,7 @@
 
 import json
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -60,7 +60,9 @@ def _read(store: Path, name: str, kind: type[_Kind]) -> _Kind:
         raise StoreError(f"{path} is damaged: {error}") from error
 
 
-def _check_version(path: Path, data: dict[str, Any]) -> None:
+def _check_version(path: Path, data: object) -> None:
+    if not isinstance(data, dict):
+        raise ValueError("it is not a JSON object")
     version = data.get("store_version")
     if version != STORE_VERSION:
         raise StoreError(

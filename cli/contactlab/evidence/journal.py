@@ -1,14 +1,14 @@
 """The journal of an unfinished store: one row a line, appended as runs finish.
 
-A process killed in mid-write leaves at most one torn line, which is cut off on resuming.
+A process killed in mid-write leaves a torn line, which is left out on resuming.
 """
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from contactlab.evidence.files import cannot_write
+from contactlab.evidence.files import cannot_write, replacing
 
 JOURNAL = "journal.jsonl"
 
@@ -40,22 +40,33 @@ class Journal:
             raise cannot_write(self._path, error) from error
 
 
-def read_journal(store: Path) -> Iterator[dict[str, Any]]:
-    """Yield the rows of a journal; a store without one has none."""
-    path = store / JOURNAL
-    if path.is_file():
-        with path.open("rb") as lines:
-            for line in lines:
-                yield json.loads(line)
+def mend_journal(store: Path, is_whole: Callable[[Mapping[str, Any]], bool]) -> set[str]:
+    """Leave out the lines that are torn, and those of runs that are not stored whole.
 
+    Args:
+        store: the store's folder; without a journal, it has no runs.
+        is_whole: whether all that a row names is in the store.
 
-def mend_journal(store: Path) -> None:
-    """Cut off a torn last line."""
+    Returns:
+        The ids of the runs that stay.
+
+    Raises:
+        OutputError: the journal cannot be written anew.
+    """
     path = store / JOURNAL
     if not path.is_file():
-        return
-    data = path.read_bytes()
-    whole = data.rfind(b"\n") + 1
-    if whole < len(data):
-        with path.open("r+b") as file:
-            file.truncate(whole)
+        return set()
+    with path.open("rb") as lines:
+        ids = [_id_of_whole(line, is_whole) for line in lines]
+    if None in ids:
+        with path.open("rb") as lines, replacing(path) as temporary, temporary.open("wb") as mended:
+            mended.writelines(line for line, run_id in zip(lines, ids, strict=True) if run_id)
+    return {run_id for run_id in ids if run_id}
+
+
+def _id_of_whole(line: bytes, is_whole: Callable[[Mapping[str, Any]], bool]) -> str | None:
+    try:
+        row = json.loads(line)
+    except ValueError:
+        return None
+    return row["run_id"] if line.endswith(b"\n") and is_whole(row) else None

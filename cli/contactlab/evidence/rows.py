@@ -4,6 +4,8 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
+from pydantic_core import to_json
+
 from contactlab.schema import EvidenceRecord
 
 # What every run of a store has in common; in the table it is said once, in the file's metadata.
@@ -31,6 +33,7 @@ _PLAIN = (
     "started",
     "finished",
 )
+_INITIAL = ("qpos", "qvel", "ctrl", "applied")
 _COST = ("cpu_s", "cpu_per_sim_s", "latency_budget_s", "latency_used")
 _TRACE = ("file", "sha256", "bytes")
 
@@ -44,7 +47,7 @@ def to_row(record: EvidenceRecord) -> Row:
     row |= _label_columns(record)
     row["expected"] = record.expected
     row["edited_geoms"] = record.edited_geoms
-    row["initial_qpos"], row["initial_qvel"] = record.initial.qpos, record.initial.qvel
+    row |= {f"initial_{name}": getattr(record.initial, name) for name in _INITIAL}
     row |= {f"cost_{name}": getattr(record.cost, name, None) for name in _COST}
     row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
     row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
@@ -57,6 +60,8 @@ def from_row(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecor
     data: Row = {name: row[name] for name in _PLAIN}
     data |= {name: json.loads(row[name]) for name in _TEXT}
     data |= {name: shared[name] for name in SHARED}
+    # The column has the settings of every run; those of some runs only are empty in others.
+    data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
     data["labels"] = [
         {"label": label, "reason": reason, "step": step}
         for label, reason, step in zip(
@@ -64,7 +69,7 @@ def from_row(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecor
         )
     ]
     data["expected"], data["edited_geoms"] = row["expected"], row["edited_geoms"]
-    data["initial"] = {"qpos": row["initial_qpos"], "qvel": row["initial_qvel"]}
+    data["initial"] = {name: row[f"initial_{name}"] for name in _INITIAL}
     if row["cost_cpu_s"] is not None:
         data["cost"] = {name: row[f"cost_{name}"] for name in _COST}
     if row["trace_file"] is not None:
@@ -86,13 +91,5 @@ def _label_columns(record: EvidenceRecord) -> Row:
     }
 
 
-def _encoded(value: Any) -> str:  # noqa: ANN401 - a model, or a table of models or numbers
-    plain = value.model_dump() if hasattr(value, "model_dump") else _plain(value)
-    return json.dumps(plain, separators=(",", ":"))
-
-
-def _plain(table: Mapping[str, Any]) -> Row:
-    return {
-        name: value.model_dump() if hasattr(value, "model_dump") else value
-        for name, value in table.items()
-    }
+def _encoded(value: object) -> str:
+    return to_json(value).decode()

@@ -62,9 +62,14 @@ class Store:
         """
         ids: list[str] = self.table["run_id"].to_pylist()
         found = [run_id for run_id in ids if run_id.startswith(run)]
-        if len(found) != 1:
-            what = "no run" if not found else f"{len(found)} runs"
-            raise StoreError(f"{what} in {self.path} with id {run}{did_you_mean(run, ids)}")
+        if not found:
+            hint = did_you_mean(run, ids)
+            raise StoreError(f"no run in {self.path} has an id that starts with '{run}'{hint}")
+        if len(found) > 1:
+            raise StoreError(
+                f"{len(found)} runs in {self.path} have ids that start with '{run}' "
+                f"({', '.join(found[:3])}, ...); write more of it"
+            )
         row = self.table.slice(ids.index(found[0]), 1).to_pylist()[0]
         return from_row(row, shared_of(self.table))
 

@@ -1,6 +1,7 @@
 """`runs.parquet`: one row a run, in plan order."""
 
 import json
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ TABLE = "runs.parquet"
 _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
 _BLOCK = 8 << 20
+TALLIED = ["label", "status", "trace_file", "expectation_met"]
 
 
 def write_table(
@@ -27,12 +29,10 @@ def write_table(
     Args:
         journal: one row a line, as JSON, in any order.
         target: the Parquet file, replaced in one step.
-        own: columns of axes and metrics.
+        own: columns of axes, metrics, settings and effects.
         shared: what all runs have in common, kept in the file's metadata.
     """
-    with journal.open("rb") as lines:
-        first = json.loads(lines.readline())
-    schema = table_schema(first, own)
+    schema = table_schema(own)
     table = pyarrow.json.read_json(
         journal,
         read_options=pyarrow.json.ReadOptions(use_threads=False, block_size=_BLOCK),
@@ -70,6 +70,23 @@ def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
         raise StoreError(f"{path} is missing; the sweep has not finished, run it again") from error
     except (pa.ArrowException, OSError) as error:
         raise StoreError(f"{path} is damaged: {error}") from error
+
+
+def tally(table: pa.Table) -> dict[str, Any]:
+    """Return how many runs a table holds, of which label and so on, as the manifest has it.
+
+    Args:
+        table: the columns of `TALLIED`, or more.
+    """
+    outcome = {True: "met", False: "unmet", None: "none"}
+    columns = table.select(TALLIED).to_pydict()
+    return {
+        "runs": table.num_rows,
+        "labels": dict(Counter(columns["label"])),
+        "statuses": dict(Counter(columns["status"])),
+        "traces": sum(file is not None for file in columns["trace_file"]),
+        "expectations": dict(Counter(outcome[met] for met in columns["expectation_met"])),
+    }
 
 
 def shared_of(table: pa.Table) -> dict[str, Any]:

@@ -8,8 +8,11 @@ from pydantic import ValidationError
 
 from contactlab.errors import StoreError
 from contactlab.evidence.files import TEMPORARY, sha256_of
+from contactlab.evidence.identity import IDENTITY, MANIFEST, read_identity
+from contactlab.evidence.journal import JOURNAL
 from contactlab.evidence.mcap import check_trace
 from contactlab.evidence.store import Store
+from contactlab.evidence.table import tally
 from contactlab.evidence.writer import TRACES
 from contactlab.schema import EvidenceRecord, TraceFile
 
@@ -21,7 +24,7 @@ def verify(path: Path) -> list[str]:
         StoreError: it cannot be opened at all.
     """
     store = Store.open(path)
-    return [*_files(store), *_records(store)]
+    return [*_files(store), *_identity(store), *_records(store)]
 
 
 def _files(store: Store) -> Iterator[str]:
@@ -31,8 +34,19 @@ def _files(store: Store) -> Iterator[str]:
             yield f"{name}: missing"
         elif sha256_of(path) != expected:
             yield f"{name}: changed since it was written"
-    for leftover in sorted(store.path.rglob("*" + TEMPORARY)):
+    leftovers = [*store.path.glob(JOURNAL), *store.path.rglob("*" + TEMPORARY)]
+    for leftover in sorted(leftovers):
         yield f"{leftover.relative_to(store.path)}: left over from an interrupted write"
+
+
+def _identity(store: Store) -> Iterator[str]:
+    try:
+        same = read_identity(store.path) == store.manifest.sweep
+    except StoreError:
+        # Missing or changed, which its hash tells.
+        return
+    if not same:
+        yield f"{IDENTITY}: names another sweep than {MANIFEST}"
 
 
 def _records(store: Store) -> Iterator[str]:
@@ -41,7 +55,7 @@ def _records(store: Store) -> Iterator[str]:
     except (StoreError, ValidationError, KeyError, ValueError) as error:
         yield f"runs.parquet: a record does not fit its schema: {error}"
         return
-    yield from _counts(store, records)
+    yield from _counts(store)
     named: set[str] = set()
     for record in records:
         if record.trace is not None:
@@ -53,16 +67,15 @@ def _records(store: Store) -> Iterator[str]:
             yield f"{name}: belongs to no run"
 
 
-def _counts(store: Store, records: list[EvidenceRecord]) -> Iterator[str]:
+def _counts(store: Store) -> Iterator[str]:
     manifest = store.manifest
-    if not len(records) == manifest.runs == manifest.sweep.runs_asked:
-        yield (
-            f"runs.parquet: {len(records)} rows, but the manifest says {manifest.runs} "
-            f"of {manifest.sweep.runs_asked} asked"
-        )
-    if Counter(record.label for record in records) != Counter(manifest.labels):
-        yield "manifest.json: the counts of labels differ from runs.parquet"
-    for run_id, count in Counter(record.run_id for record in records).items():
+    for name, found in tally(store.table).items():
+        said = getattr(manifest, name)
+        if said != found:
+            yield f"manifest.json: {name} is {said}, but runs.parquet has {found}"
+    if manifest.runs != manifest.sweep.runs_asked:
+        yield f"manifest.json: {manifest.runs} runs, but {manifest.sweep.runs_asked} were asked for"
+    for run_id, count in Counter(store.table["run_id"].to_pylist()).items():
         if count > 1:
             yield f"runs.parquet: run {run_id} stands {count} times"
 

@@ -2,8 +2,7 @@
 
 import fcntl
 import shutil
-from collections import Counter
-from collections.abc import Generator, Mapping, Sequence
+from collections.abc import Collection, Generator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
@@ -25,8 +24,8 @@ from contactlab.evidence.identity import (
     read_identity,
     read_manifest,
 )
-from contactlab.evidence.journal import JOURNAL, Journal, mend_journal, read_journal
-from contactlab.evidence.table import TABLE, read_table, write_table
+from contactlab.evidence.journal import JOURNAL, Journal, mend_journal
+from contactlab.evidence.table import TABLE, TALLIED, read_table, tally, write_table
 from contactlab.schema import Provenance, StoreManifest, SweepIdentity
 
 SCENES = "scenes"
@@ -44,11 +43,19 @@ class SceneFiles(Protocol):
 
 
 class StoreWriter:
-    """A store that runs are added to; made by `writing`."""
+    """A store that runs are added to; made by `writing`.
 
-    def __init__(self, path: Path, identity: SweepIdentity) -> None:
+    Attributes:
+        path: its folder.
+        identity: what its runs are asked to be.
+        done: ids of the runs that it held when it was opened.
+        started: when it was opened.
+    """
+
+    def __init__(self, path: Path, identity: SweepIdentity, done: Collection[str]) -> None:
         self.path = path
         self.identity = identity
+        self.done = frozenset(done)
         self.started = _now()
         self._journal = Journal(path)
 
@@ -56,10 +63,6 @@ class StoreWriter:
     def scene_folder(self) -> Path:
         """Where the copied scene's files are."""
         return self.path / SCENES / self.identity.scene_hash
-
-    def done(self) -> set[str]:
-        """Return the ids of the runs that are stored, trace file included where one is named."""
-        return {row["run_id"] for row in read_journal(self.path) if self._has_trace(row)}
 
     def append(self, rows: Sequence[bytes]) -> None:
         """Add finished runs, each a row as JSON; their traces must be in place."""
@@ -86,25 +89,11 @@ class StoreWriter:
         """Leave the store as it is, resumable."""
         self._journal.close()
 
-    def _has_trace(self, row: Mapping[str, Any]) -> bool:
-        file = row["trace_file"]
-        if file is None:
-            return True
-        path = self.path / file
-        return path.is_file() and path.stat().st_size == row["trace_bytes"]
-
     def _manifest(self, provenance: Provenance) -> StoreManifest:
-        columns = ["label", "status", "trace_file", "expectation_met"]
-        table = read_table(self.path / TABLE, columns).to_pydict()
-        outcome = {True: "met", False: "unmet", None: "none"}
         return StoreManifest(
             sweep=self.identity,
             provenance=provenance,
-            runs=len(table["label"]),
-            labels=dict(Counter(table["label"])),
-            statuses=dict(Counter(table["status"])),
-            traces=sum(file is not None for file in table["trace_file"]),
-            expectations=dict(Counter(outcome[met] for met in table["expectation_met"])),
+            **tally(read_table(self.path / TABLE, TALLIED)),
             files={file.as_posix(): sha256_of(self.path / file) for file in self._files()},
             started=self.started,
             finished=_now(),
@@ -143,8 +132,7 @@ def writing(
                 (path / JOURNAL).unlink(missing_ok=True)
                 yield finished
                 return
-            _prepare(path, identity, scene)
-            writer = StoreWriter(path, identity)
+            writer = StoreWriter(path, identity, _prepare(path, identity, scene))
             try:
                 yield writer
             finally:
@@ -153,34 +141,49 @@ def writing(
         raise cannot_write(Path(error.filename or path), error) from error
 
 
-def _prepare(path: Path, identity: SweepIdentity, scene: SceneFiles) -> None:
+def _prepare(path: Path, identity: SweepIdentity, scene: SceneFiles) -> set[str]:
+    """Make a new store, or mend an interrupted one; return the ids of the runs it holds."""
     if (path / IDENTITY).is_file():
         check_same(path, read_identity(path), identity)
-        mend_journal(path)
-        for leftover in path.rglob("*" + TEMPORARY):
-            leftover.unlink()
-        return
-    strangers = sorted({each.name for each in path.iterdir()} - _OWN)
-    if strangers:
-        raise OutputError(
-            f"{path} holds other files ({', '.join(strangers[:3])}); choose another folder with -o"
-        )
+        _remove_leftovers(path)
+        return mend_journal(path, lambda row: _has_trace(path, row))
+    _refuse_strangers(path, "choose another folder with -o")
+    _remove_leftovers(path)
     (path / TRACES).mkdir(exist_ok=True)
     scene.copy_to(path / SCENES / identity.scene_hash)
     with replacing(path / IDENTITY) as temporary:
         temporary.write_text(identity.model_dump_json(indent=2) + "\n", encoding="utf-8")
+    return set()
+
+
+def _has_trace(path: Path, row: Mapping[str, Any]) -> bool:
+    if row["trace_file"] is None:
+        return True
+    trace = path / row["trace_file"]
+    return trace.is_file() and trace.stat().st_size == row["trace_bytes"]
 
 
 def _clear(path: Path) -> None:
-    strangers = sorted({each.name for each in path.iterdir()} - _OWN)
-    if strangers:
-        raise OutputError(f"{path} holds other files ({', '.join(strangers[:3])}); not removed")
+    _refuse_strangers(path, "not removed")
     # The manifest goes first: a half-removed store must not look whole.
-    (path / MANIFEST).unlink(missing_ok=True)
-    for name in (IDENTITY, TABLE, JOURNAL):
+    for name in (MANIFEST, IDENTITY, TABLE, JOURNAL):
         (path / name).unlink(missing_ok=True)
     for name in (SCENES, TRACES):
         shutil.rmtree(path / name, ignore_errors=True)
+
+
+def _refuse_strangers(path: Path, remedy: str) -> None:
+    own = _OWN | {name + TEMPORARY for name in _OWN}
+    strangers = sorted({each.name for each in path.iterdir()} - own)
+    if strangers:
+        raise OutputError(f"{path} holds other files ({', '.join(strangers[:3])}); {remedy}")
+
+
+def _remove_leftovers(path: Path) -> None:
+    for name in (MANIFEST, IDENTITY, TABLE, JOURNAL):
+        (path / (name + TEMPORARY)).unlink(missing_ok=True)
+    for leftover in (path / TRACES).rglob("*" + TEMPORARY):
+        leftover.unlink()
 
 
 @contextmanager

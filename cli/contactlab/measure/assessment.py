@@ -8,7 +8,7 @@ from contactlab.measure.context import context_of
 from contactlab.measure.label import Case, Outcome
 from contactlab.measure.labels import LABELS, STABLE
 from contactlab.measure.metrics import METRICS
-from contactlab.trace import Floats, PairSeries, Setup, Trace
+from contactlab.trace import Checks, Floats, PairSeries, Setup, Trace
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class Assessment:
     series: tuple[PairSeries, ...]
 
 
-def assess(trace: Trace, setup: Setup) -> Assessment:
-    """Measure and label the runs of a trace.
+def assess(trace: Trace, setup: Setup, checks: Checks | None = None) -> Assessment:
+    """Measure and label the runs of a trace, with what a second pass found if there was one.
 
     Raises:
         SceneError: the setup names an oracle or a threshold that does not exist.
     """
-    context = context_of(trace, setup)
+    context = context_of(trace, setup, checks)
     metrics = {name: metric.of(context) for name, metric in METRICS.items()}
     with np.errstate(all="ignore"):
         labels = _labels(Case(context, metrics))

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.measure.fold import Folded, fold
 from contactlab.measure.friction import series_of
-from contactlab.trace import Floats, FreeBody, PairSeries, Setup, Trace
+from contactlab.trace import Checks, Floats, FreeBody, PairSeries, Setup, Trace
 
 Shared = TypeVar("Shared")
 
@@ -24,6 +24,7 @@ class Context:
         setup: what is known of its runs.
         folded: the contacts of each graded pair, folded over their slots.
         series: the series of each graded pair.
+        checks: what a second pass found, if there was one.
         memo: results of `shared` functions.
     """
 
@@ -31,6 +32,7 @@ class Context:
     setup: Setup
     folded: tuple[Folded, ...]
     series: tuple[PairSeries, ...]
+    checks: Checks | None = None
     memo: dict[object, object] = field(default_factory=dict[object, object], repr=False)
 
     @property
@@ -48,7 +50,7 @@ class Context:
         return np.full(self.trace.runs, np.nan)
 
 
-def context_of(trace: Trace, setup: Setup) -> Context:
+def context_of(trace: Trace, setup: Setup, checks: Checks | None = None) -> Context:
     """Fold the graded pairs of a trace, ready to measure."""
     with np.errstate(all="ignore"):
         folded = tuple(fold(pair, setup.elliptic) for pair in trace.pairs)
@@ -56,7 +58,7 @@ def context_of(trace: Trace, setup: Setup) -> Context:
             series_of(pair.name, each, trace.timestep)
             for pair, each in zip(trace.pairs, folded, strict=True)
         )
-    return Context(trace, setup, folded, series)
+    return Context(trace, setup, folded, series, checks)
 
 
 def shared(function: Callable[[Context], Shared]) -> Callable[[Context], Shared]:

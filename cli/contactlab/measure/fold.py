@@ -24,6 +24,7 @@ class Folded:
         tangential: (n, N) magnitude of the sum of the tangential forces [N].
         usage: (n, N) share of the friction bound that this sum uses, in the cone's own norm.
         slip: (n, N) magnitude of the mean tangential velocity [m/s], weighted by normal force.
+        grip: (n, N) share of the bound that the contacts use, each by itself; at least `usage`.
         distance: (n, N) least signed distance [m]; 0 where nothing touches.
         excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
         detached: (n,) most that one contact's normal force times its positive distance is [J].
@@ -35,6 +36,7 @@ class Folded:
     tangential: Floats
     usage: Floats
     slip: Floats
+    grip: Floats
     distance: Floats
     excess: Floats
     detached: Floats
@@ -45,13 +47,21 @@ def fold(pair: PairTrace, elliptic: NDArray[np.bool_]) -> Folded:
     runs, steps, slots, _ = pair.slots.shape
     found = pair.found.astype(np.int32)
     contacts = np.minimum(found, slots)
-    series, worst = np.empty((5, runs, steps)), np.empty((2, runs))
+    series, worst = np.empty((6, runs, steps)), np.empty((2, runs))
     for run, cone in enumerate(cones(pair, elliptic)):
         columns = gather(pair.slots[run])
         net = sum_slots(columns, cone)
-        usage = _ratio(net.used, cone.friction * net.normal)
+        bound = cone.friction * net.normal
+        usage = _ratio(net.used, bound)
         distance = _least(columns.distance, contacts[run])
-        series[:, run] = net.normal, net.tangential, usage, net.slip, distance
+        series[:, run] = (
+            net.normal,
+            net.tangential,
+            usage,
+            net.slip,
+            _ratio(net.each, bound),
+            distance,
+        )
         worst[:, run] = _excess(columns, cone), _detached(columns)
     return Folded(found, contacts, *series, *worst)
 

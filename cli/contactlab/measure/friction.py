@@ -28,5 +28,11 @@ def series_of(name: str, folded: Folded, timestep: Floats) -> PairSeries:
         usage=folded.usage,
         slip=folded.slip,
         distance=folded.distance,
-        mode=modes(folded.normal > 0, folded.usage, folded.slip, timestep),
+        mode=modes(
+            folded.normal > 0,
+            folded.usage,
+            folded.grip,
+            folded.slip,
+            timestep,
+        ),
     )

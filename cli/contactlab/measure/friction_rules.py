@@ -1,31 +1,26 @@
 """Rules on sticking and sliding, and on the scene's closed form."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.measure.context import Context
-from contactlab.measure.label import Case, Finding, Findings, rows
-from contactlab.measure.modes import Modes, spans, switches
-from contactlab.measure.sliding import switch_counts
-from contactlab.trace import SLIDE, STICK
+from contactlab.measure.label import Case, Finding, Findings, first, rows
+from contactlab.measure.losses import loss_counts, losses
+from contactlab.measure.modes import Modes, spans
+from contactlab.measure.sliding import changes, switch_counts
+from contactlab.trace import SLIDE, STICK, Floats
 from contactlab.trace import Mode as ModeName
 
 _MODES: dict[ModeName, int] = {"stick": STICK, "slide": SLIDE}
 
 
 def chatter(case: Case) -> Findings:
-    """Find runs in which a pair keeps switching between stick and slide."""
-    context, rate = case.context, case.limits["mode_switches"]
+    """Find runs in which a pair keeps switching between stick and slide, or losing its contact."""
     found: Findings = {}
-    for series, count in zip(context.series, switch_counts(context), strict=True):
-        often = (count / context.seconds > rate) & (count >= case.limits["mode_switch_count"])
-        for run in rows(often):
-            reason = (
-                f"{series.name} switched {count[run]:.0f} times between stick and slide, "
-                f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
-            )
-            step = int(switches(series.mode[run : run + 1]).argmax()) + 1
-            found.setdefault(run, Finding(reason, step))
+    for run, finding in (*_switching(case), *_losing(case)):
+        found.setdefault(run, finding)
     return found
 
 
@@ -54,6 +49,39 @@ def oracle_miss(case: Case) -> Findings:
         )
         for run in rows(unmet | (error > setup.oracle_tolerance))
     }
+
+
+def _switching(case: Case) -> Iterator[tuple[int, Finding]]:
+    context, rate = case.context, case.limits["mode_switches"]
+    for series, count in zip(context.series, switch_counts(context), strict=True):
+        for run in _often(case, count, rate):
+            reason = (
+                f"{series.name} switched {count[run]:.0f} times between stick and slide, "
+                f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
+            )
+            step = first(changes(series)[run]) + 1
+            yield run, Finding(reason, step)
+
+
+def _losing(case: Case) -> Iterator[tuple[int, Finding]]:
+    context, rate = case.context, case.limits["contact_losses"]
+    if context.setup.passive:
+        # What only lies there hops by what gravity does in a step, for ever, and harms nothing.
+        return
+    for index, count in enumerate(loss_counts(context)):
+        for run in _often(case, count, rate):
+            gaps = losses(context, index)
+            name = context.series[index].name
+            reason = (
+                f"{name} lost its contact {count[run]:.0f} times while it stuck, "
+                f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
+            )
+            yield run, Finding(reason, int(gaps.start[gaps.run == run][0]))
+
+
+def _often(case: Case, count: Floats, rate: float) -> list[int]:
+    often = count / case.context.seconds > rate
+    return rows(often & (count >= case.limits["mode_switch_count"]))
 
 
 def _unexpected(case: Case, wanted: ModeName, met: ModeName) -> Findings:

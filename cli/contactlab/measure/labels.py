@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from contactlab.measure.checks import missed_contact, phantom_contact, solver_inconsistent
 from contactlab.measure.friction_rules import (
     chatter,
     oracle_miss,
@@ -11,6 +12,7 @@ from contactlab.measure.friction_rules import (
 )
 from contactlab.measure.integrity import diverged, invalid, solver_nonconvergence
 from contactlab.measure.label import Label
+from contactlab.measure.rest_rules import creep, drift, unsettled
 from contactlab.measure.symptoms import (
     deep_penetration,
     energy_injection,
@@ -41,9 +43,17 @@ LABELS: Mapping[str, Label] = MappingProxyType(
                 diverged,
             ),
             Label(
+                "solver_inconsistent",
+                "The engine contradicts itself: the solver stopped content with a wrong answer, a "
+                "sparse Jacobian changes the answer, or the same run gives another trajectory.",
+                ("residual", "jacobian_difference"),
+                solver_inconsistent,
+            ),
+            Label(
                 "solver_nonconvergence",
-                "The constraint solver used all its iterations in most steps with contact.",
-                ("saturated_share",),
+                "The constraint solver used all its iterations, in most steps with contact or, "
+                "where a second pass looked, without being done.",
+                ("saturated_share", "residual"),
                 solver_nonconvergence,
             ),
             Label(
@@ -52,6 +62,18 @@ LABELS: Mapping[str, Label] = MappingProxyType(
                 "went deeper into each other than the middle of the thinner.",
                 (),
                 tunneling,
+            ),
+            Label(
+                "missed_contact",
+                "A graded pair overlaps and has no contact.",
+                ("missed_contact",),
+                missed_contact,
+            ),
+            Label(
+                "phantom_contact",
+                "A contact says that bodies touch which are apart.",
+                ("phantom_contact",),
+                phantom_contact,
             ),
             Label(
                 "energy_injection",
@@ -72,10 +94,29 @@ LABELS: Mapping[str, Label] = MappingProxyType(
                 deep_penetration,
             ),
             Label(
+                "drift",
+                "A body that should stay ended farther from its start than the scene accepts.",
+                ("drift",),
+                drift,
+            ),
+            Label(
                 "chatter",
-                "A pair keeps switching between stick and slide.",
-                ("mode_switches", "mode_switch_count"),
+                "A pair keeps switching between stick and slide, or keeps losing its contact "
+                "while it sticks.",
+                ("mode_switches", "contact_losses", "mode_switch_count"),
                 chatter,
+            ),
+            Label(
+                "unsettled",
+                "A body still moves in the last fifth, where the scene says that all rest.",
+                ("rest_speed",),
+                unsettled,
+            ),
+            Label(
+                "creep",
+                "A pair that sticks slips faster than the scene accepts.",
+                ("creep_speed",),
+                creep,
             ),
             Label(
                 "unexpected_slide",

@@ -3,10 +3,13 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
+from contactlab.measure.checks import CHECKS
 from contactlab.measure.conservation import CONSERVATION
+from contactlab.measure.losses import LOSSES
 from contactlab.measure.metric import Metric
 from contactlab.measure.oracles import ORACLE_METRICS
 from contactlab.measure.penetration import PENETRATION
+from contactlab.measure.rest import REST
 from contactlab.measure.restitution import RESTITUTION
 from contactlab.measure.sliding import SLIDING
 from contactlab.measure.solver import SOLVER
@@ -17,9 +20,12 @@ METRICS: Mapping[str, Metric] = MappingProxyType(
         for metric in (
             *PENETRATION,
             *CONSERVATION,
+            *REST,
             *RESTITUTION,
             *SLIDING,
+            *LOSSES,
             *SOLVER,
+            *CHECKS,
             *ORACLE_METRICS,
         )
     }

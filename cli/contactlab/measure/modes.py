@@ -4,7 +4,9 @@ The rule, with hysteresis, for samples that bear force:
 
 * slide from the sample where the friction bound is in full use (usage >= .999) and the pair slips
   at 5 mm/s or more; stick from the sample where usage is below .98 or slip below 2.5 mm/s; between
-  the two nothing changes;
+  the two nothing changes. For entering, usage is that of the net force, since single contacts of
+  a body at rest may be at their bound; for leaving, it is that of the contacts one by one, since
+  those of a body that turns as it slides pull in different directions;
 * a contact that begins, or begins again after more than 100 ms, sticks unless it meets the rule
   for sliding;
 * a gap between contacts of up to 100 ms holds the last mode: sliding bodies hop by micrometres,
@@ -21,6 +23,9 @@ from contactlab.trace import NO_CONTACT, SLIDE, STICK, Floats
 
 ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
 LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3
+HELD_USAGE = 0.9
+"""Share of the friction bound below which a pair that sticks is held, and not a slow slide."""
+
 LONGEST_GAP = 0.1
 """Longest gap between contacts [s] that holds the mode."""
 
@@ -50,16 +55,19 @@ def spans(mask: NDArray[np.bool_]) -> Spans:
     return Spans(run[::2], step[::2], step[1::2])
 
 
-def modes(bearing: NDArray[np.bool_], usage: Floats, slip: Floats, timestep: Floats) -> Modes:
+def modes(
+    bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Floats, timestep: Floats
+) -> Modes:
     """Return the mode (n, N) of a pair by the rule of this module.
 
     Args:
         bearing: (n, N) whether the pair carries a normal force.
-        usage: (n, N) share of the friction bound in use.
+        usage: (n, N) share of the friction bound that the net force uses.
+        grip: (n, N) share of the bound that the contacts use, each by itself.
         slip: (n, N) slip speed [m/s].
         timestep: (n,) step length [s].
     """
-    events = _events(bearing, usage, slip)
+    events = _events(bearing, usage, grip, slip)
     _mark_long_gaps(events, bearing, np.floor(LONGEST_GAP / timestep + 1e-6))
     return _hold_last(events)
 
@@ -69,9 +77,9 @@ def switches(mode: Modes) -> NDArray[np.bool_]:
     return mode[:, 1:] + mode[:, :-1] == STICK + SLIDE
 
 
-def _events(bearing: NDArray[np.bool_], usage: Floats, slip: Floats) -> Modes:
+def _events(bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Floats) -> Modes:
     enter = (usage >= ENTER_USAGE) & (slip >= ENTER_SLIP) & bearing
-    leave = ((usage < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
+    leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
     return enter * np.int8(SLIDE) + leave * np.int8(STICK)
 
 

@@ -1,18 +1,39 @@
 """Metrics of friction: sticking, sliding, and what the cone allows."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
-from contactlab.measure.modes import switches
+from contactlab.measure.modes import HELD_USAGE, spans, switches
 from contactlab.measure.penetration import worst_pair
-from contactlab.trace import STICK, Floats, PairSeries
+from contactlab.trace import SLIDE, STICK, Floats, PairSeries
+
+
+def changes(series: PairSeries) -> NDArray[np.bool_]:
+    """Return (n, N - 1) where a pair changes between stick and slide at the next sample.
+
+    Sticking that never uses less than 0.9 of the friction bound is part of the slides beside it:
+    a slow slide, whose speed wavers about the least that counts as sliding, does not stick.
+    """
+    mode = series.mode
+    if not (mode == SLIDE).any():
+        return np.zeros(mode[:, 1:].shape, dtype=np.bool_)
+    stick = spans(mode == STICK)
+    held = (series.normal > 0) & (series.usage < HELD_USAGE)
+    before = np.zeros((mode.shape[0], mode.shape[1] + 1), dtype=np.int32)
+    np.cumsum(held, axis=1, out=before[:, 1:])
+    merged = mode.copy()
+    for run, start, stop in zip(stick.run, stick.start, stick.stop, strict=True):
+        if before[run, stop] == before[run, start]:
+            merged[run, start:stop] = SLIDE
+    return switches(merged)
 
 
 @shared
 def switch_counts(context: Context) -> list[Floats]:
     """Return for each graded pair (n,) how often it changes between stick and slide."""
-    return [switches(series.mode).sum(axis=1).astype(np.float64) for series in context.series]
+    return [changes(series).sum(axis=1).astype(np.float64) for series in context.series]
 
 
 def _over_pairs(context: Context, values: list[Floats]) -> Floats:
@@ -55,9 +76,10 @@ SLIDING = (
         "1/s",
         "lower",
         0,
-        1,
+        2,
         "Changes between stick and slide over simulated time, worst pair; from net force and "
-        "force-weighted slip, with hysteresis, and gaps of up to 100 ms bridged. Above 5 a second "
+        "force-weighted slip, with hysteresis, and gaps of up to 100 ms bridged. Sticking that "
+        "never uses less than 0.9 of the friction bound counts as slow sliding. Above 5 a second "
         "a pad chatters.",
         _mode_switches,
     ),

@@ -43,12 +43,14 @@ class Net(NamedTuple):
         tangential: magnitude of the sum of the tangential forces [N].
         used: the same in the norm of the cone [N].
         slip: magnitude of the mean tangential velocity [m/s], weighted by normal force.
+        each: sum of the magnitudes of the tangential forces, each in the norm of the cone [N].
     """
 
     normal: Floats
     tangential: Floats
     used: Floats
     slip: Floats
+    each: Floats
 
 
 def gather(slots: Floats) -> Columns:
@@ -69,7 +71,8 @@ def sum_slots(columns: Columns, cone: Cone) -> Net:
     normal = columns.normal.sum(axis=0)
     force = columns.force.sum(axis=0)
     impulse = (columns.velocity * columns.normal).sum(axis=0)
-    net = Net(normal, modulus(force), cone.norm(force), modulus(impulse))
+    used, each = cone.norm(force), cone.norm(columns.force).sum(axis=0)
+    net = Net(normal, modulus(force), used, modulus(impulse), each)
     if columns.frame is not None and not _same(columns.frame[:, 1:], columns.frame[:, :1]):
         differ = (columns.frame[:, 1:] != columns.frame[:, :1]).any(axis=(0, 1))
         _sum_in_world(columns, cone, np.flatnonzero(differ), net)

@@ -13,13 +13,13 @@ class Threshold:
 
     Attributes:
         name: its name in scenes and sweeps.
-        default: its value where neither says one.
+        default: its value where neither says one; None if it limits nothing then.
         unit: its unit; `1` for counts and ratios.
         source: what it limits, and where the default is from.
     """
 
     name: str
-    default: float
+    default: float | None
     unit: str
     source: str
 
@@ -93,6 +93,57 @@ THRESHOLDS: Mapping[str, Threshold] = MappingProxyType(
                 "Fewest switches that chatter has: one stop and one start are none.",
             ),
             Threshold(
+                "contact_losses",
+                5,
+                "1/s",
+                "Largest metric contact_losses, as for mode_switches: contacts that hold keep "
+                "their contact, and a pad that bounces on what it holds loses it 70 times.",
+            ),
+            Threshold(
+                "creep_speed",
+                None,
+                "m/s",
+                "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
+            ),
+            Threshold(
+                "drift",
+                None,
+                "m",
+                "Largest metric drift; only scenes whose bodies should stay set it.",
+            ),
+            Threshold(
+                "rest_speed",
+                None,
+                "m/s",
+                "Largest metric rest_speed; only scenes whose bodies should come to rest set it.",
+            ),
+            Threshold(
+                "residual",
+                1e-2,
+                "1",
+                "Largest metric solver_residual. Healthy: Newton up to 2e-5, CG 2e-4, PGS 5e-4; "
+                "PGS with 5 iterations on a stack 15, a wrong Hessian 4 and more.",
+            ),
+            Threshold(
+                "jacobian_difference",
+                1e-6,
+                "1",
+                "Largest metric jacobian_difference; the two are the same mathematics, and agree "
+                "to 1e-7 where both converge.",
+            ),
+            Threshold(
+                "missed_contact",
+                1e-4,
+                "m",
+                "Largest metric overlap_missed; collision tolerances are a hundred times finer.",
+            ),
+            Threshold(
+                "phantom_contact",
+                1e-4,
+                "m",
+                "Largest metric distance_phantom, likewise.",
+            ),
+            Threshold(
                 "mode_hold",
                 0.02,
                 "s",
@@ -105,7 +156,7 @@ THRESHOLDS: Mapping[str, Threshold] = MappingProxyType(
 
 
 def limits(overrides: Mapping[str, float]) -> dict[str, float]:
-    """Return every threshold's value, those of a scene or a sweep over the defaults.
+    """Return the value of every threshold that has one, the overrides over the defaults.
 
     Raises:
         SceneError: a name is not that of a threshold.
@@ -114,4 +165,5 @@ def limits(overrides: Mapping[str, float]) -> dict[str, float]:
         if name not in THRESHOLDS:
             hint = did_you_mean(name, THRESHOLDS)
             raise SceneError(f"no threshold '{name}'{hint}; there are {', '.join(THRESHOLDS)}")
-    return {each.name: overrides.get(each.name, each.default) for each in THRESHOLDS.values()}
+    usual = {each.name: each.default for each in THRESHOLDS.values() if each.default is not None}
+    return {**usual, **overrides}

@@ -7,12 +7,12 @@ from itertools import islice
 
 import numpy as np
 
+from contactlab.law import stiffness_damping
 from contactlab.pipeline.job import PlannedRun
 from contactlab.pipeline.jobs import planned_runs
 from contactlab.plan import Plan
 from contactlab.scene import Resolved, Scene
 from contactlab.sim import Buffers, bytes_of_run, quiet, roll_out
-from contactlab.trace import stiffness_damping
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _FASTEST = 0.8
@@ -73,10 +73,9 @@ def _step_cost(scene: Scene, resolved: Resolved) -> float:
     """Return CPU seconds a step."""
     quiet()
     base = scene.base(resolved.structure)
-    qpos, qvel = scene.starts([resolved])
     steps = min(resolved.steps, _SAMPLE_STEPS)
     model = base.prepare(resolved.edits()).model
-    return float(roll_out([model], qpos, qvel, steps, Buffers()).cost[0]) / steps
+    return float(roll_out([model], scene.starts([resolved]), steps, Buffers()).cost[0]) / steps
 
 
 def _trace_bytes(plan: Plan, scene: Scene, planned: Planned) -> float:

@@ -1,8 +1,9 @@
 """From a plan to jobs: runs of one structure and step count, as many as memory allows."""
 
+import math
 from collections.abc import Iterable, Iterator
 
-from contactlab.errors import SweepFileError
+from contactlab.errors import SceneError, SweepFileError
 from contactlab.pipeline.job import Job, PlannedRun
 from contactlab.plan import Plan
 from contactlab.scene import Resolved, Scene
@@ -21,15 +22,24 @@ def planned_runs(plan: Plan, scene: Scene) -> Iterator[tuple[PlannedRun, Resolve
     """Yield every distinct run of a plan with what it resolves to, in plan order.
 
     Raises:
-        SweepFileError: a run would record more than 1 GiB.
+        SceneError: the model's own timestep is none, and the sweep sets no other.
     """
     seen: set[str] = set()
     for run in plan.runs():
         resolved = scene.resolve(run.values, run.seed, plan.sweep.duration)
+        _check_timestep(scene, resolved.timestep)
         run_id = scene.run_id(resolved)
         if run_id not in seen:
             seen.add(run_id)
             yield PlannedRun(run.index, run_id, run.values, run.seed), resolved
+
+
+def _check_timestep(scene: Scene, timestep: float) -> None:
+    if not 0 < timestep < math.inf:
+        raise SceneError(
+            f"{scene.source.model}: its timestep is {timestep:g} s; write one above 0 there, "
+            "or sweep `timestep`"
+        )
 
 
 def pack(runs: Iterable[tuple[PlannedRun, Resolved]], scene: Scene, workers: int) -> Iterator[Job]:
@@ -39,6 +49,9 @@ def pack(runs: Iterable[tuple[PlannedRun, Resolved]], scene: Scene, workers: int
         runs: what is left to do.
         scene: theirs.
         workers: jobs stay small enough that each worker gets several.
+
+    Raises:
+        SweepFileError: a run would record more than 1 GiB.
     """
     todo = list(runs)
     most = max(1, min(MOST_RUNS, len(todo) // (4 * max(1, workers))))

@@ -8,14 +8,17 @@ import contextlib
 import multiprocessing
 import os
 import signal
+import sys
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from contactlab.pipeline.job import Finished, Job, Lost, Task
@@ -89,7 +92,7 @@ def _next_results(
                 slots.append(_start(context, task, slot.marker, job))
         elif job is not None:
             slot.job = job
-            slot.pipe.send(job)
+            _send(slot)
         else:
             slots.remove(slot)
             _stop([slot])
@@ -99,7 +102,7 @@ def _next_results(
 def _receive(slot: _Slot) -> Result:
     try:
         received = slot.pipe.recv()
-    except (EOFError, ConnectionResetError):
+    except (EOFError, OSError):
         slot.process.join()
         slot.pipe.close()
         trace = slot.marker.read_text(encoding="utf-8") if slot.marker.is_file() else ""
@@ -122,10 +125,48 @@ def _start(context: ForkServerContext, task: Task, marker: Path, job: Job) -> _S
     marker.unlink(missing_ok=True)
     ours, theirs = context.Pipe()
     process = context.Process(target=_serve, args=(task, theirs, marker), daemon=True)
-    process.start()
+    with _uninterrupted(), _without_main():
+        process.start()
     theirs.close()
-    ours.send(job)
-    return _Slot(process, ours, marker, job)
+    slot = _Slot(process, ours, marker, job)
+    _send(slot)
+    return slot
+
+
+def _send(slot: _Slot) -> None:
+    """Send a worker its job; one that just died is noticed when its result is read."""
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        slot.pipe.send(slot.job)
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Generator[None]:
+    """Hold Ctrl-C back, and keep it from processes that start meanwhile, for as long as they live.
+
+    They would else die of it, with a traceback each, before they can choose to ignore it.
+    """
+    # Its own start ends with Ctrl-C let through; nothing happens where it runs already.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _without_main() -> Generator[None]:
+    """Hide the program that is running from processes that start meanwhile.
+
+    They would else import it, and with it all that a command line needs; one without a guard
+    would start its sweep once more in each worker.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
 
 
 def _stop(slots: list[_Slot]) -> None:
@@ -140,7 +181,6 @@ def _serve(task: Task, pipe: Connection, marker: Path) -> None:
     """Run jobs until the pipe closes; a worker never outlives its parent."""
     from contactlab.pipeline.worker import Worker  # noqa: PLC0415 - it loads the engine
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_follow_parent, daemon=True).start()
     worker = Worker(task, marker)
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):

@@ -4,6 +4,7 @@ import hashlib
 import os
 import platform
 import subprocess
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from contactlab.schema import Engine, Host, Provenance
 _CPUINFO = Path("/proc/cpuinfo")
 
 
+@cache
 def engine() -> Engine:
     """Return the engine and its version, without loading it."""
     return Engine(name="mujoco", version=version("mujoco"))

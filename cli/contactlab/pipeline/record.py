@@ -9,9 +9,8 @@ from typing import Any
 from contactlab.measure import METRICS, Assessment
 from contactlab.pipeline.expectation import judge, within
 from contactlab.pipeline.job import PlannedRun, Task
-from contactlab.scene import Prepared, Resolved
+from contactlab.scene import Prepared, Resolved, Starts
 from contactlab.schema import Cost, EvidenceRecord, InitialState, LabelEntry
-from contactlab.trace import Floats
 
 UNITS = {metric.name: metric.unit for metric in METRICS.values()}
 VERSIONS = {metric.name: metric.version for metric in METRICS.values()}
@@ -25,15 +24,13 @@ class RunPlan:
         run: what was planned.
         resolved: what it was resolved to.
         prepared: its model.
-        qpos: (nq,) start configuration.
-        qvel: (nv,) start velocity.
+        start: its start state, n being 1.
     """
 
     run: PlannedRun
     resolved: Resolved
     prepared: Prepared
-    qpos: Floats
-    qvel: Floats
+    start: Starts
 
 
 @dataclass(frozen=True)
@@ -128,7 +125,7 @@ class RecordMaker:
             pairs=dict(plan.prepared.pairs),
             edited_geoms=plan.prepared.edited_geoms,
             seed=run.seed,
-            initial=InitialState(qpos=tuple(plan.qpos.tolist()), qvel=tuple(plan.qvel.tolist())),
+            initial=_initial(plan.start),
             duration=resolved.duration,
             steps_asked=resolved.steps,
             metrics=metrics,
@@ -156,6 +153,16 @@ class RecordMaker:
         )
         clock = {"started": outcome.started, "finished": self.now()}
         return record.model_copy(update={"cost": cost, **clock})
+
+
+def _initial(start: Starts) -> InitialState:
+    applied = start.applied[0]
+    return InitialState(
+        qpos=tuple(start.qpos[0].tolist()),
+        qvel=tuple(start.qvel[0].tolist()),
+        ctrl=tuple(start.ctrl[0].tolist()),
+        applied=tuple(applied.tolist()) if applied.any() else (),
+    )
 
 
 def as_written(value: object) -> bool | int | float | str:

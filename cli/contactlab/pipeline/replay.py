@@ -6,10 +6,9 @@ import numpy as np
 
 from contactlab.errors import StoreError
 from contactlab.evidence import Store
-from contactlab.scene import Prepared, Scene, stored_scene
+from contactlab.scene import Prepared, Scene, Starts, stored_scene
 from contactlab.schema import EvidenceRecord
 from contactlab.sim import Buffers, Rollout, quiet, roll_out, trajectory_hash
-from contactlab.trace import Floats
 
 
 @dataclass(frozen=True)
@@ -21,7 +20,8 @@ class Replay:
         equal: whether every state is equal, bit for bit.
         stored_hash: of the stored trajectory.
         hash: of the new one.
-        step: first step after which the states differ; None if equal or if no trace was kept.
+        step: first step after which the states differ; None if equal, if no trace was
+            kept, or if the trace is equal although its hash is not.
         difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
         stored_engine: engine and version that stored it.
     """
@@ -41,8 +41,7 @@ class Start:
 
     record: EvidenceRecord
     prepared: Prepared
-    qpos: Floats
-    qvel: Floats
+    state: Starts
 
 
 def prepare(store: Store, run: str) -> Start:
@@ -63,7 +62,7 @@ def prepare(store: Store, run: str) -> Start:
             f"{scene.run_id(resolved)}; the store or this version's defaults changed"
         )
     prepared = scene.base(resolved.structure).prepare(resolved.edits())
-    return Start(record, prepared, np.array(record.initial.qpos), np.array(record.initial.qvel))
+    return Start(record, prepared, _stored_start(record, prepared))
 
 
 def replay(store: Store, run: str) -> Replay:
@@ -73,8 +72,7 @@ def replay(store: Store, run: str) -> Replay:
     record = start.record
     rollout = roll_out(
         [start.prepared.model],
-        start.qpos[None],
-        start.qvel[None],
+        start.state,
         record.steps_asked,
         Buffers(),
     )
@@ -90,6 +88,13 @@ def replay(store: Store, run: str) -> Replay:
         difference=difference,
         stored_engine=f"{record.engine.name} {record.engine.version}",
     )
+
+
+def _stored_start(record: EvidenceRecord, prepared: Prepared) -> Starts:
+    initial = record.initial
+    applied = initial.applied or (0.0,) * (6 * prepared.model.nbody)
+    rows = (initial.qpos, initial.qvel, initial.ctrl, applied)
+    return Starts(*(np.array([row], dtype=np.float64) for row in rows))
 
 
 def _parsed(scene: Scene, name: str, value: object) -> object:
@@ -111,6 +116,6 @@ def _first_difference(
     rows = min(len(old), len(new))
     differs = np.flatnonzero((old[:rows] != new[:rows]).any(axis=1))
     if len(differs) == 0:
-        return rows, None
+        return None if len(old) == len(new) else rows, None
     first = int(differs[0])
     return first, float(np.abs(old[first] - new[first]).max())

@@ -1,13 +1,20 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
 import hashlib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from contactlab.errors import SweepFileError
-from contactlab.evidence import Column, StoreWriter, axis_column, metric_column, writing
+from contactlab.evidence import (
+    Column,
+    StoreWriter,
+    axis_column,
+    metric_column,
+    struct_column,
+    writing,
+)
 from contactlab.measure import METRICS
 from contactlab.pipeline.job import Finished, PlannedRun, Task
 from contactlab.pipeline.jobs import pack, planned_runs
@@ -63,27 +70,27 @@ def run_sweep(ask: Ask, begin: Callable[[int, int], None], progress: Progress) -
     planned = list(planned_runs(ask.plan, ask.scene))
     if not planned:
         raise SweepFileError(f"sweep '{ask.name}' has no runs; see `--plan`")
-    columns = _columns(ask, [run for run, _ in planned])
+    columns = _columns(ask, planned)
     identity = _identity(ask, [run for run, _ in planned])
     with writing(ask.store, identity, ask.scene.source.content, fresh=ask.fresh) as store:
         if isinstance(store, StoreManifest):
             begin(len(planned), len(planned))
             return store
-        _run_rest(ask, store, planned, begin, progress)
-        return store.finish(columns, _shared(ask), provenance())
+        task = _task(ask, store, len(planned))
+        _run_rest(ask, task, store, planned, begin, progress)
+        return store.finish(columns, _shared(ask), task.provenance)
 
 
 def _run_rest(
     ask: Ask,
+    task: Task,
     store: StoreWriter,
     planned: Planned,
     begin: Callable[[int, int], None],
     progress: Progress,
 ) -> None:
-    done = store.done()
-    rest = [each for each in planned if each[0].run_id not in done]
+    rest = [each for each in planned if each[0].run_id not in store.done]
     begin(len(planned), len(planned) - len(rest))
-    task = _task(ask, store, len(planned))
     for finished in run_all(task, pack(rest, ask.scene, ask.workers), ask.workers):
         store.append([each.row for each in finished])
         progress(finished)
@@ -130,10 +137,12 @@ def _shared(ask: Ask) -> Mapping[str, Any]:
     }
 
 
-def _columns(ask: Ask, runs: Iterable[PlannedRun]) -> list[Column]:
-    """Return the columns of axes, typed by their values, and of metrics."""
+def _columns(ask: Ask, planned: Planned) -> list[Column]:
+    """Return the columns of axes, typed by their values, of metrics, settings and effects."""
     values: dict[str, dict[object, None]] = {}
-    for run in runs:
+    settings: dict[str, object] = {}
+    for run, resolved in planned:
+        settings |= resolved.values
         for name, value in run.values.items():
             values.setdefault(name, {})[as_written(value)] = None
     for name, taken in values.items():
@@ -143,7 +152,8 @@ def _columns(ask: Ask, runs: Iterable[PlannedRun]) -> list[Column]:
             )
     axes = [_axis_column(ask.scene, name, list(taken)) for name, taken in values.items()]
     metrics = [metric_column(each.name, each.unit, each.definition) for each in METRICS.values()]
-    return axes + metrics
+    effects = struct_column("effects", planned[0][1].flags)
+    return [*axes, *metrics, struct_column("settings", settings), effects]
 
 
 def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:

@@ -3,9 +3,9 @@
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, did_you_mean
 from contactlab.evidence import RESERVED
-from contactlab.measure import LABELS, METRICS
+from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.scene import Scene
 from contactlab.schema import Vocabulary
 
@@ -30,12 +30,14 @@ class Scenes:
         if reference not in self._opened:
             scene = Scene.open(reference, self.folder)
             _check_names(scene)
+            _check_manifest(scene)
             self._opened[reference] = scene
         return self._opened[reference]
 
     def vocabulary(self, reference: str) -> Vocabulary:
         """Return every name that a sweep of the scene may use."""
-        return Vocabulary(self.open(reference).catalogue, tuple(METRICS), tuple(LABELS))
+        scene = self.open(reference)
+        return Vocabulary(scene.catalogue, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
 
 
 def _check_names(scene: Scene) -> None:
@@ -45,3 +47,17 @@ def _check_names(scene: Scene) -> None:
             f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "
             "which are columns of the table already; rename them in its manifest"
         )
+
+
+def _check_manifest(scene: Scene) -> None:
+    """Check what only the tables of metrics know: thresholds, tolerances and the oracle."""
+    manifest = scene.source.manifest
+    if manifest is None:
+        return
+    limits(manifest.thresholds)
+    for name in manifest.tolerances:
+        if name not in METRICS:
+            raise SceneError(f"no metric '{name}'{did_you_mean(name, METRICS)}")
+    oracle = manifest.oracle
+    if oracle and oracle.name not in ORACLES:
+        raise SceneError(f"no oracle '{oracle.name}'{did_you_mean(oracle.name, ORACLES)}")

@@ -3,33 +3,28 @@
 import faulthandler
 import json
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from contactlab.evidence import TRACES, TraceExtras, TraceSummary, to_row, write_trace
-from contactlab.measure import assess
+from contactlab.pipeline.groups import Group, measured_groups
 from contactlab.pipeline.job import Finished, Job, PlannedRun, Task
 from contactlab.pipeline.record import Outcome, RecordMaker, RunPlan
 from contactlab.scene import Base, Prepared, Resolved, Scene, make_setup, stored_scene
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
-from contactlab.sim import Buffers, Rollout, make_trace, quiet, roll_out, trajectory_hash
-from contactlab.trace import Setup, Trace
+from contactlab.sim import (
+    Buffers,
+    make_trace,
+    quiet,
+    roll_out,
+    run_checks,
+    trajectory_hash,
+)
+from contactlab.trace import Checks, Trace
 
 _MOST_MODELS = 64
 _RECORD_SCHEMA = b'{"type":"object"}'
-
-
-@dataclass(frozen=True)
-class _Group:
-    """Runs whose arrays are whole, with their place in the job."""
-
-    places: tuple[int, ...]
-    trace: Trace
-    setup: Setup
 
 
 class Worker:
@@ -42,6 +37,7 @@ class Worker:
         self._scene = Scene(stored_scene(task.scene_folder, task.scene_model, task.scene))
         self._models: OrderedDict[str, Prepared] = OrderedDict()
         self._buffers = Buffers()
+        self._folders: set[Path] = set()
         self._records = RecordMaker(task, self._scene.hash)
         model = self._scene.source.model
         self._model_xml = model.read_bytes()
@@ -54,22 +50,24 @@ class Worker:
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
         base = self._scene.base(resolved[0].structure)
-        qpos = np.array([plan.qpos for plan in plans])
-        qvel = np.array([plan.qvel for plan in plans])
+        starts = self._scene.starts(resolved)
         with self._watchdog() as watch:
-            rollout = roll_out(models, qpos, qvel, resolved[0].steps, self._buffers, watch)
+            rollout = roll_out(models, starts, resolved[0].steps, self._buffers, watch)
         manifest = self._scene.source.manifest
         setup = make_setup(base, manifest, resolved, models, self._task.sweep.thresholds)
         trace = make_trace(base, prepared, rollout)
-        if setup.gravity.any():
-            trace = replace(trace, momentum=None, spin=None)
+
+        def check(places: Sequence[int], picked: Trace) -> Checks:
+            return run_checks(
+                base, [prepared[place] for place in places], starts.rows(places), picked
+            )
+
         finished: dict[int, Finished] = {}
-        for group in _groups(trace, setup, rollout):
-            assessment = assess(group.trace, group.setup)
+        for group in measured_groups(trace, setup, rollout, self._task.sweep.checks, check):
             for row, place in enumerate(group.places):
                 outcome = Outcome(
                     plan=plans[place],
-                    assessment=assessment,
+                    assessment=group.assessment,
                     row=row,
                     steps=rollout.steps[place],
                     warnings=rollout.warnings[place],
@@ -87,9 +85,9 @@ class Worker:
             self._scene.resolve(run.values, run.seed, self._task.sweep.duration) for run in job
         ]
         base = self._scene.base(resolved[0].structure)
-        qpos, qvel = self._scene.starts(resolved)
+        starts = self._scene.starts(resolved)
         return [
-            RunPlan(run, each, self._prepared(base, each), qpos[place], qvel[place])
+            RunPlan(run, each, self._prepared(base, each), starts.pick(place))
             for place, (run, each) in enumerate(zip(job, resolved, strict=True))
         ]
 
@@ -98,7 +96,7 @@ class Worker:
         (plan,) = self.plans((run,))
         return _finished(self._records.lost(plan, label))
 
-    def _finish(self, outcome: Outcome, group: _Group) -> Finished:
+    def _finish(self, outcome: Outcome, group: Group) -> Finished:
         record = self._records.make(outcome)
         if self._keeps_trace(outcome.plan.run, record):
             trace = self._write_trace(record, outcome, group)
@@ -119,15 +117,15 @@ class Worker:
     def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
         rule = self._task.sweep.trace
         if rule.startswith("sample:"):
-            stride = max(1, self._task.runs // int(rule.removeprefix("sample:")))
-            return run.index % stride == 0
+            wanted = int(rule.removeprefix("sample:"))
+            return run.index * wanted % self._task.runs < wanted
         return rule == "all" or (rule == "flagged" and record.label != "stable")
 
-    def _write_trace(self, record: EvidenceRecord, outcome: Outcome, group: _Group) -> TraceFile:
+    def _write_trace(self, record: EvidenceRecord, outcome: Outcome, group: Group) -> TraceFile:
         """Write a run's trace; its record there has neither cost nor clock, so that it repeats."""
         file = Path(TRACES) / record.run_id[:2] / f"{record.run_id}.mcap"
         path = self._task.store / file
-        path.parent.mkdir(parents=True, exist_ok=True)
+        self._make(path.parent)
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),
             record_schema=_RECORD_SCHEMA,
@@ -143,6 +141,12 @@ class Worker:
             bytes=summary.size,
             messages=dict(summary.messages),
         )
+
+    def _make(self, folder: Path) -> None:
+        """Make a folder of traces; to ask the system for one that is there costs as much."""
+        if folder not in self._folders:
+            folder.mkdir(parents=True, exist_ok=True)
+            self._folders.add(folder)
 
     @contextmanager
     def _watchdog(self) -> Generator[Callable[[], None]]:
@@ -166,19 +170,6 @@ def _finished(record: EvidenceRecord) -> Finished:
         status=record.status,
         expectation_met=record.expectation_met,
     )
-
-
-def _groups(trace: Trace, setup: Setup, rollout: Rollout) -> Iterator[_Group]:
-    """Yield the runs that went through as one group, and each that did not as its own."""
-    whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
-    if len(whole) == trace.runs:
-        yield _Group(tuple(whole), trace, setup)
-        return
-    if whole:
-        yield _Group(tuple(whole), trace.pick(whole), setup.pick(whole))
-    for place in sorted(set(range(trace.runs)) - set(whole)):
-        cut = trace.pick([place], rollout.steps[place])
-        yield _Group((place,), cut, setup.pick([place]))
 
 
 def _metadata(record: EvidenceRecord) -> dict[str, str]:

@@ -32,11 +32,14 @@ def read_condition(
             _note_not_swept(context, name, document.key((*path, name)), known)
             continue
         settings.append((name, context.canonical(name, raw, document.value((*path, name)))))
-    expression, inside = None, None
+    expression, inside, splits = None, None, ()
     if condition.where is not None:
         inside = _inside(context, (*path, "where"), condition.where)
-        expression = _read_expression(context, condition.where, (*path, "where"), known)
-    return Match(tuple(settings), expression, document.value(path), inside)
+        specs = [spec for spec in map(context.find, known) if spec is not None]
+        parts = {part for spec in specs for part in spec.parts}
+        expression = _read_expression(context, condition.where, (*path, "where"), {*known, *parts})
+        splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
+    return Match(tuple(settings), expression, document.value(path), inside, splits)
 
 
 def read_rows(context: Context, folder: FilePath) -> tuple[Row, ...]:

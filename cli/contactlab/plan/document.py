@@ -84,7 +84,8 @@ class Document:
             for old in [each for each in places if each[: len(path)] == path]:
                 del places[old]
         parent = cast("dict[str, object]", self.data)
-        for part in path[:-1]:
+        for depth, part in enumerate(path[:-1], 1):
+            self.keys.setdefault(path[:depth], at)
             inner = parent.get(str(part))
             if not isinstance(inner, dict):
                 inner = parent[str(part)] = {}
@@ -144,9 +145,10 @@ class _Origin:
 
     def place(self, start: _Mark, end: _Mark | None = None) -> Place:
         line, column = start.line + 1, start.column + 1 + self.shift
-        place = Place(self.source, line, max(column, 1))
         if end is None:
-            return place
+            length = len(Place(self.source, line, 1).text)
+            return Place(self.source, line, min(column, length + 1))
+        place = Place(self.source, line, max(column, 1))
         same = end.line == start.line
         last = end.column + self.shift if same else len(place.text.rstrip())
         return Place(self.source, line, place.column, max(last + 1 - column, 1))

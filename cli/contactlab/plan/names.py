@@ -66,6 +66,7 @@ def check_names(context: Context) -> None:
         note_unknown_axis(context, name, document.key(("effects", name)), "effect")
     _check_twice(context)
     _check_known(document, "metric", vocabulary.metrics, ("tolerances",))
+    _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
         path = context.draft.path("expect", index)
         _check_known(document, "metric", vocabulary.metrics, (*path, "metrics"))

@@ -139,14 +139,13 @@ def _in_zip(document: Document, name: str) -> bool:
 
 def _value(document: Document, option: Option, path: Path) -> tuple[object, Document]:
     """Return the data that an option gives, and the places of its parts."""
-    if path[0] == "axes" and (call := _CALL.fullmatch(option.value)):
-        value, other = _form(option, call)
-    else:
-        other = _pieces(option)
-        value = other.data
-        if path[0] != "axes" and isinstance(value, list) and len(cast("list[object]", value)) == 1:
-            value, other = cast("list[object]", value)[0], _only_item(other)
+    call = _CALL.fullmatch(option.value) if path[0] == "axes" else None
+    value, other = _form(option, call) if call else _listed(option, path)
     document.found.extend(other.found)
+    if other.found:
+        # The name stays known, and nothing else is said of it.
+        document.unreadable.update({option.key, option.place})
+        return None, Document(other.source, None, {(): option.place})
     role = document.mapping(*path).get("role")
     if path[0] != "axes" or role is None:
         return value, other
@@ -155,18 +154,24 @@ def _value(document: Document, option: Option, path: Path) -> tuple[object, Docu
     return {**cast("dict[str, object]", value), "role": role}, other
 
 
+def _listed(option: Option, path: Path) -> tuple[object, Document]:
+    other = _pieces(option)
+    value = other.data
+    if path[0] != "axes" and isinstance(value, list) and len(cast("list[object]", value)) == 1:
+        return cast("list[object]", value)[0], _only_item(other)
+    return value, other
+
+
 def _form(option: Option, call: re.Match[str]) -> tuple[object, Document]:
     name = call.group(1)
     start = option.place.column + len(name) + 1
     other = read_argument(f"[{call.group(2)}]", option.place.source, start)
-    value = {name: other.data}
     below = _below(other, name, option.place)
     below.keys[(name,)] = option.place.part(0, len(name))
     if name not in FORMS:
         hint = did_you_mean(name, FORMS).removeprefix("; ") or f"one of: {', '.join(FORMS)}"
         below.add("unknown-key", below.keys[(name,)], f"no form '{name}'", hint)
-        value = {"values": [0]}
-    return value, below
+    return {name: other.data}, below
 
 
 def _pieces(option: Option) -> Document:

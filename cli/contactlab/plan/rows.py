@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -11,6 +11,7 @@ from contactlab.plan.expression import Expression
 from contactlab.plan.term import ExpressionError, NoValueError
 
 Row = dict[str, object]
+Split = Callable[[object], Mapping[str, float]]
 
 
 @dataclass(frozen=True)
@@ -35,12 +36,14 @@ class Match:
         expression: further condition, if any.
         place: where the condition stands.
         inside: where the expression's first character stands, if it can be told.
+        splits: how the values of axes split into parts that the expression names.
     """
 
     settings: tuple[tuple[str, object], ...]
     expression: Expression | None
     place: Place
     inside: Place | None = None
+    splits: tuple[tuple[str, Split], ...] = ()
 
     def holds(self, row: Mapping[str, object]) -> bool:
         """Tell whether a row meets the condition; an axis that it lacks meets none.
@@ -54,16 +57,25 @@ class Match:
         if self.expression is None:
             return True
         try:
-            return bool(self.expression.evaluate(row))
+            return bool(self.expression.evaluate(self._with_parts(row)))
         except NoValueError:
             return False
         except ExpressionError as error:
             raise SweepMistakesError([self._failure(error, row)]) from error
 
+    def _with_parts(self, row: Mapping[str, object]) -> Mapping[str, object]:
+        """Return the row, and the parts of its values that the expression may name."""
+        parts: Row = {}
+        for name, split in self.splits:
+            if name in row:
+                parts |= split(row[name])
+        return {**parts, **row} if parts else row
+
     def _failure(self, error: ExpressionError, row: Mapping[str, object]) -> Diagnostic:
         place = self.inside.part(error.start, error.width) if self.inside else self.place
         names = cast("Expression", self.expression).names
-        values = ", ".join(f"{name} = {row[name]}" for name in names)
+        known = self._with_parts(row)
+        values = ", ".join(f"{name} = {known[name]}" for name in names)
         return Diagnostic("bad-expression", str(error), place, f"at {values}" if values else "")
 
 

@@ -34,6 +34,10 @@ class Targets:
     explicit: tuple[int, ...]
     subject: int | None
 
+    def rows(self, field: str) -> list[int]:
+        """Return which rows of a geom's or a <pair> element's field are theirs."""
+        return list(self.geoms if field.startswith("geom") else self.explicit)
+
 
 def find_targets(model: mujoco.MjModel, pairs: Sequence[Pair], subject: int | None) -> Targets:
     """Return the geoms and <pair> elements behind the graded pairs."""
@@ -78,6 +82,19 @@ def edited(changed: Iterable[str], targets: Targets) -> tuple[int, ...]:
     return targets.geoms if set(changed) & set(CONTACT_SETTINGS) else ()
 
 
+def varied(
+    model: mujoco.MjModel, settings: Mapping[str, object], targets: Targets
+) -> frozenset[str]:
+    """Return the contact settings that `apply` would change by writing what stands there."""
+    return frozenset(
+        name
+        for name in CONTACT_SETTINGS
+        if name in settings
+        for field, row in _rows(name, settings[name]).items()
+        if np.any(getattr(model, field)[targets.rows(field)] != row)
+    )
+
+
 def _number(name: str) -> Callable[[mujoco.MjModel, object], None]:
     def write(model: mujoco.MjModel, value: object) -> None:
         setattr(model.opt, name, value)
@@ -106,23 +123,24 @@ _WRITERS = (
 )
 
 
-def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: Targets) -> None:
-    """Give every graded geom the pair's value, so that mixing equal values gives it back."""
-    geoms, explicit = list(targets.geoms), list(targets.explicit)
+def _rows(name: str, value: object) -> dict[str, np.ndarray]:
+    """Return the model fields of a contact setting, each with what stands in its rows.
+
+    Every graded geom is given the pair's value, so that mixing equal values gives it back.
+    """
     row = np.asarray(value)
     if name == "friction":
-        model.geom_friction[geoms] = row[[0, 2, 3]]
-        model.pair_friction[explicit] = row
-    elif name == "condim":
-        model.geom_condim[geoms] = row
-        model.pair_dim[explicit] = row
-    elif name in ("margin", "gap"):
-        # MuJoCo adds the margins of the two geoms.
-        getattr(model, f"geom_{name}")[geoms] = row / 2
-        getattr(model, f"pair_{name}")[explicit] = row
-    else:
-        getattr(model, f"geom_{name}")[geoms] = row
-        getattr(model, f"pair_{name}")[explicit] = row
+        return {"geom_friction": row[[0, 2, 3]], "pair_friction": row}
+    if name == "condim":
+        return {"geom_condim": row, "pair_dim": row}
+    # MuJoCo adds the margins, and the gaps, of the two geoms.
+    half = row / 2 if name in ("margin", "gap") else row
+    return {f"geom_{name}": half, f"pair_{name}": row}
+
+
+def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: Targets) -> None:
+    for field, row in _rows(name, value).items():
+        getattr(model, field)[targets.rows(field)] = row
 
 
 def _write_mass(model: mujoco.MjModel, mass: float, targets: Targets) -> None:

@@ -1,16 +1,15 @@
 """A scene's model, compiled once for each structure, with the sensors that record a run."""
 
 import copy
-import xml.etree.ElementTree as ET
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from contactlab.errors import SceneError
-from contactlab.scene.apply import Targets, apply, edited, find_targets
-from contactlab.scene.coordinates import match
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.apply import Targets, apply, edited, find_targets, varied
+from contactlab.scene.compile import compile_model
 from contactlab.scene.effective import effective
 from contactlab.scene.flags import read_flags
 from contactlab.scene.pairs import Pair, declared_pairs, found_pairs
@@ -18,8 +17,6 @@ from contactlab.scene.sensors import Layout, add_sensors, find_layout
 from contactlab.scene.settings import base_settings
 from contactlab.scene.source import SceneSource
 from contactlab.schema import PairRecord, SceneManifest
-
-_PERTURBATION = 1e-4
 
 
 @dataclass(frozen=True)
@@ -33,6 +30,7 @@ class Base:
         settings: every setting of the model as written.
         flags: every engine switch of the model as written.
         targets: where contact and mass settings go.
+        varied: contact settings that not every target has as `settings` says.
         free: whether no static body, actuator or field outside acts on it.
     """
 
@@ -42,6 +40,7 @@ class Base:
     settings: Mapping[str, object]
     flags: Mapping[str, bool]
     targets: Targets
+    varied: frozenset[str]
     free: bool
 
     def prepare(self, edits: Mapping[str, object]) -> "Prepared":
@@ -76,61 +75,25 @@ def compile_base(source: SceneSource, structure: Mapping[str, object]) -> Base:
     Raises:
         SceneError: the model does not compile, or the manifest names what it does not have.
     """
-    plain = _compile(source, lambda: _spec(source, structure))
+    plain = compile_model(source, structure, lambda _: None)
     free = _is_free(plain)
-    manifest = source.manifest
-    pairs = declared_pairs(plain, manifest.pairs) if manifest else ()
-    pairs = pairs or found_pairs(plain)
-
-    def with_sensors() -> mujoco.MjSpec:
-        spec = _spec(source, structure)
-        add_sensors(spec, pairs, free=free)
-        return spec
-
-    model = _compile(source, with_sensors)
-    subject = _subject(model, manifest)
+    with source.blamed():
+        subject = _subject(plain, source.manifest)
+        declared = declared_pairs(plain, source.manifest.pairs) if source.manifest else ()
+        pairs = declared or found_pairs(plain)
+    model = compile_model(source, structure, lambda spec: add_sensors(spec, pairs, free=free))
+    settings = base_settings(model, pairs, subject)
+    targets = find_targets(model, pairs, subject)
     return Base(
         model=model,
         pairs=pairs,
         layout=find_layout(model, pairs, free=free),
-        settings=base_settings(model, pairs, subject),
+        settings=settings,
         flags=read_flags(model),
-        targets=find_targets(model, pairs, subject),
+        targets=targets,
+        varied=varied(model, settings, targets),
         free=free,
     )
-
-
-def _compile(source: SceneSource, build: Callable[[], mujoco.MjSpec]) -> mujoco.MjModel:
-    try:
-        return build().compile()
-    except (ValueError, mujoco.FatalError) as error:
-        message = str(error).replace("\n", "\n  ")
-        raise SceneError(f"{source.model}: does not compile\n  {message}") from error
-
-
-def _spec(source: SceneSource, structure: Mapping[str, object]) -> mujoco.MjSpec:
-    """Parse the model with its structure values written, and name every geom."""
-    if structure:
-        spec = mujoco.MjSpec.from_string(_edited_xml(source, structure))
-        spec.modelfiledir = str(source.model.parent) + "/"
-    else:
-        spec = mujoco.MjSpec.from_file(str(source.model))
-    for index, geom in enumerate(spec.geoms):
-        geom.name = geom.name or f"geom{index}"
-    return spec
-
-
-def _edited_xml(source: SceneSource, structure: Mapping[str, object]) -> str:
-    root = ET.parse(source.model).getroot()  # noqa: S314 - a local model that the user asked for
-    entries = source.manifest.structure if source.manifest else {}
-    for name, value in structure.items():
-        entry = entries[name]
-        elements = root.findall(entry.element)
-        if not elements:
-            raise SceneError(f"{source.model}: structure '{name}' finds no {entry.element}")
-        for element in elements:
-            element.set(entry.attribute, repr(value))
-    return ET.tostring(root, "unicode")
 
 
 def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | None:
@@ -138,7 +101,11 @@ def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | Non
     if manifest and manifest.subject:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, manifest.subject)
         if index < 0:
-            raise SceneError(f"the manifest's subject '{manifest.subject}' is no body of the model")
+            known = [model.body(each).name for each in range(1, model.nbody)]
+            hint = did_you_mean(manifest.subject, known)
+            raise SceneError(f"subject '{manifest.subject}' is no body of the model{hint}")
+        if not model.body_mass[index]:
+            raise SceneError(f"subject '{manifest.subject}' has no mass of its own")
         return index
     moving = np.flatnonzero(model.body_weldid != 0)
     return int(moving[0]) if len(moving) == 1 else None
@@ -154,30 +121,3 @@ def _is_free(model: mujoco.MjModel) -> bool:
     still = not model.opt.gravity.any() and not model.opt.density and not model.opt.viscosity
     static = bool((model.geom_bodyid == 0).any())
     return bool(len(roots) and rooted and still and not static and not model.nu and not model.neq)
-
-
-def perturbed_coordinates(
-    model: mujoco.MjModel, manifest: SceneManifest | None
-) -> tuple[list[tuple[str, int]], float]:
-    """Return which numbers of the start state a seed changes, and by how much at most.
-
-    Without a manifest: the horizontal place of free bodies, and every slide and hinge.
-    """
-    if manifest and manifest.perturb:
-        patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
-        found = [each for pattern in patterns for each in match(model, pattern)]
-        return [(each.field, each.index) for each in found], scale
-    if manifest:
-        return [], 0.0
-    return [("qpos", index) for index in _loose(model)], _PERTURBATION
-
-
-def _loose(model: mujoco.MjModel) -> list[int]:
-    indices: list[int] = []
-    for joint in range(model.njnt):
-        address, kind = int(model.jnt_qposadr[joint]), model.jnt_type[joint]
-        if kind == mujoco.mjtJoint.mjJNT_FREE:
-            indices += [address, address + 1]
-        elif kind != mujoco.mjtJoint.mjJNT_BALL:
-            indices.append(address)
-    return indices

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from contactlab.errors import SceneError
 from contactlab.scene.base import Base
 from contactlab.scene.fields import field_axis
 from contactlab.scene.flags import FLAGS
@@ -26,17 +27,15 @@ class SceneCatalogue:
         return tuple(self._axes)
 
     def find(self, name: str) -> AxisSpec | None:
-        """Return the axis of this name, or None.
-
-        Raises:
-            ValueError: the name has the form of a model field, but there is none such.
-        """
-        return self._axes.get(name) or field_axis(self._model, name)
+        """Return the axis of this name, or None."""
+        try:
+            return self._axes.get(name) or field_axis(self._model, name)
+        except ValueError:
+            return None
 
 
 def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
-    axes = list(_own_axes(manifest)) if manifest else []
-    axes += [
+    axes = [
         parameter.axis
         for parameter in PARAMETERS.values()
         if parameter.sets not in CONTACT_SETTINGS or base.pairs
@@ -44,9 +43,15 @@ def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
     if base.targets.subject is not None:
         body = base.model.body(base.targets.subject).name
         axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))
-    taken = {axis.name for axis in axes}
-    axes += [AxisSpec(name, "", "engine switch", switch) for name in FLAGS if name not in taken]
-    return axes
+    switches = [name for name in FLAGS if name not in PARAMETERS]
+    axes += [AxisSpec(name, "", "engine switch", switch) for name in switches]
+    own = _own_axes(manifest) if manifest else []
+    taken = {"mass", "seed", *PARAMETERS, *FLAGS}
+    for name in (axis.name for axis in own):
+        if name in taken:
+            raise SceneError(f"'{name}' names something else already; give the value another name")
+        taken.add(name)
+    return own + axes
 
 
 def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:

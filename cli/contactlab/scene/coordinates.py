@@ -1,4 +1,4 @@
-"""Names for the numbers of a start state: `ball.z`, `box.vx`, `hinge`, `hinge.v`."""
+"""Names for the numbers of a start state: `ball.z`, `box.vx`, `hinge`, `hinge.v`, `box.fx`."""
 
 import fnmatch
 from collections.abc import Iterator
@@ -11,6 +11,7 @@ from contactlab.errors import SceneError, did_you_mean
 
 _FREE_POSITION = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _FREE_VELOCITY = ("vx", "vy", "vz", "wx", "wy", "wz")
+_FORCE = ("fx", "fy", "fz", "tx", "ty", "tz")
 _BALL_POSITION = ("qw", "qx", "qy", "qz")
 _BALL_VELOCITY = ("wx", "wy", "wz")
 
@@ -19,7 +20,7 @@ _BALL_VELOCITY = ("wx", "wy", "wz")
 class Coordinate:
     """One number of the state: a field and an index in it."""
 
-    field: Literal["qpos", "qvel"]
+    field: Literal["qpos", "qvel", "ctrl", "xfrc_applied"]
     index: int
 
 
@@ -28,9 +29,10 @@ def coordinates(model: mujoco.MjModel) -> dict[str, Coordinate]:
 
     Slides and hinges are JOINT (m or rad) and JOINT.v; free and ball joints have a name for each
     component. Free joints rotate in the body's frame and move in the world's. A joint without a
-    name takes its body's.
+    name takes its body's. BODY.fx to .tz are a constant external force [N] and torque [N m] at the
+    body's centre of mass, in the world's frame; ACTUATOR.ctrl is a constant control.
     """
-    return dict(_named(model))
+    return dict([*_inputs(model), *_named(model)])
 
 
 def match(model: mujoco.MjModel, pattern: str) -> list[Coordinate]:
@@ -44,6 +46,14 @@ def match(model: mujoco.MjModel, pattern: str) -> list[Coordinate]:
     if not found:
         raise SceneError(f"no coordinate '{pattern}' in the model{did_you_mean(pattern, known)}")
     return found
+
+
+def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, Coordinate]]:
+    for body in range(1, model.nbody):
+        for offset, part in enumerate(_dotted(_FORCE)):
+            yield model.body(body).name + part, Coordinate("xfrc_applied", 6 * body + offset)
+    for actuator in range(model.nu):
+        yield f"{model.actuator(actuator).name}.ctrl", Coordinate("ctrl", actuator)
 
 
 def _named(model: mujoco.MjModel) -> Iterator[tuple[str, Coordinate]]:

@@ -2,7 +2,8 @@
 
 Rules from MuJoCo's documentation, Modeling > Contact parameters: an explicit <pair> decides; else
 the geom of higher priority; else friction and condim by maximum, solref and solimp by weights
-(element-wise minimum where a solref is in direct form), margin and gap always by sum.
+(element-wise minimum where a solref is in direct form), margin and gap always by sum. No friction
+is below the engine's least, and the override switch replaces what its option has.
 """
 
 import mujoco
@@ -23,10 +24,18 @@ def effective(model: mujoco.MjModel, pair: Pair) -> PairRecord:
     first, second = pair.geoms[0][0], pair.geoms[1][0]
     explicit = explicit_pair(model, first, second)
     record = _explicit(model, explicit) if explicit is not None else _mixed(model, first, second)
-    if not pair.bodies:
-        return record
-    frictions = [_friction(model, a, b) for a in pair.geoms[0] for b in pair.geoms[1]]
-    return record.model_copy(update={"friction": _floats(np.max(frictions, axis=0))})
+    frictions = [record.friction]
+    if pair.bodies:
+        frictions += [_friction(model, a, b) for a in pair.geoms[0] for b in pair.geoms[1]]
+    changes: dict[str, object] = {"friction": _bounded(np.max(frictions, axis=0))}
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        changes = {
+            "friction": _bounded(model.opt.o_friction),
+            "solref": _floats(model.opt.o_solref),
+            "solimp": _floats(model.opt.o_solimp),
+            "margin": float(model.opt.o_margin),
+        }
+    return record.model_copy(update=changes)
 
 
 def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
@@ -50,7 +59,7 @@ def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
 
 def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
     weight = _weight(model, first, second)
-    solref = _solref(model.geom_solref[first], model.geom_solref[second], weight)
+    solref = _solref(model, first, second, weight)
     solimp = weight * model.geom_solimp[first] + (1 - weight) * model.geom_solimp[second]
     return PairRecord(
         condim=_condim(model, first, second),
@@ -100,10 +109,16 @@ def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
     return 0.0 if mix1 < _MIN_WEIGHT else 1.0
 
 
-def _solref(first: np.ndarray, second: np.ndarray, weight: float) -> np.ndarray:
-    if weight in (0.0, 1.0) or (first[0] > 0 and second[0] > 0):
-        return weight * first + (1 - weight) * second
-    return np.minimum(first, second)
+def _solref(model: mujoco.MjModel, first: int, second: int, weight: float) -> np.ndarray:
+    one, two = model.geom_solref[first], model.geom_solref[second]
+    standard = one[0] > 0 and two[0] > 0
+    if standard or _ruler(model, first, second) is not None:
+        return weight * one + (1 - weight) * two
+    return np.minimum(one, two)
+
+
+def _bounded(friction: np.ndarray) -> tuple[float, ...]:
+    return _floats(np.maximum(friction, mujoco.mjMINMU))
 
 
 def _floats(values: np.ndarray | tuple[float, ...]) -> tuple[float, ...]:

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import did_you_mean
-from contactlab.scene.values import number
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.values import integer, number
 from contactlab.schema import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+)(,(?P<place>\d+))?\]")
@@ -22,10 +23,14 @@ _KINDS = {
     "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
 }
 # Addresses, counts, ids and types are structure, which the engine trusts blindly; bounds, inertia
-# and broad phase derive from sizes when a model is compiled, and not later.
+# and broad phase derive from sizes when a model is compiled, and not later; collision bits decide
+# which pairs are graded.
 _STRUCTURE = re.compile(
-    r"(adr|num|id|type|simple|limited|signature|weldid|geom1|geom2|plugin|size|rbound|aabb)$"
+    r"(adr|num|id|type|simple|sameframe|limited|signature|geom1|geom2|plugin|history|ctrlspec|size|rbound"
+    r"|aabb|conaffinity)$"
 )
+# The engine derives these from other fields, and would write over them.
+_DERIVED = re.compile(r"(weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin)$")
 
 
 def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
@@ -47,6 +52,14 @@ def is_field(model: mujoco.MjModel, name: str) -> bool:
     return field_axis(model, name) is not None
 
 
+def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
+    """Say whether a name is that of a model field where this value stands already."""
+    if not is_field(model, name):
+        return False
+    array, index = _locate(model, name)
+    return bool(np.all(array[index] == np.asarray(value, array.dtype)))
+
+
 def write_field(model: mujoco.MjModel, name: str, value: object) -> bool:
     """Write a model field; return whether constants derived from it must be computed anew."""
     array, index = _locate(model, name)
@@ -62,8 +75,10 @@ def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ..
     field, item, place = found["field"], found["object"], found["place"]
     kind = _KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
-    if kind is None or not isinstance(array, np.ndarray) or _STRUCTURE.search(field):
-        known = [each for each in dir(model) if each.partition("_")[0] in _KINDS]
+    if kind is None or not isinstance(array, np.ndarray) or _is_fixed(field):
+        known = [
+            each for each in dir(model) if each.partition("_")[0] in _KINDS and not _is_fixed(each)
+        ]
         raise ValueError(f"'{field}' is not a model field to sweep{did_you_mean(field, known)}")
     row = mujoco.mj_name2id(model, kind, item)
     if row < 0:
@@ -76,18 +91,31 @@ def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ..
     return array, index
 
 
+def _is_fixed(field: str) -> bool:
+    return bool(_STRUCTURE.search(field) or _DERIVED.search(field))
+
+
 def _parser(model: mujoco.MjModel, name: str) -> Callable[[object], object]:
     array, index = _locate(model, name)
     width = int(np.size(array[index]))
-    whole = array.dtype.kind in "iub"
-    one = number()
+    condim = re.match(r"(geom_condim|pair_dim)\b", name)
+    one = PARAMETERS["condim"].axis.parse if condim else _element_parser(array.dtype)
 
     def parse(value: object) -> object:
         parts = value.split() if isinstance(value, str) else value
         many = list(parts) if isinstance(parts, (list, tuple)) else [parts]
         if len(many) != width:
             raise ValueError(f"write {width} numbers for {name}, not {value!r}")
-        numbers = tuple(int(one(part)) if whole else one(part) for part in many)
+        numbers = tuple(one(part) for part in many)
         return numbers[0] if width == 1 else numbers
 
     return parse
+
+
+def _element_parser(kind: np.dtype) -> Callable[[object], float]:
+    if kind.kind == "b":
+        return integer(0, 1)
+    if kind.kind in "iu":
+        bounds = np.iinfo(kind)
+        return integer(int(bounds.min), int(bounds.max))
+    return number()

@@ -8,7 +8,8 @@ import mujoco
 # These serve the recording itself: sensors carry the evidence, an automatic reset would hide a
 # divergence, and the energy flag makes the kinetic energy sensor lag a step.
 _FIXED = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
-_UNSUPPORTED = {"ipc"}
+# Override puts the options' contact parameters over those of every geom, and so over a sweep's.
+_UNSUPPORTED = {"ipc", "override"}
 
 
 def _bits(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a pybind11 enum
@@ -30,6 +31,15 @@ def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
     states = {name: not off & bit for name, bit in _DISABLE.items()}
     states |= {name: bool(on & bit) for name, bit in _ENABLE.items()}
     return {name: bool(states[name]) for name in sorted(states)} | _FIXED
+
+
+def unusual(states: Mapping[str, bool]) -> dict[str, bool]:
+    """Return the switches that are not as MuJoCo's options default to.
+
+    An engine that does not know a switch yet behaves as with its default, so that what is left
+    is the same for every engine version.
+    """
+    return {name: state for name, state in states.items() if state != (name in _DISABLE)}
 
 
 def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:

@@ -1,6 +1,7 @@
 """Which contact pairs of a model are graded."""
 
 import fnmatch
+from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
@@ -8,11 +9,13 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.quiet import quiet
 from contactlab.schema import PairEntry
 
 MOST_PAIRS = 64
 _SEARCH_STEPS = 2000
 _BODY_SLOTS = 16
+_FIELD_SLOTS = 16
 _GEOM = mujoco.mjtGeom
 
 
@@ -39,9 +42,14 @@ def declared_pairs(model: mujoco.MjModel, entries: tuple[PairEntry, ...]) -> tup
     """Return the pairs that a manifest lists.
 
     Raises:
-        SceneError: an entry names an unknown geom or body.
+        SceneError: an entry names an unknown geom or body, or none; a pair is listed twice.
     """
-    return tuple(pair for entry in entries for pair in _of_entry(model, entry))
+    pairs = tuple(pair for entry in entries for pair in _of_entry(model, entry))
+    names = [pair.name for pair in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise SceneError(f"the pair {name} is listed twice")
+    return pairs
 
 
 def found_pairs(model: mujoco.MjModel) -> tuple[Pair, ...]:
@@ -53,10 +61,14 @@ def found_pairs(model: mujoco.MjModel) -> tuple[Pair, ...]:
 
 
 def _of_entry(model: mujoco.MjModel, entry: PairEntry) -> list[Pair]:
+    if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
+        raise SceneError("each entry of pairs takes one of geoms, bodies or chain")
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]
     chain = _expand(model, entry.chain) if entry.chain else [*(entry.geoms or ())]
     ids = [_geom_id(model, name) for name in chain]
+    if len(ids) < 2:
+        raise SceneError(f"the chain {', '.join(chain)} has no two geoms that could touch")
     return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
 
 
@@ -89,11 +101,22 @@ def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
     if body < 0:
         known = [model.body(each).name for each in range(model.nbody)]
         raise SceneError(f"no body '{name}' in the model{did_you_mean(name, known)}")
-    return tuple(int(each) for each in np.flatnonzero(model.geom_bodyid == body))
+    geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
+    solid = tuple(geom for geom in geoms if _is_solid(model, geom))
+    if not solid:
+        raise SceneError(f"body '{name}' has no geom of its own that could touch")
+    return solid
+
+
+def _is_solid(model: mujoco.MjModel, geom: int) -> bool:
+    listed = geom in model.pair_geom1 or geom in model.pair_geom2
+    return bool(listed or model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
 def _usual_slots(first: int, second: int) -> int:
     shapes = {first, second}
+    if _GEOM.mjGEOM_HFIELD in shapes:
+        return _FIELD_SLOTS
     if _GEOM.mjGEOM_SPHERE in shapes:
         return 1
     return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
@@ -132,12 +155,15 @@ def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
 
 def _touching(model: mujoco.MjModel) -> list[tuple[int, int]]:
     """Return the geom pairs that touch in a short run from the start state, most often first."""
+    quiet()
+    counts: Counter[tuple[int, int]] = Counter()
     data = mujoco.MjData(model)
-    counts: dict[tuple[int, int], int] = {}
-    for _ in range(_SEARCH_STEPS):
-        mujoco.mj_step(model, data)
-        for first, second in np.sort(data.contact.geom, axis=1).tolist():
-            if first < 0:  # a flex, which has no geom
-                continue
-            counts[first, second] = counts.get((first, second), 0) + 1
+    try:
+        for _ in range(_SEARCH_STEPS):
+            mujoco.mj_step(model, data)
+            touching = np.sort(data.contact.geom, axis=1).tolist()
+            # A flex has no geom.
+            counts.update((first, second) for first, second in touching if first >= 0)
+    except mujoco.FatalError as error:
+        raise SceneError(f"the search for contact pairs failed: {error}") from error
     return sorted(counts, key=lambda pair: (-counts[pair], pair))

@@ -6,14 +6,14 @@ and its Modeling chapter (solver parameters).
 
 from collections.abc import Callable, Mapping, MutableMapping
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 import mujoco
 
+from contactlab.law import damping_ratio_of, stiffness_damping
 from contactlab.scene.values import Parser, choice, integer, number, numbers
 from contactlab.schema import AxisSpec
-from contactlab.trace.contact_law import damping_ratio_of, stiffness_damping
 
 Settings = MutableMapping[str, object]
 Update = Callable[[Settings, object], None]
@@ -150,6 +150,19 @@ def _friction(settings: Settings, value: object) -> None:
     settings["friction"] = (slide, slide, torsion, roll, roll)
 
 
+def _parts(names: tuple[str, ...], value: object) -> dict[str, float]:
+    assert isinstance(value, tuple)
+    return dict(zip(names, value, strict=True))
+
+
+def _solref_parts(value: object) -> dict[str, float]:
+    """Name the parts of a solref by its form; the other form's are absent."""
+    assert isinstance(value, tuple)
+    if value[0] > 0:
+        return {_TC: value[0], _DR: value[1]}
+    return {_K: -value[0], _B: -value[1]}
+
+
 def _condim(value: object) -> int:
     parsed = integer(1, 6)(value)
     if parsed not in (1, 3, 4, 6):
@@ -188,9 +201,11 @@ def _parameter(  # noqa: PLR0913
     update: Update | None = None,
     choices: tuple[str, ...] = (),
     conflicts: tuple[str, ...] = (),
+    parts: tuple[str, ...] = (),
+    split: Callable[[object], Mapping[str, float]] | None = None,
 ) -> Parameter:
     sets = sets or name
-    axis = AxisSpec(name, unit, description, parse, choices, conflicts)
+    axis = AxisSpec(name, unit, description, parse, choices, conflicts, parts, split)
     return Parameter(axis, sets, update or _whole(sets))
 
 
@@ -215,7 +230,15 @@ _OPTION = [
 ]
 
 _SOLREF_AXES = [
-    _parameter("solref", "s 1", "contact reference", _SOLREF, conflicts=(*_SOLREF_PARTS, _E)),
+    _parameter(
+        "solref",
+        "s 1",
+        "contact reference",
+        _SOLREF,
+        conflicts=(*_SOLREF_PARTS, _E),
+        parts=_SOLREF_PARTS,
+        split=_solref_parts,
+    ),
     _parameter(
         _TC, "s", "time constant", _POSITIVE, sets="solref", update=_standard(0), conflicts=(_K, _B)
     ),
@@ -236,7 +259,15 @@ _SOLREF_AXES = [
 ]
 
 _SOLIMP_AXES = [
-    _parameter("solimp", "1", "impedance", _solimp_value, conflicts=_SOLIMP_PARTS),
+    _parameter(
+        "solimp",
+        "1",
+        "impedance",
+        _solimp_value,
+        conflicts=_SOLIMP_PARTS,
+        parts=_SOLIMP_PARTS,
+        split=partial(_parts, _SOLIMP_PARTS),
+    ),
     *(
         _parameter(name, unit, text, parse, sets="solimp", update=_part("solimp", (place,)))
         for place, (name, unit, text, parse) in enumerate(
@@ -259,6 +290,8 @@ _FRICTION_AXES = [
         numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
         update=_friction,
         conflicts=_FRICTION_PARTS,
+        parts=_FRICTION_PARTS,
+        split=partial(_parts, _FRICTION_PARTS),
     ),
     *(
         _parameter(
@@ -275,7 +308,9 @@ _FRICTION_AXES = [
 _SHELL_AXES = [
     _parameter("condim", "1", "contact dimensions: 1, 3, 4 or 6", _condim),
     _parameter("margin", "m", "distance at which contact begins", number(least=0)),
-    _parameter("gap", "m", "part of the margin without force", number(least=0)),
+    _parameter(
+        "gap", "m", "distance beyond the margin at which contacts exist, forceless", number(least=0)
+    ),
 ]
 
 # The order is that of application: a restitution keeps the stiffness set before it.

@@ -9,12 +9,12 @@ from typing import Any
 
 from contactlab.scene.base import Base, compile_base
 from contactlab.scene.catalogue import SceneCatalogue
-from contactlab.scene.flags import FLAGS
+from contactlab.scene.fields import is_as_written
+from contactlab.scene.flags import FLAGS, unusual
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.source import SceneSource, find_scene
-from contactlab.scene.start import StartState, start_states
+from contactlab.scene.start import Starts, StartState, start_states
 from contactlab.schema import InitialValue
-from contactlab.trace import Floats
 
 _RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
 
@@ -58,8 +58,12 @@ class Resolved:
 
     def edits(self) -> dict[str, object]:
         """Return the settings and switches to write into the base model."""
-        edits = {name: self.settings[name] for name in sorted(self.changed & set(self.settings))}
-        return edits | {name: self.flags[name] for name in sorted(self.changed & set(self.flags))}
+        # Model fields go last: they are more particular than the settings that write them too.
+        names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
+        edits = {name: self.settings[name] for name in names}
+        # Gravity is a setting, though there is a switch of that name too.
+        switched = sorted(self.changed & set(self.flags) - set(self.settings))
+        return edits | {name: self.flags[name] for name in switched}
 
 
 class Scene:
@@ -69,7 +73,10 @@ class Scene:
         self.source = source
         self._bases: dict[str, Base] = {}
         self._starts: dict[str, StartState] = {}
-        self.catalogue = SceneCatalogue(self.base({}), source.manifest)
+        base = self.base({})
+        with source.blamed():
+            self.catalogue = SceneCatalogue(base, source.manifest)
+        self.starts([self.resolve({}, 0, None)])
 
     @classmethod
     def open(cls, reference: str, folder: Path | None = None) -> "Scene":
@@ -140,24 +147,39 @@ class Scene:
         return self.source.manifest.duration if self.source.manifest else 2.0
 
     def run_id(self, run: Resolved) -> str:
-        """Return a hash of scene content, settings, seed and duration, but not of the engine."""
+        """Return a hash of scene content, settings, seed and duration, but not of the engine.
+
+        Runs that are resolved to the same model and start have the same one.
+        """
+        base = self.base(run.structure)
         identity = {
             "scene": self.hash,
-            "settings": run.values,
-            "flags": run.flags,
+            "settings": {
+                name: _rounded(value)
+                for name, value in run.values.items()
+                if not is_as_written(base.model, name, value)
+            },
+            "written_over": sorted(run.changed & base.varied),
+            "flags": unusual(run.flags),
             "seed": run.seed,
             "duration": run.duration,
         }
         text = json.dumps(identity, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()[:16]
 
-    def starts(self, runs: Sequence[Resolved]) -> tuple[Floats, Floats]:
-        """Return the start states of runs of one structure: qpos (n, nq) and qvel (n, nv)."""
-        key = json.dumps(runs[0].structure, sort_keys=True)
+    def starts(self, runs: Sequence[Resolved]) -> Starts:
+        """Return the start states of runs of one structure."""
+        start = self._start(runs[0].structure)
+        with self.source.blamed():
+            return start_states(start, [(run.initial, run.seed) for run in runs])
+
+    def _start(self, structure: Mapping[str, object]) -> StartState:
+        key = json.dumps(structure, sort_keys=True)
         if key not in self._starts:
-            model = self.base(runs[0].structure).model
-            self._starts[key] = StartState.of(model, self.source.manifest)
-        return start_states(self._starts[key], [(run.initial, run.seed) for run in runs])
+            model = self.base(structure).model
+            with self.source.blamed():
+                self._starts[key] = StartState.of(model, self.source.manifest)
+        return self._starts[key]
 
     def _structure(self, values: Mapping[str, object]) -> dict[str, object]:
         manifest = self.source.manifest
@@ -170,3 +192,10 @@ class Scene:
 
     def _initial(self) -> Mapping[str, InitialValue]:
         return self.source.manifest.initial if self.source.manifest else {}
+
+
+def _rounded(value: object) -> object:
+    """Drop the digits in which machines may differ when they compute one value."""
+    if isinstance(value, tuple):
+        return [_rounded(part) for part in value]
+    return float(f"{value:.12g}") if isinstance(value, float) else value

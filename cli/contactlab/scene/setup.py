@@ -1,5 +1,6 @@
 """What is known of a group of runs beside their traces, taken from their models."""
 
+import re
 from collections.abc import Mapping, Sequence
 
 import mujoco
@@ -13,6 +14,7 @@ from contactlab.schema import SceneManifest
 from contactlab.trace import Barrier, FreeBody, Setup
 
 _GEOM = mujoco.mjtGeom
+_PUSH = re.compile(r"\.[ft][xyz]$")
 
 
 def make_setup(
@@ -40,13 +42,14 @@ def make_setup(
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([_gravity(model) for model in models]),
-        passive=_is_passive(base.model),
+        passive=all(map(_is_passive, models)) and not _is_pushed(manifest),
         quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
         thickness=np.array([_thickness(base.model, pair) for pair in base.pairs]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
+        speculative=np.array([run.flags.get("speculative", False) for run in runs]),
         first_mode=asked.first if asked else None,
         last_mode=asked.last if asked else None,
         oracle=oracle.name if oracle else None,
@@ -63,6 +66,12 @@ def _gravity(model: mujoco.MjModel) -> np.ndarray:
 def _is_passive(model: mujoco.MjModel) -> bool:
     driven = model.nu or model.nplugin or model.opt.wind.any() or model.body_gravcomp.any()
     return not driven and not getattr(model, "geom_surfacevel", np.zeros(1)).any()
+
+
+def _is_pushed(manifest: SceneManifest | None) -> bool:
+    """Say whether the scene's initial values push bodies, in any of its runs."""
+    entries = manifest.initial.values() if manifest else ()
+    return any(_PUSH.search(name) for entry in entries for name in entry.sets)
 
 
 def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:

@@ -1,5 +1,7 @@
 """From what a sweep names as its scene to the scene's files and manifest."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,7 +15,7 @@ from contactlab.scene.content import Content, collect
 from contactlab.schema import SceneManifest
 
 MANIFEST = "scene.yaml"
-_MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
+MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
 
 
 @dataclass(frozen=True)
@@ -22,11 +24,13 @@ class SceneSource:
 
     Attributes:
         name: the shipped name, or the folder's or file's stem.
+        path: the manifest, or the model file where there is none.
         manifest: what is asked of the model; None for a bare model file.
         content: its files and their hash.
     """
 
     name: str
+    path: Path
     manifest: SceneManifest | None
     content: Content
 
@@ -34,6 +38,14 @@ class SceneSource:
     def model(self) -> Path:
         """The model file."""
         return self.content.root / self.content.model
+
+    @contextmanager
+    def blamed(self) -> Generator[None]:
+        """Put the scene's file before the message of an error that is raised within."""
+        try:
+            yield
+        except SceneError as error:
+            raise SceneError(f"{self.path}: {error}") from error
 
 
 def find_scene(reference: str, base: Path | None = None) -> SceneSource:
@@ -47,8 +59,8 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
         SceneError: there is no such scene, or its manifest is wrong.
     """
     path = (base or Path()) / Path(reference).expanduser()
-    if path.suffix in _MODEL_SUFFIXES:
-        return _bare_model(path)
+    if path.suffix in MODEL_SUFFIXES:
+        return _bare_model(path, path.stem)
     if "/" in reference or (path / MANIFEST).is_file():
         return _folder(path, path.resolve().name)
     return _folder(shipped.scene_folder(reference), reference)
@@ -56,17 +68,17 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
 
 def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
     """Return a scene that was copied into a store's folder."""
-    path = folder / model
-    manifest = path.parent / MANIFEST
-    if manifest.is_file():
-        return _folder(path.parent, name)
-    return SceneSource(name, None, collect(path))
+    # The copy holds the scene's own files only, so that any manifest there is the scene's.
+    manifest = next(folder.rglob(MANIFEST), None)
+    if manifest is not None:
+        return _folder(manifest.parent, name)
+    return _bare_model(folder / model, name)
 
 
-def _bare_model(path: Path) -> SceneSource:
+def _bare_model(path: Path, name: str) -> SceneSource:
     if not path.is_file():
         raise SceneError(f"no model file {path}")
-    return SceneSource(path.stem, None, collect(path))
+    return SceneSource(name, path, None, collect(path))
 
 
 def _folder(path: Path, name: str) -> SceneSource:
@@ -74,7 +86,7 @@ def _folder(path: Path, name: str) -> SceneSource:
     if not manifest.is_file():
         raise SceneError(f"{path} holds no {MANIFEST}; name the model file itself to run without")
     read = read_manifest(manifest)
-    return SceneSource(name, read, collect(path / read.model, beside=manifest))
+    return SceneSource(name, manifest, read, collect(path / read.model, beside=manifest))
 
 
 def read_manifest(path: Path) -> SceneManifest:
@@ -86,10 +98,10 @@ def read_manifest(path: Path) -> SceneManifest:
     try:
         data = YAML(typ="safe", pure=True).load(path)
         return SceneManifest.model_validate(data)
-    except YAMLError as error:
-        raise SceneError(f"{path}: not YAML: {error}") from error
     except ValidationError as error:
         mistakes = [
             f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()
         ]
         raise SceneError("\n".join([f"{path}: the manifest is wrong", *mistakes])) from error
+    except (YAMLError, ValueError, OSError) as error:
+        raise SceneError(f"{path}: not YAML: {error}") from error

@@ -2,19 +2,44 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from contactlab.errors import SceneError
-from contactlab.plan import Expression
-from contactlab.scene.base import perturbed_coordinates
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.plan import Expression, ExpressionError
 from contactlab.scene.coordinates import match
 from contactlab.schema import SceneManifest
 from contactlab.trace import Floats
 
+_PERTURBATION = 1e-4
 # Where a joint's quaternion starts within its part of qpos.
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+
+
+class Starts(NamedTuple):
+    """Start states of n runs.
+
+    Attributes:
+        qpos: (n, nq) configuration.
+        qvel: (n, nv) velocity.
+        ctrl: (n, nu) control, constant over the run.
+        applied: (n, 6 nbody) force [N] and torque [N m] on each body, world frame, constant.
+    """
+
+    qpos: Floats
+    qvel: Floats
+    ctrl: Floats
+    applied: Floats
+
+    def pick(self, run: int) -> "Starts":
+        """Return the start state of one run, n being 1."""
+        return Starts(*(array[run : run + 1] for array in self))
+
+    def rows(self, runs: Sequence[int]) -> "Starts":
+        """Return the start states of some runs."""
+        return Starts(*(array[list(runs)] for array in self))
 
 
 @dataclass(frozen=True)
@@ -22,8 +47,9 @@ class StartState:
     """How the start states of one structure are made.
 
     Attributes:
-        state: (nq + nv,) the model's start state, or its keyframe's.
-        nq: how many of these are qpos.
+        state: (nq + nv + nu + 6 nbody,) qpos, qvel, ctrl and xfrc_applied, the model's own or its
+            keyframe's.
+        ends: where each of the four ends.
         formulas: expressions over the initial values, and the indices that each one sets.
         perturbed: indices that a seed changes, by at most `scale`.
         scale: m, rad, m/s or rad/s.
@@ -31,7 +57,7 @@ class StartState:
     """
 
     state: Floats
-    nq: int
+    ends: tuple[int, ...]
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
     perturbed: tuple[int, ...]
     scale: float
@@ -44,11 +70,11 @@ class StartState:
         Raises:
             SceneError: the manifest names a keyframe or a coordinate that the model lacks.
         """
-        coordinates, scale = perturbed_coordinates(model, manifest)
-        offset = {"qpos": 0, "qvel": model.nq}
+        coordinates, scale = _perturbed_coordinates(model, manifest)
+        offset = _offsets(model)
         return cls(
             state=_own_state(model, manifest.keyframe if manifest else None),
-            nq=model.nq,
+            ends=tuple(np.cumsum(list(_sizes(model).values())).tolist()),
             formulas=tuple(_formulas(model, manifest)) if manifest else (),
             perturbed=tuple(offset[field] + index for field, index in coordinates),
             scale=scale,
@@ -56,20 +82,28 @@ class StartState:
         )
 
 
-def start_states(
-    start: StartState, runs: Sequence[tuple[Mapping[str, float], int]]
-) -> tuple[Floats, Floats]:
-    """Return qpos (n, nq) and qvel (n, nv) for each run's initial values and seed."""
+def start_states(start: StartState, runs: Sequence[tuple[Mapping[str, float], int]]) -> Starts:
+    """Return the start states for each run's initial values and seed."""
     states = np.tile(start.state, (len(runs), 1))
     for row, (initial, seed) in zip(states, runs, strict=True):
         for formula, indices in start.formulas:
-            row[list(indices)] = formula.evaluate(initial)
+            row[list(indices)] = _computed(formula, initial)
         if start.perturbed:
             offsets = np.random.default_rng(seed).uniform(-1, 1, len(start.perturbed))
             row[list(start.perturbed)] += start.scale * offsets
     if start.formulas or start.perturbed:
         _normalise(states, start)
-    return states[:, : start.nq], states[:, start.nq :]
+    return Starts(*np.split(states, start.ends[:-1], axis=1))
+
+
+def _computed(formula: Expression, initial: Mapping[str, float]) -> float:
+    try:
+        result = formula.evaluate(initial)
+    except ExpressionError as error:
+        raise SceneError(f"cannot compute '{formula.text}' for {dict(initial)}: {error}") from error
+    if not isinstance(result, float):
+        raise SceneError(f"'{formula.text}' is {result!r}, not a number")
+    return result
 
 
 def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
@@ -87,28 +121,46 @@ def _own_state(model: mujoco.MjModel, keyframe: str | None) -> Floats:
     if keyframe is not None:
         index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
         if index < 0:
-            raise SceneError(f"the manifest's keyframe '{keyframe}' is none of the model's")
+            known = [model.key(each).name for each in range(model.nkey)]
+            raise SceneError(
+                f"no keyframe '{keyframe}' in the model{did_you_mean(keyframe, known)}"
+            )
         mujoco.mj_resetDataKeyframe(model, data, index)
-    return np.concatenate([data.qpos, data.qvel])
+    return np.concatenate([getattr(data, field).ravel() for field in _sizes(model)])
+
+
+def _sizes(model: mujoco.MjModel) -> dict[str, int]:
+    return {"qpos": model.nq, "qvel": model.nv, "ctrl": model.nu, "xfrc_applied": 6 * model.nbody}
+
+
+def _offsets(model: mujoco.MjModel) -> dict[str, int]:
+    sizes = _sizes(model)
+    return dict(zip(sizes, [0, *np.cumsum(list(sizes.values()))[:-1].tolist()], strict=True))
 
 
 def _formulas(
     model: mujoco.MjModel, manifest: SceneManifest
 ) -> list[tuple[Expression, tuple[int, ...]]]:
-    offset = {"qpos": 0, "qvel": model.nq}
+    offset = _offsets(model)
     formulas: list[tuple[Expression, tuple[int, ...]]] = []
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
-            expression = Expression(text)
-            unknown = set(expression.names) - set(manifest.initial)
-            if unknown:
-                raise SceneError(
-                    f"initial value '{name}' sets {pattern} from unknown {', '.join(unknown)}; "
-                    f"write one of {', '.join(manifest.initial)}"
-                )
+            expression = _expression(text, f"initial value '{name}' sets {pattern}", manifest)
             indices = tuple(offset[each.field] + each.index for each in match(model, pattern))
             formulas.append((expression, indices))
     return formulas
+
+
+def _expression(text: str, where: str, manifest: SceneManifest) -> Expression:
+    try:
+        expression = Expression(text)
+    except ExpressionError as error:
+        raise SceneError(f"{where} to '{text}': {error}") from error
+    unknown = ", ".join(sorted(set(expression.names) - set(manifest.initial)))
+    if unknown:
+        known = ", ".join(manifest.initial)
+        raise SceneError(f"{where} from unknown {unknown}; write one of {known}")
+    return expression
 
 
 def _normalise(states: Floats, start: StartState) -> None:
@@ -117,3 +169,30 @@ def _normalise(states: Floats, start: StartState) -> None:
         norm = np.linalg.norm(part, axis=1, keepdims=True)
         # Dividing a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
         np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
+
+
+def _perturbed_coordinates(
+    model: mujoco.MjModel, manifest: SceneManifest | None
+) -> tuple[list[tuple[str, int]], float]:
+    """Return which numbers of the start state a seed changes, and by how much at most.
+
+    Without a manifest: the horizontal place of free bodies, and every slide and hinge.
+    """
+    if manifest and manifest.perturb:
+        patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
+        found = [each for pattern in patterns for each in match(model, pattern)]
+        return [(each.field, each.index) for each in found], scale
+    if manifest:
+        return [], 0.0
+    return [("qpos", index) for index in _loose(model)], _PERTURBATION
+
+
+def _loose(model: mujoco.MjModel) -> list[int]:
+    indices: list[int] = []
+    for joint in range(model.njnt):
+        address, kind = int(model.jnt_qposadr[joint]), model.jnt_type[joint]
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            indices += [address, address + 1]
+        elif kind != mujoco.mjtJoint.mjJNT_BALL:
+            indices.append(address)
+    return indices

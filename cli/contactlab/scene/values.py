@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 
 Parser = Callable[[object], object]
+_INT_MAX = 2**31 - 1
 
 
 def number(
@@ -25,9 +26,9 @@ def number(
     return parse
 
 
-def integer(least: int, most: int | None = None) -> Callable[[object], int]:
-    """Return a parser of whole numbers within bounds."""
-    inner = number(least=least, most=math.inf if most is None else most)
+def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
+    """Return a parser of whole numbers within bounds, by default what the engine can hold."""
+    inner = number(least=least, most=most)
 
     def parse(value: object) -> int:
         parsed = inner(value)

@@ -1,4 +1,4 @@
-"""JSON Schemas of the models, as draft-07, which editors check best."""
+"""JSON Schemas of the models; as draft-07, which editors check best, where people write them."""
 
 import json
 from collections.abc import Mapping
@@ -7,10 +7,20 @@ from typing import cast
 
 from pydantic import BaseModel
 
+from contactlab.schema.record import EvidenceRecord
+from contactlab.schema.scene import SceneManifest
+from contactlab.schema.store import StoreManifest
 from contactlab.schema.sweep import Sweep
 
-MODELS: Mapping[str, type[BaseModel]] = {
+# Files that people write, for editors; a key without a value is left out of these.
+WRITTEN: Mapping[str, type[BaseModel]] = {
     "sweep.schema.json": Sweep,
+    "scene.schema.json": SceneManifest,
+}
+# Files that contactlab writes, for programs; null says that something does not apply.
+EMITTED: Mapping[str, type[BaseModel]] = {
+    "record.schema.json": EvidenceRecord,
+    "manifest.schema.json": StoreManifest,
 }
 
 Node = dict[str, object]
@@ -20,7 +30,9 @@ _NULL: Node = {"type": "null"}
 
 def published() -> dict[str, Node]:
     """Return the JSON Schema of every exchanged file, by file name."""
-    return {name: draft07(model.model_json_schema()) for name, model in MODELS.items()}
+    written = {name: draft07(model.model_json_schema()) for name, model in WRITTEN.items()}
+    emitted = {name: _described(model) for name, model in EMITTED.items()}
+    return {**written, **emitted}
 
 
 def written(folder: Path) -> list[Path]:
@@ -28,7 +40,7 @@ def written(folder: Path) -> list[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in _texts().items():
         (folder / name).write_text(text, encoding="utf-8")
-    return [folder / name for name in MODELS]
+    return [folder / name for name in _texts()]
 
 
 def drift(folder: Path) -> list[str]:
@@ -43,6 +55,11 @@ def draft07(schema: Mapping[str, object]) -> Node:
     titles go. Without this, editors miss tuples of the wrong length.
     """
     return {"$schema": _DRAFT, **_rewritten(schema)}
+
+
+def _described(model: type[BaseModel]) -> Node:
+    schema = model.model_json_schema(mode="serialization")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
 def _texts() -> dict[str, str]:

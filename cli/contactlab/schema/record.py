@@ -46,6 +46,10 @@ class InitialState(Model):
 
     qpos: tuple[float, ...]
     qvel: tuple[float, ...]
+    ctrl: tuple[float, ...] = Field(default=(), description="Constant control.")
+    applied: tuple[float, ...] = Field(
+        default=(), description="Constant force and torque on each body [N, N m]; empty if none."
+    )
 
 
 class Cost(Model):

@@ -160,6 +160,10 @@ class Sweep(Model):
         default="all",
         description="runs whose trace is kept: all, flagged, none or sample:N",
     )
+    checks: Literal["all", "flagged", "none"] = Field(
+        default="flagged",
+        description="runs that are checked in a second pass: all, those not stable, or none",
+    )
     latency_budget: Positive | None = Field(
         default=None, description="wall time a step may take [s]"
     )

@@ -1,6 +1,6 @@
 """The names that a sweep file may use: axes of its scene, metrics and labels."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -17,6 +17,8 @@ class AxisSpec:
             boolean, or a tuple of numbers; raises ValueError saying what to write instead.
         choices: the words it accepts, if it is one of few.
         conflicts: names of axes that set the same thing and so cannot be swept beside it.
+        parts: names of the numbers that a value consists of, for expressions: `solref.timeconst`.
+        split: gives the parts that a value has, by name; in direct form a solref has no timeconst.
     """
 
     name: str
@@ -25,6 +27,8 @@ class AxisSpec:
     parse: Callable[[object], object]
     choices: tuple[str, ...] = ()
     conflicts: tuple[str, ...] = ()
+    parts: tuple[str, ...] = ()
+    split: Callable[[object], Mapping[str, float]] | None = None
 
 
 class Catalogue(Protocol):
@@ -47,3 +51,4 @@ class Vocabulary:
     axes: Catalogue
     metrics: Sequence[str]
     labels: Sequence[str]
+    thresholds: Sequence[str] = ()

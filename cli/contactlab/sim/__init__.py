@@ -1,7 +1,9 @@
 """From models to traces, natively: rollouts, their memory and their hashes."""
 
+from contactlab.scene import quiet
 from contactlab.sim.buffers import Buffers, bytes_of_run
-from contactlab.sim.rollout import Rollout, quiet, roll_out
+from contactlab.sim.checks import run_checks
+from contactlab.sim.rollout import Rollout, roll_out
 from contactlab.sim.traces import make_trace, trajectory_hash
 from contactlab.sim.viewer import view
 
@@ -12,6 +14,7 @@ __all__ = [
     "make_trace",
     "quiet",
     "roll_out",
+    "run_checks",
     "trajectory_hash",
     "view",
 ]

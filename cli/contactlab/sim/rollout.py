@@ -9,7 +9,8 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch, SimulationError
 
-from contactlab.sim.buffers import Buffers
+from contactlab.scene import Starts
+from contactlab.sim.buffers import Arrays, Buffers
 from contactlab.trace import Floats
 
 STATE = (
@@ -18,7 +19,9 @@ STATE = (
     | mujoco.mjtState.mjSTATE_QVEL
     | mujoco.mjtState.mjSTATE_ACT
 )
-_PERSISTENT = mujoco.mjtEnableBit.mjENBL_SLEEP
+_PERSISTENT = mujoco.mjtEnableBit.mjENBL_SLEEP | mujoco.mjtEnableBit.mjENBL_IPC
+# A warning's record is where it was last raised and how often.
+_COUNT = 1
 
 
 @dataclass(frozen=True)
@@ -44,18 +47,23 @@ class Rollout:
     errors: tuple[str | None, ...]
 
 
-def quiet() -> None:
-    """Keep the engine from writing MUJOCO_LOG.TXT and messages; warnings are counted anyway."""
-    config = mujoco.MjLogConfig.get() if hasattr(mujoco, "MjLogConfig") else None
-    if config is not None:
-        config.logto_file = config.logto_console = False
-        config.set()
+def start_batch(models: Sequence[mujoco.MjModel], starts: Starts) -> Batch:
+    """Return a batch of one thread, each run on its own model and at its start."""
+    persistent = any(model.opt.enableflags & _PERSISTENT for model in models)
+    batch = Batch(models[0], len(models), 1, persistent=persistent)
+    batch.set_models(list(models))
+    # A batch starts all runs as its first model does, down to places of mocap bodies and welds.
+    batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+    batch.bind("qpos")[:] = starts.qpos
+    batch.bind("qvel")[:] = starts.qvel
+    batch.bind("ctrl")[:] = starts.ctrl
+    batch.bind("xfrc_applied")[:] = starts.applied.reshape(len(models), -1, 6)
+    return batch
 
 
 def roll_out(
     models: Sequence[mujoco.MjModel],
-    qpos: Floats,
-    qvel: Floats,
+    starts: Starts,
     steps: int,
     buffers: Buffers,
     watch: Callable[[], None] = lambda: None,
@@ -66,24 +74,18 @@ def roll_out(
 
     Args:
         models: (n) compiled models of one layout; automatic reset must be off.
-        qpos: (n, nq) start configurations.
-        qvel: (n, nv) start velocities.
+        starts: where the runs start, and what acts on them throughout.
         steps: N.
         buffers: memory to record into; its arrays are overwritten by the next call.
         watch: called before each run, to start its time limit.
     """
     count = len(models)
-    sleeps = any(model.opt.enableflags & _PERSISTENT for model in models)
-    batch = Batch(models[0], count, 1, persistent=bool(sleeps))
-    batch.set_models(list(models))
-    if sleeps:
-        batch.reset()
-    batch.bind("qpos")[:] = qpos
-    batch.bind("qvel")[:] = qvel
+    batch = start_batch(models, starts)
     arrays = buffers.arrays(models[0], count, steps)
+    velocity = 1 + models[0].nq
     arrays.state[:, 0] = 0.0
-    arrays.state[:, 0, 1 : 1 + qpos.shape[1]] = qpos
-    arrays.state[:, 0, 1 + qpos.shape[1] : 1 + qpos.shape[1] + qvel.shape[1]] = qvel
+    arrays.state[:, 0, 1:velocity] = starts.qpos
+    arrays.state[:, 0, velocity : velocity + models[0].nv] = starts.qvel
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
     for run in range(count):
@@ -96,8 +98,9 @@ def roll_out(
         start = time.thread_time()
         try:
             batch.rollout(steps, record=list(out), ids=[run], out=out)
-        except SimulationError as error:
-            errors[run] = str(error)
+        except SimulationError:
+            errors[run] = batch.error(run)
+            _blank(arrays, run)
         cost[run] = time.thread_time() - start
     return Rollout(
         state=arrays.state,
@@ -107,9 +110,16 @@ def roll_out(
             0 if errors[run] else _valid_steps(arrays.state[run, :, 0]) for run in range(count)
         ),
         cost=cost,
-        warnings=tuple(_warnings(batch.warning[run]) for run in range(count)),
+        warnings=tuple(_warnings(batch.warning[run, :, _COUNT]) for run in range(count)),
         errors=tuple(errors),
     )
+
+
+def _blank(arrays: Arrays, run: int) -> None:
+    """Leave nothing of an earlier call in the rows that a failed run did not write."""
+    arrays.state[run, 1:] = arrays.state[run, 0]
+    arrays.sensors[run] = 0.0
+    arrays.iterations[run] = 0
 
 
 def _valid_steps(clock: Floats) -> int:

@@ -1,23 +1,27 @@
 """Watch a run in MuJoCo's own viewer."""
 
 import time
+import warnings
 
 import mujoco
 
 from contactlab.errors import SceneError
-from contactlab.trace import Floats
+from contactlab.scene import Starts
 
 
-def view(model: mujoco.MjModel, qpos: Floats, qvel: Floats) -> None:
+def view(model: mujoco.MjModel, start: Starts) -> None:
     """Open MuJoCo's viewer and play from a start state, in real time, until it is closed.
 
     Raises:
         SceneError: there is no display.
     """
+    if not _has_display():
+        raise SceneError("there is no display to open a viewer on; replay without --view")
     import mujoco.viewer  # noqa: PLC0415 - it looks for a display
 
     data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:] = qpos, qvel
+    data.qpos[:], data.qvel[:], data.ctrl[:] = start.qpos[0], start.qvel[0], start.ctrl[0]
+    data.xfrc_applied[:] = start.applied[0].reshape(-1, 6)
     try:
         window = mujoco.viewer.launch_passive(model, data)
     except (RuntimeError, OSError) as error:
@@ -28,3 +32,12 @@ def view(model: mujoco.MjModel, qpos: Floats, qvel: Floats) -> None:
             mujoco.mj_step(model, data)
             window.sync()
             time.sleep(max(0.0, model.opt.timestep - (time.perf_counter() - tick)))
+
+
+def _has_display() -> bool:
+    """Ask beforehand: without a display, MuJoCo's viewer ends the process."""
+    import glfw  # noqa: PLC0415 - it looks for a display
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return bool(glfw.init())

@@ -16,15 +16,7 @@ from contactlab.trace.arrays import (
     PairTrace,
     Trace,
 )
-from contactlab.trace.contact_law import (
-    damping_ratio,
-    damping_ratio_of,
-    impedance,
-    rest_penetration,
-    restitution_of,
-    stiffness_damping,
-    timeconst_dampratio,
-)
+from contactlab.trace.checks import Checks
 from contactlab.trace.series import NO_CONTACT, SLIDE, STICK, PairSeries
 from contactlab.trace.setup import Barrier, FreeBody, Mode, Setup
 
@@ -43,6 +35,7 @@ __all__ = [
     "TANGENT",
     "TORQUE",
     "Barrier",
+    "Checks",
     "Floats",
     "FreeBody",
     "Integers",
@@ -51,11 +44,4 @@ __all__ = [
     "PairTrace",
     "Setup",
     "Trace",
-    "damping_ratio",
-    "damping_ratio_of",
-    "impedance",
-    "rest_penetration",
-    "restitution_of",
-    "stiffness_damping",
-    "timeconst_dampratio",
 ]

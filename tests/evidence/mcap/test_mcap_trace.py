@@ -3,6 +3,7 @@
 import hashlib
 import resource
 from collections.abc import Callable, Generator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from dataclasses import fields, replace
 from itertools import pairwise
@@ -95,6 +96,20 @@ def test_equal_runs_give_equal_files(
         files.append((tmp_path / "trace.mcap").read_bytes())
     assert files[0] == files[2]
     assert [each.name for each in tmp_path.iterdir()] == ["trace.mcap"]
+
+
+def test_threads_do_not_share_memory(
+    tmp_path: Path, make_trace: MakeTrace, extras: TraceExtras
+) -> None:
+    cases = [make_trace(seed=seed, steps=500 + 100 * seed) for seed in range(8)]
+
+    def write(seed: int) -> str:
+        trace, series = cases[seed]
+        return write_trace(tmp_path / f"{seed}.mcap", trace, 0, series, extras).sha256
+
+    alone = [write(seed) for seed in range(8)]
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(write, range(8))) == alone
 
 
 def test_chunks_are_near_one_mebibyte_and_never_split_a_time(

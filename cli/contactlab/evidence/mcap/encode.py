@@ -146,9 +146,4 @@ def _fill_points(slots: Floats, places: Rows, items: Items) -> None:
 
 def blob_group(channel: int, row: int, content: bytes) -> Group:
     """Return one message of ready bytes."""
-    return Group(channel, np.array([row]), record(Layout(content)), _keep)
-
-
-def _keep(items: Items) -> None:
-    """Leave the template as it is."""
-    del items
+    return Group(channel, np.array([row]), record(Layout(content)), lambda _: None)

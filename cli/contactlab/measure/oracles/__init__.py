@@ -3,15 +3,58 @@
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
+from contactlab.measure.oracles.braking_angle import BRAKING_ANGLE
+from contactlab.measure.oracles.conserved_energy import CONSERVED_ENERGY
+from contactlab.measure.oracles.dry_friction import INCLINE, PUSHED_BOX
+from contactlab.measure.oracles.flip_time import FLIP_TIME
+from contactlab.measure.oracles.free_fall import FREE_FALL
+from contactlab.measure.oracles.impact_depth import IMPACT_DEPTH
+from contactlab.measure.oracles.ladder import LADDER
+from contactlab.measure.oracles.oblique_impact import OBLIQUE_IMPACT
 from contactlab.measure.oracles.oracle import Oracle, OracleResult
+from contactlab.measure.oracles.pair_restitution import PAIR_RESTITUTION
+from contactlab.measure.oracles.precession import PRECESSION
+from contactlab.measure.oracles.rest_penetration import REST_PENETRATION
 from contactlab.measure.oracles.restitution import RESTITUTION_LAW
+from contactlab.measure.oracles.rolling import ROLL_DOWN, ROLL_FRICTION, SLIDE_TO_ROLL, SPIN_DOWN
+from contactlab.measure.oracles.separation_speed import SEPARATION_SPEED
 from contactlab.measure.oracles.sliding_distance import SLIDING_DISTANCE
 from contactlab.measure.oracles.stack_sag import STACK_SAG
+from contactlab.measure.oracles.swing_transfer import SWING_TRANSFER
+from contactlab.measure.oracles.throw import THROW
+from contactlab.measure.oracles.tip_travel import TIP_TRAVEL
 from contactlab.trace import Floats
 
 __all__ = ["ORACLES", "ORACLE_METRICS", "Oracle", "OracleResult"]
 
-ORACLES = {each.name: each for each in (RESTITUTION_LAW, SLIDING_DISTANCE, STACK_SAG)}
+ORACLES = {
+    each.name: each
+    for each in (
+        RESTITUTION_LAW,
+        SLIDING_DISTANCE,
+        STACK_SAG,
+        FREE_FALL,
+        REST_PENETRATION,
+        OBLIQUE_IMPACT,
+        IMPACT_DEPTH,
+        INCLINE,
+        PUSHED_BOX,
+        ROLL_DOWN,
+        SLIDE_TO_ROLL,
+        ROLL_FRICTION,
+        SPIN_DOWN,
+        LADDER,
+        FLIP_TIME,
+        PRECESSION,
+        CONSERVED_ENERGY,
+        SWING_TRANSFER,
+        SEPARATION_SPEED,
+        BRAKING_ANGLE,
+        PAIR_RESTITUTION,
+        THROW,
+        TIP_TRAVEL,
+    )
+}
 
 
 @shared

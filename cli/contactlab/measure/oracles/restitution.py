@@ -1,9 +1,10 @@
 """Restitution from the damping ratio."""
 
+from contactlab.law import damping_ratio, restitution_of
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
 from contactlab.measure.restitution import restitution
-from contactlab.trace import Floats, damping_ratio, restitution_of
+from contactlab.trace import Floats
 
 
 def _restitution(context: Context) -> tuple[Floats, Floats]:

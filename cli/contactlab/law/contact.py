@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contactlab.trace.arrays import Floats
+from contactlab.trace import Floats
 
 _BISECTIONS = 60
 _IMPEDANCE_RANGE = (1e-4, 0.9999)

@@ -1,0 +1,155 @@
+"""`show`, `verify` and `replay`: what a store says of its runs."""
+
+import importlib
+import json
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab.evidence import Store
+from contactlab.pipeline import Start
+
+Run = Callable[..., Any]
+replaying = importlib.import_module("contactlab.pipeline.replay")
+
+
+@pytest.fixture
+def run_id(store: Path) -> str:
+    """The third run: the first that is not stable."""
+    return Store.open(store).table["run_id"][2].as_py()
+
+
+def test_a_stores_summary(contactlab: Run, store: Path) -> None:
+    code, out, err = contactlab("show", str(store))
+    assert (code, err) == (0, "")
+    assert "4 runs, 4 traces in store" in out
+    summary = json.loads(contactlab("show", str(store), "--format", "json")[1])
+    assert (summary["runs"], summary["traces"], summary["statuses"]) == (4, 4, {"ok": 4})
+
+
+def test_a_runs_record(contactlab: Run, store: Path, run_id: str) -> None:
+    code, out, err = contactlab("show", str(store), run_id[:10])
+    assert (code, err) == (0, "")
+    for part in (run_id, "seed 0", "penetration_max", "restitution_measured", "floor-ball"):
+        assert part in out
+    record = json.loads(contactlab("show", str(store), run_id[:10], "--format", "json")[1])
+    assert record == Store.open(store).record(run_id).model_dump(mode="json")
+
+
+@pytest.mark.parametrize("command", ["show", "replay"])
+def test_an_id_that_fits_no_run_or_many(contactlab: Run, store: Path, command: str) -> None:
+    code, out, err = contactlab(command, str(store), "not a run")
+    assert (code, out) == (3, "")
+    assert err == "error: no run in store has an id that starts with 'not a run'\n"
+    code, out, err = contactlab(command, str(store), "")
+    assert (code, out) == (3, "")
+    assert err.startswith("error: 4 runs in store have ids that start with '' (")
+
+
+@pytest.mark.parametrize("arguments", [["show"], ["verify"], ["replay", "x"]])
+def test_no_store(contactlab: Run, tmp_path: Path, arguments: list[str]) -> None:
+    command, *rest = arguments
+    assert contactlab(command, "nowhere", *rest) == (3, "", "error: no store at nowhere\n")
+    message = "error: . is not a store: it has no manifest.json\n"
+    assert contactlab(command, ".", *rest) == (3, "", message)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_sound_store(contactlab: Run, store: Path) -> None:
+    assert contactlab("verify", str(store)) == (0, "store is sound: 4 runs, 4 traces\n", "")
+    code, out, _ = contactlab("verify", str(store), "--format", "json")
+    assert (code, json.loads(out)) == (0, {"sound": True, "problems": [], "runs": 4})
+
+
+def test_a_damaged_store(contactlab: Run, store: Path, tmp_path: Path) -> None:
+    trace = min((tmp_path / store).rglob("*.mcap"))
+    trace.unlink()
+    name = trace.relative_to(tmp_path / store).as_posix()
+    code, out, err = contactlab("verify", str(store))
+    assert (code, out) == (3, f"{name}: missing\n")
+    assert err == "error: store is not sound: 1 problems\n"
+    code, out, _ = contactlab("verify", str(store), "--format", "json")
+    assert (code, json.loads(out)["problems"]) == (3, [f"{name}: missing"])
+
+
+def test_replay_needs_only_the_store(
+    contactlab: Run, store: Path, tmp_path: Path, run_id: str
+) -> None:
+    elsewhere = tmp_path / "far" / "away"
+    shutil.copytree(tmp_path / store, elsewhere)
+    shutil.rmtree(tmp_path / store)
+    for run in Store.open(elsewhere).table["run_id"].to_pylist():
+        code, out, err = contactlab("replay", str(elsewhere), run)
+        assert (code, err) == (0, "")
+        assert out.startswith(f"run {run}: bitwise equal (")
+    code, out, _ = contactlab("replay", str(elsewhere), run_id[:12], "--format", "json")
+    result = json.loads(out)
+    assert (code, result["equal"], result["run_id"]) == (0, True, run_id)
+    assert result["hash"] == result["stored_hash"]
+
+
+def test_replay_finds_the_first_difference(
+    contactlab: Run, store: Path, run_id: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A softer contact changes nothing before the first step with contact."""
+    opened = Store.open(store)
+    touched = int(opened.trace(opened.record(run_id)).pairs[0].steps[0])
+    prepare = replaying.prepare
+
+    def prepare_softer(store: Store, run: str) -> Start:
+        start = prepare(store, run)
+        start.prepared.model.geom_solref[:] *= 2
+        return start
+
+    monkeypatch.setattr(replaying, "prepare", prepare_softer)
+    code, out, err = contactlab("replay", str(store), run_id)
+    assert (code, err) == (1, "error: the trajectory is not the stored one\n")
+    assert out.startswith(f"run {run_id}: differs\n")
+    assert f"\n  first after step {touched + 1} by " in out
+    result = json.loads(contactlab("replay", str(store), run_id, "--format", "json")[1])
+    assert (result["equal"], result["step"]) == (False, touched + 1)
+    assert result["difference"] > 0
+
+
+def test_replay_of_a_changed_hash(contactlab: Run, store: Path, run_id: str) -> None:
+    table = pq.read_table(store / "runs.parquet")
+    hashes = table["trajectory_hash"].to_pylist()
+    hashes[2] = "0" * 32
+    index = table.schema.get_field_index("trajectory_hash")
+    changed = table.set_column(index, table.schema.field(index), pa.array(hashes))
+    pq.write_table(changed, store / "runs.parquet")
+    code, out, _ = contactlab("replay", str(store), run_id)
+    assert code == 1
+    assert "first after step" not in out
+    assert f"\n  stored {'0' * 32}\n" in out
+
+
+def test_replay_of_a_changed_scene(
+    contactlab: Run, store: Path, run_id: str, tmp_path: Path
+) -> None:
+    (scene,) = (tmp_path / store / "scenes").rglob("scene.xml")
+    scene.write_text(scene.read_text() + "<!-- changed -->\n")
+    code, out, err = contactlab("replay", str(store), run_id)
+    assert (code, out) == (3, "")
+    assert err.startswith(f"error: run {run_id}: the stored scene and settings give another id")
+
+
+def test_replay_of_a_run_that_was_not_simulated(
+    contactlab: Run, store: Path, run_id: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = Store.open(store).record(run_id)
+    lost = record.model_copy(update={"trajectory_hash": None, "trace": None, "steps": 0})
+    prepare = replaying.prepare
+
+    def prepare_lost(store: Store, run: str) -> Start:
+        return replace(prepare(store, run), record=lost)
+
+    monkeypatch.setattr(replaying, "prepare", prepare_lost)
+    code, out, _ = contactlab("replay", str(store), run_id)
+    assert (code, out) == (1, f"run {run_id}: no trajectory was stored\n")

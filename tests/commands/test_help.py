@@ -1,0 +1,94 @@
+"""Help is instant, and stored evidence is read without the engine."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.commands.main import app
+
+Run = Callable[..., Any]
+COMMANDS = [each.name or getattr(each.callback, "__name__", "") for each in app.registered_commands]
+LOADED = """
+import sys
+from contactlab.commands.main import main
+sys.argv = ["contactlab", *sys.argv[1:]]
+try:
+    main()
+finally:
+    heavy = {"mujoco", "numpy", "pyarrow", "scipy"} & set(sys.modules)
+    print(",".join(sorted(heavy)) or "-", file=sys.stderr)
+"""
+
+
+def loaded(*arguments: str, folder: Path) -> str:
+    """Return the heavy modules that a command loads in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", LOADED, *arguments],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    return done.stderr.splitlines()[-1]
+
+
+def test_all_commands_are_listed(contactlab: Run) -> None:
+    code, out, _ = contactlab("--help")
+    assert code == 0
+    assert all(f"\n  {name} " in out for name in COMMANDS)
+    assert len(COMMANDS) >= 8
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_has_help(contactlab: Run, name: str) -> None:
+    code, out, err = contactlab(name, "--help")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"Usage: contactlab {name} ")
+
+
+def test_help_takes_little_time() -> None:
+    command = [sys.executable, "-c", LOADED, "sweep", "--help"]
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    assert usage.ru_utime + usage.ru_stime < 0.4
+
+
+@pytest.mark.parametrize(
+    ("arguments", "modules"),
+    [
+        (["--help"], "-"),
+        (["sweep", "--help"], "-"),
+        (["schema", "record"], "-"),
+        (["show", "store"], "numpy,pyarrow"),
+        (["verify", "store"], "numpy,pyarrow"),
+    ],
+)
+def test_commands_load_no_more_than_they_need(
+    store: Path, tmp_path: Path, arguments: list[str], modules: str
+) -> None:
+    assert (tmp_path / store).is_dir()
+    assert set(loaded(*arguments, folder=tmp_path).split(",")) <= set(modules.split(","))
+
+
+def test_a_reader_that_leaves_is_no_error(store: Path, tmp_path: Path) -> None:
+    """As in `contactlab show store | head -1`."""
+    assert (tmp_path / store).is_dir()
+    read, write = os.pipe()
+    os.close(read)
+    command = [sys.executable, "-c", "from contactlab.commands.main import main; main()"]
+    with os.fdopen(write, "wb") as closed:
+        done = subprocess.run(
+            [*command, "show", "store", "--format", "json"],
+            cwd=tmp_path,
+            stdout=closed,
+            stderr=subprocess.PIPE,
+            check=False,
+        )
+    assert done.stderr == b""

@@ -1,0 +1,268 @@
+"""A user's own models and scenes: found, run, kept with the store, and told what is wrong."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.commands.main import app
+from contactlab.evidence import Store, verify
+
+Run = Callable[..., Any]
+
+BOX = """<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="box" pos="0 0 .06">
+      <freejoint/>
+      <geom name="box" type="box" size=".05 .05 .05"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+BARE = """<mujoco>
+  <worldbody>
+    <geom type="plane" size="1 1 .1"/>
+    <body pos="0 0 .06"><freejoint/><geom size=".05"/></body>
+    <body pos="0 0 .17"><freejoint/><geom size=".05"/></body>
+  </worldbody>
+</mujoco>
+"""
+MESH = """<mujoco>
+  <compiler meshdir="parts"/>
+  <asset><mesh name="wedge" file="wedge.obj"/></asset>
+  <worldbody>
+    <geom type="plane" size="1 1 .1"/>
+    <body pos="0 0 .05"><freejoint/><geom type="mesh" mesh="wedge"/></body>
+  </worldbody>
+</mujoco>
+"""
+WEDGE = """v 0 0 0
+v .1 0 0
+v 0 .1 0
+v 0 0 .1
+f 1 3 2
+f 1 2 4
+f 1 4 3
+f 2 3 4
+"""
+URDF = """<robot name="arm">
+  <link name="base">
+    <inertial>
+      <mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+    <collision><geometry><box size="1 1 1"/></geometry></collision>
+  </link>
+  <link name="arm">
+    <inertial>
+      <mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+    </inertial>
+    <collision><origin xyz="0 0 2"/><geometry><sphere radius=".1"/></geometry></collision>
+  </link>
+  <joint name="hinge" type="continuous">
+    <parent link="base"/><child link="arm"/><axis xyz="0 1 0"/>
+  </joint>
+</robot>
+"""
+PENDULUM = """<mujoco>
+  <worldbody>
+    <body>
+      <joint name="hinge" type="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 .5 0 0" size=".02"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+MANIFEST = """version: 1
+title: A box
+description: It lies on the floor.
+duration: 0.1
+subject: box
+pairs: [{geoms: [floor, box], slots: 4}]
+"""
+SWEEP = """version: 1
+scene: SCENE
+duration: 0.05
+axes: AXES
+"""
+
+
+def write(folder: Path, **files: str) -> None:
+    for name, text in files.items():
+        path = folder / name.replace("__", "/").replace("_", ".")
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(text)
+
+
+def sweep_of(folder: Path, scene: str, axes: str = "{timestep: [1.0e-3, 2.0e-3]}") -> str:
+    text = SWEEP.replace("SCENE", scene).replace("AXES", axes)
+    (folder / "own.yaml").write_text(text)
+    return "own.yaml"
+
+
+@pytest.mark.parametrize(
+    ("scene", "files", "stored"),
+    [
+        ("box.xml", {"box_xml": BOX}, {"box.xml"}),
+        ("bare.xml", {"bare_xml": BARE}, {"bare.xml"}),
+        ("pendulum.xml", {"pendulum_xml": PENDULUM}, {"pendulum.xml"}),
+        ("arm.urdf", {"arm_urdf": URDF}, {"arm.urdf"}),
+        (
+            "./own/mesh.xml",
+            {"own__mesh_xml": MESH, "own__notes_txt": "mine"},
+            {"mesh.xml", "parts/wedge.obj"},
+        ),
+        (
+            "./own",
+            {"own__scene_xml": BOX, "own__scene_yaml": MANIFEST},
+            {"scene.xml", "scene.yaml"},
+        ),
+    ],
+    ids=lambda each: each if isinstance(each, str) else "",
+)
+def test_models_run_and_replay(
+    contactlab: Run, tmp_path: Path, scene: str, files: dict[str, str], stored: set[str]
+) -> None:
+    write(tmp_path, **files)
+    if "parts/wedge.obj" in stored:
+        (tmp_path / "own/parts").mkdir()
+        (tmp_path / "own/parts/wedge.obj").write_text(WEDGE)
+    sweep = sweep_of(tmp_path, scene)
+    code, _, err = contactlab("sweep", sweep, "-o", "store", "--workers", "0")
+    assert (code, err) == (0, "")
+    assert verify(tmp_path / "store") == []
+    (kept,) = (tmp_path / "store/scenes").iterdir()
+    assert {path.relative_to(kept).as_posix() for path in kept.rglob("*.*")} == stored
+    for path in tmp_path.glob("own*"):
+        path.rename(tmp_path / ("gone " + path.name))
+    (run, _) = Store.open(tmp_path / "store").table["run_id"].to_pylist()
+    assert contactlab("replay", "store", run)[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("scene", "files", "messages"),
+    [
+        ("gone.xml", {}, ["no model file gone.xml"]),
+        ("./gone", {}, ["gone"]),
+        ("torn.xml", {"torn_xml": "<mujoco><worldbody>"}, ["torn.xml:1:20: not XML"]),
+        (
+            "cube.xml",
+            {"cube_xml": BOX.replace('"box" size', '"cube" size')},
+            ["cube.xml: does not compile", "invalid keyword: 'cube'"],
+        ),
+        ("mesh.xml", {"mesh_xml": MESH}, ["mesh.xml", "wedge.obj"]),
+        (
+            "./own",
+            {
+                "own__scene_xml": BOX,
+                "own__scene_yaml": MANIFEST.replace("[floor, box]", "[a, box]"),
+            },
+            ["no geom 'a' in the model"],
+        ),
+        (
+            "./own",
+            {"own__scene_xml": BOX, "own__scene_yaml": MANIFEST.replace(": box", ": bax")},
+            ["subject 'bax' is no body of the model"],
+        ),
+        (
+            "./own",
+            {"own__scene_xml": BOX, "own__scene_yaml": MANIFEST + "colour: red\n"},
+            ["colour"],
+        ),
+        ("./own", {"own__scene_xml": BOX, "own__scene_yaml": "pairs: ["}, ["not YAML"]),
+        ("./own", {"own__scene_xml": BOX}, ["holds no scene.yaml"]),
+        (
+            "box.xml",
+            {"box_xml": BOX.replace("<worldbody>", '<option timestep="0"/><worldbody>')},
+            ["its timestep is 0 s; write one above 0 there, or sweep `timestep`"],
+        ),
+        (
+            "box.xml",
+            {"box_xml": BOX.replace("<worldbody>", '<option timestep="nan"/><worldbody>')},
+            ["its timestep is nan s"],
+        ),
+    ],
+)
+def test_mistakes_are_told(
+    contactlab: Run, tmp_path: Path, scene: str, files: dict[str, str], messages: list[str]
+) -> None:
+    write(tmp_path, **files)
+    sweep = sweep_of(tmp_path, scene, axes="{cone: [elliptic]}")
+    code, out, err = contactlab("sweep", sweep, "-o", "store", "--workers", "0")
+    assert (code, out) == (2, "")
+    assert err.startswith("error")
+    assert all(message in err for message in messages), err
+    assert "Traceback" not in err
+    assert len(err.splitlines()) <= 8
+    assert not (tmp_path / "store").exists()
+
+
+@pytest.mark.parametrize("scene", ["ball_drop", "box_slide", "box_stack", "box.xml"])
+def test_a_starter_file_runs(contactlab: Run, tmp_path: Path, scene: str) -> None:
+    write(tmp_path, box_xml=BOX)
+    code, out, err = contactlab("init", scene)
+    assert (code, out) == (0, "")
+    assert "next: contactlab sweep sweep.yaml" in err
+    before = (tmp_path / "sweep.yaml").read_text()
+    code, out, err = contactlab("init", scene)
+    assert (code, err) == (2, "error: sweep.yaml exists; choose another file with -o\n")
+    assert (tmp_path / "sweep.yaml").read_text() == before
+    short = ("--set", "duration=0.02", "--limit", "3", "--workers", "0")
+    code, _, err = contactlab("sweep", "sweep.yaml", *short)
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["init", "bal_drop"], "error: no shipped scene named 'bal_drop'; did you mean 'ball_dr"),
+        (["init", "-o", "nowhere/sweep.yaml"], "error: cannot write nowhere/sweep.yaml: No such"),
+        (["scenes", "box_slid"], "error: no shipped scene named 'box_slid'; did you mean 'box_s"),
+        (["scenes", "gone.xml"], "error: no model file gone.xml"),
+        (["schema", "swep"], "error: no schema 'swep'; did you mean 'sweep'?"),
+        (["schema", "--write", "/proc/here"], "error: cannot write /proc/here"),
+    ],
+)
+def test_mistakes_of_other_commands(
+    contactlab: Run, tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    code, out, err = contactlab(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith(message)
+    assert list(tmp_path.iterdir()) == []
+
+
+LISTS = [
+    each.name or getattr(each.callback, "__name__", "")
+    for each in app.registered_commands
+    if getattr(each.callback, "__name__", "") in {"scenes", "sweeps", "metrics", "labels"}
+]
+
+
+@pytest.mark.parametrize("arguments", [[name] for name in LISTS] + [["scenes", "ball_drop"]])
+def test_lists_in_both_formats(contactlab: Run, arguments: list[str]) -> None:
+    code, out, err = contactlab(*arguments)
+    assert (code, err) == (0, "")
+    code, listed, err = contactlab(*arguments, "--format", "json")
+    assert (code, err) == (0, "")
+    rows = json.loads(listed)
+    assert len(rows) >= 3
+    for row in rows:
+        assert str(next(iter(row.values()))) in out
+
+
+def test_schemas(contactlab: Run, tmp_path: Path) -> None:
+    names = contactlab("schema")[1].splitlines()
+    assert "record.schema.json" in names
+    for name in names:
+        assert json.loads(contactlab("schema", name)[1])["$schema"]
+    assert contactlab("schema", "--write", "out")[0] == 0
+    assert contactlab("schema", "--check", "out") == (0, "", "")
+    (tmp_path / "out/sweep.schema.json").write_text("{}")
+    (tmp_path / "out/record.schema.json").unlink()
+    code, _, err = contactlab("schema", "--check", "out")
+    assert code == 1
+    assert "sweep.schema.json" in err
+    assert "record.schema.json" in err

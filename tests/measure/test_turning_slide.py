@@ -1,0 +1,21 @@
+"""A box that turns as it slides: real rollouts."""
+
+import numpy as np
+import pytest
+
+from contactlab.measure import assess
+from contactlab.scene import Scene, make_setup
+from contactlab.sim import Buffers, make_trace, roll_out
+
+
+@pytest.mark.parametrize("direction", [0.0, 11.0, 22.5, 33.0, 45.0])
+def test_a_slide_to_rest_is_one_switch_in_every_direction(direction: float) -> None:
+    """The contacts of a turning box pull in different directions; it slides all the same."""
+    scene = Scene.open("box_slide")
+    run = scene.resolve({"direction": direction}, 0, None)
+    base = scene.base(run.structure)
+    prepared = base.prepare(run.edits())
+    rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+    trace = make_trace(base, [prepared], rollout)
+    setup = make_setup(base, scene.source.manifest, [run], [prepared.model], {})
+    assert assess(trace, setup).metrics["mode_switches"] * run.duration == np.array([1.0])

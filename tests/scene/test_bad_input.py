@@ -1,0 +1,173 @@
+"""Whatever is wrong with a scene is a SceneError that names the file and the thing."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.errors import SceneError
+from contactlab.scene import Scene, find_scene
+
+MODEL = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1"/>
+    <body name="box" pos="0 0 1"><freejoint name="box"/><geom name="box" size=".1"/></body>
+    <body name="empty">
+      <body name="ghost"><geom size=".1" contype="0" conaffinity="0"/></body>
+    </body>
+  </worldbody>
+  <keyframe><key name="home"/></keyframe>
+</mujoco>
+"""
+HEAD = "version: 1\ntitle: t\ndescription: d\nduration: 0.1\n"
+INITIAL = "initial: {{{name}: {{default: {default}, unit: m, description: d, sets: {sets}}}}}\n"
+STRUCTURE = (
+    "structure: {{{name}: {{default: 1, unit: m, description: d, element: '{element}', "
+    "attribute: {attribute}}}}}\n"
+)
+
+
+def initial(sets: str, name: str = "x", default: Any = 1) -> str:
+    return INITIAL.format(name=name, default=default, sets=sets)
+
+
+def structure(element: str, attribute: str = "size", name: str = "x") -> str:
+    return STRUCTURE.format(name=name, element=element, attribute=attribute)
+
+
+# The manifest's lines, and the words of the message.
+MANIFESTS: dict[str, tuple[str, list[str]]] = {
+    "geom": ("pairs: [{geoms: [flor, box]}]", ["flor", "did you mean 'floor'"]),
+    "geom in a chain": ("pairs: [{chain: [floor, crate*]}]", ["crate*"]),
+    "chain of one": ("pairs: [{chain: [floor]}]", ["floor", "two"]),
+    "body": ("pairs: [{bodies: [world, bx]}]", ["bx", "did you mean 'box'"]),
+    "body without geoms": ("pairs: [{bodies: [world, empty]}]", ["empty", "geom"]),
+    "body that touches nothing": ("pairs: [{bodies: [world, ghost]}]", ["ghost", "geom"]),
+    "pair of nothing": ("pairs: [{slots: 3}]", ["geoms, bodies or chain"]),
+    "pair of two kinds": ("pairs: [{geoms: [floor, box], chain: [floor, box]}]", ["geoms, bodies"]),
+    "pair twice": ("pairs: [{geoms: [floor, box]}, {chain: [floor, box]}]", ["floor-box", "twice"]),
+    "slots": ("pairs: [{geoms: [floor, box], slots: 0}]", ["pairs.0.slots"]),
+    "subject": ("subject: bx", ["bx", "did you mean 'box'"]),
+    "subject without mass": ("subject: empty", ["empty", "mass"]),
+    "keyframe": ("keyframe: hoem", ["hoem", "did you mean 'home'"]),
+    "coordinate": (initial("{box.zz: x}"), ["box.zz"]),
+    "perturbed coordinate": ("perturb: {coordinates: [ball.x], scale: 1}", ["ball.x"]),
+    "perturbed without scale": ("perturb: {coordinates: [box.x], scale: 0}", ["perturb.scale"]),
+    "expression": (initial("{box.z: 2 * (x}"), ["2 * (x", "'x'", "box.z"]),
+    "forbidden expression": (initial("{box.z: x.real}"), ["x.real"]),
+    "unknown name": (initial("{box.z: x + y}"), ["box.z", "unknown y", "write one of x"]),
+    "expression of a word": (initial("{box.z: \"'high'\"}"), ["'high'", "not a number"]),
+    "comparison": (initial("{box.z: x > 3}"), ["x > 3", "not a number"]),
+    "division by zero": (initial("{box.z: 1 / (x - 1)}"), ["1 / (x - 1)", "zero"]),
+    "overflow": (initial("{box.z: x ** 400}", default=1000), ["x ** 400"]),
+    "root": (initial("{box.z: sqrt(x)}", default=-1), ["sqrt(x)"]),
+    "name of a parameter": (initial("{box.z: '1'}", name="friction"), ["friction", "another name"]),
+    "name of a switch": (initial("{box.z: '1'}", name="warmstart"), ["warmstart", "another name"]),
+    "name of the mass": (initial("{box.z: '1'}", name="mass"), ["mass", "another name"]),
+    "one name for two": (
+        initial("{box.z: x}") + structure(".//geom", "margin"),
+        ["'x'", "another name"],
+    ),
+    "element": (structure(".//sphere"), [".//sphere", "structure 'x'"]),
+    "absolute path": (structure("/mujoco/worldbody"), ["structure 'x'", "/mujoco/worldbody"]),
+    "broken path": (structure(".//geom["), ["structure 'x'", ".//geom["]),
+    "attribute": (structure(".//geom", "sise"), ["sise"]),
+    "unknown key": ("frictoin: 1", ["frictoin"]),
+    "unknown key within": ("modes: {frist: slide}", ["modes.frist"]),
+    "wrong type": ("duration: long", ["duration"]),
+    "infinite duration": ("duration: .inf", ["duration"]),
+    "version": ("version: 2", ["version"]),
+    "duplicate key": ("title: again", ["title"]),
+    "not YAML": ("pairs: [", ["YAML"]),
+    "a date out of range": ("subject: 2024-13-45", ["not YAML", "month"]),
+    "model": ("model: gone.xml", ["gone.xml"]),
+    "model that is a folder": ("model: .", ["director"]),
+    "model that is a manifest": ("model: scene.yaml", ["not XML"]),
+}
+
+
+@pytest.mark.parametrize("case", MANIFESTS)
+def test_manifest(case: str, tmp_path: Path) -> None:
+    lines, words = MANIFESTS[case]
+    head = HEAD
+    for key in ("version", "duration"):
+        if lines.startswith(key):
+            head = "\n".join(line for line in HEAD.splitlines() if not line.startswith(key)) + "\n"
+    (tmp_path / "scene.xml").write_text(MODEL)
+    (tmp_path / "scene.yaml").write_text(f"{head}{lines}\n")
+    with pytest.raises(SceneError) as caught:
+        Scene.open(str(tmp_path))
+    message = str(caught.value)
+    assert str(tmp_path) in message
+    assert [word for word in words if word not in message] == []
+
+
+def test_values_of_a_run_that_cannot_be_computed(tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text(MODEL)
+    (tmp_path / "scene.yaml").write_text(HEAD + initial("{box.z: sqrt(x)}"))
+    scene = Scene.open(str(tmp_path))
+    with pytest.raises(SceneError, match=r"scene\.yaml: cannot compute 'sqrt\(x\)'"):
+        scene.starts([scene.resolve({"x": -4.0}, 0, None)])
+
+
+MODELS: dict[str, tuple[bytes, list[str]]] = {
+    "mismatched tag": (b"<mujoco>\n  <worldbody>\n</mujoco>", [":3:3:", "not XML"]),
+    "cut off": (b"<mujoco>", [":1:9:", "not XML"]),
+    "empty": (b"", [":1:1:", "not XML"]),
+    "bytes": (b"<mujoco model='\xff'/>", [":1:", "not XML"]),
+    "encoding": (b'<?xml version="1.0" encoding="klingon"?><mujoco/>', ["klingon", "UTF-8"]),
+    "element": (
+        b"<mujoco><worldbody><sphere/></worldbody></mujoco>",
+        ["does not compile", "sphere"],
+    ),
+    "attribute": (b"<mujoco><worldbody><geom sise='1'/></worldbody></mujoco>", ["sise"]),
+    "value": (b"<mujoco><worldbody><geom size='-1'/></worldbody></mujoco>", ["does not compile"]),
+    "no mass": (
+        b"<mujoco><worldbody><body name='light'><freejoint/></body></worldbody></mujoco>",
+        ["does not compile", "mass"],
+    ),
+    "other XML": (b"<html/>", ["does not compile"]),
+}
+
+
+@pytest.mark.parametrize("case", MODELS)
+def test_model(case: str, tmp_path: Path) -> None:
+    text, words = MODELS[case]
+    (tmp_path / "robot.xml").write_bytes(text)
+    with pytest.raises(SceneError) as caught:
+        Scene.open("robot.xml", tmp_path)
+    message = str(caught.value)
+    assert str(tmp_path / "robot.xml") in message
+    assert [word for word in words if word not in message] == []
+
+
+def test_a_manifest_that_is_no_text(tmp_path: Path) -> None:
+    (tmp_path / "scene.yaml").write_bytes(b"title: \xff\xfe")
+    with pytest.raises(SceneError, match=r"scene\.yaml: not YAML"):
+        find_scene(str(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("reference", "message"),
+    [
+        ("bal_drop", "did you mean 'ball_drop'"),
+        ("./nowhere", "holds no scene.yaml"),
+        ("nowhere/robot.xml", "no model file"),
+        ("robot.urdf", "no model file"),
+    ],
+)
+def test_a_scene_that_is_not_there(reference: str, message: str, tmp_path: Path) -> None:
+    with pytest.raises(SceneError, match=message):
+        Scene.open(reference, tmp_path)
+
+
+def test_a_search_that_the_engine_breaks_off(tmp_path: Path) -> None:
+    # Over 64 pairs are searched by a short run, which such a small stack cannot hold.
+    balls = "".join(
+        f'<body pos="{x * 0.15} 0 .1"><freejoint/><geom size=".1"/></body>' for x in range(14)
+    )
+    text = f'<mujoco><size memory="30K"/><worldbody>{balls}</worldbody></mujoco>'
+    (tmp_path / "robot.xml").write_text(text)
+    with pytest.raises(SceneError, match=r"robot\.xml"):
+        Scene.open("robot.xml", tmp_path)

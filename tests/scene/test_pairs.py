@@ -1,0 +1,206 @@
+"""The graded pairs of a bare model: every pair of geoms that MuJoCo ever puts in contact."""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from contactlab.scene import Scene, pairs
+from contactlab.scene.pairs import found_pairs
+
+SHAPES = {
+    "sphere": "size='.1'",
+    "capsule": "size='.06 .1'",
+    "box": "size='.1 .08 .06'",
+    "cylinder": "size='.1 .05'",
+    "ellipsoid": "size='.1 .08 .06'",
+}
+POSES = 12
+# With more, not all of their pairs are graded.
+MOST_GEOMS = 11
+Make = Callable[..., Scene]
+
+
+@st.composite
+def geom(draw: st.DrawFn, name: str) -> str:
+    shape = draw(st.sampled_from(sorted(SHAPES)))
+    bits = draw(st.sampled_from([(1, 1), (1, 0), (0, 1), (0, 0), (2, 1), (1, 2), (2, 2)]))
+    return (
+        f"<geom name='{name}' type='{shape}' {SHAPES[shape]} "
+        f"contype='{bits[0]}' conaffinity='{bits[1]}'/>"
+    )
+
+
+@st.composite
+def bodies(draw: st.DrawFn, name: str, depth: int) -> str:
+    """Return a body whose joint is free at the root, a hinge below, or a weld to its parent."""
+    joint = "" if draw(st.integers(0, 3)) == 0 else "<joint axis='1 1 0'/>"
+    if depth == 0:
+        joint = draw(st.sampled_from(["", "<freejoint/>"]))
+    inside = "".join(draw(geom(f"{name}g{k}")) for k in range(draw(st.integers(1, 2))))
+    if depth < 2:
+        children = range(draw(st.integers(0, 2 - depth)))
+        inside += "".join(draw(bodies(f"{name}{k}", depth + 1)) for k in children)
+    mass = "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+    return f"<body name='{name}'>{joint}{mass}{inside}</body>"
+
+
+@st.composite
+def models(draw: st.DrawFn) -> str:
+    plane = draw(st.sampled_from(["", "<geom name='floor' type='plane' size='1 1 1'/>"]))
+    fixed = draw(st.sampled_from(["", "<geom name='wall' type='box' size='.2 .2 .2'/>"]))
+    roots = "".join(draw(bodies(f"b{k}", 0)) for k in range(draw(st.integers(1, 2))))
+    listed = ""
+    if "name='b0'" in roots and "name='b1'" in roots and draw(st.booleans()):
+        listed += "<exclude body1='b0' body2='b1'/>"
+    if plane and draw(st.booleans()):
+        listed += "<pair geom1='floor' geom2='b0g0'/>"
+    parents = draw(st.sampled_from(["enable", "disable"]))
+    return (
+        f"<mujoco><option><flag filterparent='{parents}'/></option>"
+        f"<worldbody>{plane}{fixed}{roots}</worldbody><contact>{listed}</contact></mujoco>"
+    )
+
+
+def compiled(text: str) -> mujoco.MjModel:
+    model = mujoco.MjModel.from_xml_string(text)
+    assume(model.ngeom <= MOST_GEOMS)
+    return model
+
+
+def touching(model: mujoco.MjModel, seed: int) -> dict[frozenset[int], int]:
+    """Return the pairs that touch in random poses, with the most contacts that each had."""
+    rng = np.random.default_rng(seed)
+    data, found = mujoco.MjData(model), dict[frozenset[int], int]()
+    for _ in range(POSES):
+        mujoco.mj_integratePos(model, data.qpos, rng.normal(size=model.nv), 1.0)
+        free = model.jnt_qposadr[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
+        for address in free:
+            data.qpos[address : address + 3] = rng.uniform(-0.15, 0.15, 3)
+        mujoco.mj_forward(model, data)
+        counts: dict[frozenset[int], int] = {}
+        for both in data.contact.geom.tolist():
+            counts[frozenset(both)] = counts.get(frozenset(both), 0) + 1
+        for both, count in counts.items():
+            found[both] = max(found.get(both, 0), count)
+    return found
+
+
+@given(text=models(), seed=st.integers(0, 1000))
+@settings(max_examples=80)
+def test_no_contact_is_ungraded(text: str, seed: int) -> None:
+    assert_graded(text, seed)
+
+
+@pytest.mark.slow
+@given(text=models(), seed=st.integers(0, 1000))
+@settings(max_examples=1500)
+def test_no_contact_is_ungraded_in_many_models(text: str, seed: int) -> None:
+    assert_graded(text, seed)
+
+
+def assert_graded(text: str, seed: int) -> None:
+    model = compiled(text)
+    graded = {frozenset((each.geoms[0][0], each.geoms[1][0])): each for each in found_pairs(model)}
+    for both, count in touching(model, seed).items():
+        assert both in graded
+        assert count <= graded[both].slots
+
+
+@given(text=models())
+@settings(max_examples=40)
+def test_no_pair_is_graded_that_mujoco_never_makes(text: str) -> None:
+    # All geoms of a model overlap at its start, where every joint is zero.
+    model = compiled(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    made = {frozenset(both) for both in data.contact.geom.tolist()}
+    assert {frozenset((each.geoms[0][0], each.geoms[1][0])) for each in found_pairs(model)} <= made
+
+
+def test_many_geoms_are_searched_by_a_short_run(make_scene: Make) -> None:
+    # Twelve balls could touch in 78 ways; these two stacks of two on a floor do in 4.
+    balls = "".join(
+        f"<body pos='{x} 0 {z}'><freejoint/><geom size='.1'/></body>"
+        for x, z in [(0, 0.1), (0, 0.3), (1, 0.1), (1, 0.3)]
+    )
+    far = "".join(f"<body pos='{x} 5 9'><freejoint/><geom size='.1'/></body>" for x in range(8))
+    text = f"<mujoco><option gravity='0 0 0'/><worldbody>{{}}{balls}{far}</worldbody></mujoco>"
+    scene = make_scene(text.format("<geom type='plane' size='1 1 1' pos='0 0 .001'/>"))
+    names = {pair.name for pair in scene.base({}).pairs}
+    assert names <= {"geom0-geom1", "geom1-geom2", "geom0-geom3", "geom3-geom4"}
+    assert {"geom0-geom1", "geom0-geom3"} <= names
+    assert pairs.MOST_PAIRS < 78
+
+
+def test_names_given_to_geoms_do_not_clash(make_scene: Make) -> None:
+    scene = make_scene(
+        "<mujoco><worldbody><geom name='geom1' type='plane' size='1 1 1'/>"
+        "<replicate count='2' offset='1 0 0'>"
+        "<body pos='0 0 .1'><freejoint/><geom size='.1'/></body>"
+        "</replicate></worldbody></mujoco>"
+    )
+    model = scene.base({}).model
+    names = [model.geom(each).name for each in range(model.ngeom)]
+    assert names[0] == "geom1"
+    assert len(set(names)) == 3
+    assert all(names)
+
+
+def test_chains_and_patterns() -> None:
+    base = Scene.open("box_stack").base({"boxes": 4})
+    names = [pair.name for pair in base.pairs]
+    assert names == ["floor-box0", "box0-box1", "box1-box2", "box2-box3"]
+    assert {pair.slots for pair in base.pairs} == {4}
+
+
+@pytest.mark.parametrize("order", ["floor, box", "box, floor"])
+def test_the_normal_points_from_the_first_side_to_the_second(order: str, make_scene: Make) -> None:
+    scene = make_scene(
+        "<mujoco><worldbody><geom name='floor' type='plane' size='1 1 1'/><body name='b' "
+        "pos='0 0 .099'><freejoint/><geom name='box' type='box' size='.1 .1 .1'/></body>"
+        "</worldbody></mujoco>",
+        f"pairs: [{{geoms: [{order}]}}]\n",
+    )
+    base = scene.base({})
+    assert base.pairs[0].sides == tuple(order.split(", "))
+    data = mujoco.MjData(base.model)
+    mujoco.mj_forward(base.model, data)
+    slots = data.sensordata[base.layout.pairs[0] :][: 23 * base.pairs[0].slots].reshape(-1, 23)
+    assert slots[:4, 0].tolist() == [4.0] * 4
+    assert slots[:4, 11:14] == pytest.approx(
+        np.tile([0, 0, 1.0 if order == "floor, box" else -1.0], (4, 1))
+    )
+
+
+def test_users_sensors_stay_where_they_are(make_scene: Make) -> None:
+    text = (
+        "<mujoco><worldbody><geom type='plane' size='1 1 1'/><body name='b' pos='0 0 .099'>"
+        "<freejoint/><geom size='.1'/></body></worldbody>"
+        "<sensor><framepos objtype='body' objname='b'/><clock/></sensor></mujoco>"
+    )
+    base = make_scene(text).base({})
+    data = mujoco.MjData(base.model)
+    mujoco.mj_forward(base.model, data)
+    assert data.sensordata[:3] == pytest.approx([0, 0, 0.099])
+    assert data.sensordata[base.layout.contacts] == 1
+    assert data.sensordata[base.layout.contacts + 1] == pytest.approx(-0.001)
+    assert base.layout.size == base.model.nsensordata
+
+
+def test_a_height_field_has_room_for_its_contacts(make_scene: Make) -> None:
+    heights = " ".join(str((row + column) % 2) for row in range(9) for column in range(9))
+    scene = make_scene(
+        "<mujoco><asset><hfield name='h' nrow='9' ncol='9' size='.4 .4 .02 .1' "
+        f"elevation='{heights}'/></asset>"
+        "<worldbody><geom name='land' type='hfield' hfield='h'/>"
+        "<body pos='.03 .02 .1'><freejoint/><geom name='ball' size='.1'/></body></worldbody>"
+        "</mujoco>"
+    )
+    (pair,) = scene.base({}).pairs
+    data = mujoco.MjData(scene.base({}).model)
+    mujoco.mj_forward(scene.base({}).model, data)
+    assert 1 < data.ncon <= pair.slots
