@@ -106,11 +106,14 @@ class Command:
         self.folder = folder
         self._started: list[subprocess.Popen[str]] = []
 
-    def start(self, *arguments: str, **environment: str) -> subprocess.Popen[str]:
+    def start(self, *arguments: str, first: Path | None = None) -> subprocess.Popen[str]:
+        """Start the command; `first` is where Python looks for modules before all else."""
+        path = [str(first)] if first else []
+        path += filter(None, [os.environ.get("PYTHONPATH")])
         process = subprocess.Popen(
             [str(Path(sysconfig.get_path("scripts")) / "contactlab"), *arguments],
             cwd=self.folder,
-            env=os.environ | environment,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -119,9 +122,9 @@ class Command:
         self._started.append(process)
         return process
 
-    def run(self, *arguments: str, **environment: str) -> tuple[int, str, str]:
+    def run(self, *arguments: str, first: Path | None = None) -> tuple[int, str, str]:
         """Return exit code, stdout and stderr."""
-        process = self.start(*arguments, **environment)
+        process = self.start(*arguments, first=first)
         out, err = process.communicate(timeout=300)
         return process.returncode, out, err
 

@@ -9,9 +9,11 @@ import pytest
 from contactlab.errors import OutputError, StoreError
 from contactlab.evidence import verify
 
-# Python runs this before anything else; workers inherit the limit.
+# Python runs this before anything else; workers inherit the limit. Bytecode that is written under
+# it would be torn.
 LIMIT = """
-import resource
+import resource, sys
+sys.dont_write_bytecode = True
 resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
 """
 
@@ -32,9 +34,7 @@ def test_files_that_cannot_grow(
     (tmp_path / "small.yaml").write_text(ball)
     (tmp_path / "sitecustomize.py").write_text(LIMIT.format(size=size))
     sweep = ("sweep", "small.yaml", "-o", "store", "--workers", workers)
-    # Python would write torn bytecode files under such a limit.
-    limits = {"PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
-    code, out, err = command.run(*sweep, **limits)
+    code, out, err = command.run(*sweep, first=tmp_path)
     assert (code, out) == (2, "")
     assert re.fullmatch(rf"error: cannot write (/.*/)?store/{file}: File too large; .*\n", err)
     assert not list((tmp_path / "store").rglob("*.tmp"))

@@ -1,6 +1,7 @@
 """Expressions equal Python's own arithmetic, and nothing else gets in."""
 
 import math
+import pickle
 from typing import Any
 
 import pytest
@@ -127,3 +128,9 @@ def test_a_pair_is_not_one_number() -> None:
 def test_a_missing_value_is_named() -> None:
     with pytest.raises(ExpressionError, match="'height' has no value"):
         Expression("2 * height").evaluate({})
+
+
+def test_an_expression_travels_between_processes() -> None:
+    there = pickle.loads(pickle.dumps(Expression("a.b > 2 and c")))  # noqa: S301 - our own
+    assert there.names == ("a.b", "c")
+    assert there.evaluate({"a.b": 3.0, "c": 1.0})

@@ -40,6 +40,7 @@ GOOD: dict[str, Any] = {
         {"label": ["tunneling"], "metrics": {"penetration_max": {"min": 0}}, "reason": "control"},
     ],
     "trace": "sample:10",
+    "checks": "all",
     "latency_budget": 2e-3,
     "timeout": 5,
 }

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contactlab import shipped
 from contactlab.scene import PARAMETERS, Scene
 from contactlab.scene.flags import FLAGS
 
@@ -108,6 +109,11 @@ def test_model_field(name: str, mixed: Scene, roll: Any) -> None:
 def test_mass(roll: Any) -> None:
     values = [{"mass": mass} for mass in (0.01, 1.0, 50.0)]
     roll(Scene.open("ball_drop"), values, 400).assert_equals_loop(400)
+
+
+@pytest.mark.parametrize("name", shipped.scene_names())
+def test_shipped_scene(name: str, roll: Any) -> None:
+    roll(Scene.open(name), [{}, {"cone": "elliptic", "timestep": 0.001}], 25).assert_equals_loop(25)
 
 
 @pytest.mark.parametrize("boxes", [1, 2, 4])

@@ -1,5 +1,6 @@
 """Memory is used again, and never shows."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,5 +55,18 @@ def test_the_hash_tells_the_last_bit(roll: Any) -> None:
     # Seeds 0 and 1 start apart; the cone does not matter to a ball in the air, but the seed does.
     assert len(set(hashes)) == 3
     assert [trajectory_hash(again, run) for run in range(2)] == hashes[:2]
-    rollout.state[0, 30, 3] = np.nextafter(rollout.state[0, 30, 3], np.inf)
-    assert trajectory_hash(rollout, 0) != hashes[0]
+    for row in (0, 30, -1):
+        own = rollout.state[0, row, 3]
+        rollout.state[0, row, 3] = np.nextafter(own, np.inf)
+        assert trajectory_hash(rollout, 0) != hashes[0]
+        rollout.state[0, row, 3] = own
+    assert trajectory_hash(rollout, 0) == hashes[0]
+
+
+def test_the_hash_ends_where_the_run_did(roll: Any) -> None:
+    rollout = roll(Scene.open("ball_drop"), [{}], 50).rollout
+    short = replace(rollout, steps=(20,))
+    own = trajectory_hash(short, 0)
+    assert own != trajectory_hash(rollout, 0)
+    rollout.state[0, 21:] = np.nan
+    assert trajectory_hash(short, 0) == own

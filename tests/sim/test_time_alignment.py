@@ -152,6 +152,19 @@ def test_counts_of_the_whole_model(mixed: Scene, roll: Any) -> None:
         assert graded == data.ncon
 
 
+def test_the_least_distance_is_not_that_of_the_strongest_contact(
+    make_scene: Callable[..., Scene], roll: Any
+) -> None:
+    ball = "<body pos='{} 0 {}'><freejoint/><geom size='.1' mass='{}' solref='{} 1'/></body>"
+    balls = ball.format(0, 0.08, 0.001, 0.5) + ball.format(1, 0.099, 100, 0.005)
+    floor = "<geom type='plane' size='2 2 1' priority='-1'/>"
+    rolled = roll(make_scene(f"<mujoco><worldbody>{floor}{balls}</worldbody></mujoco>"), [{}], 1)
+    trace = traced(rolled)
+    light, heavy = (pair.force[0, 0, 0, 0] for pair in trace.pairs[:2])
+    assert heavy > 100 * light
+    assert trace.least_distance[0, 0] == pytest.approx(-0.02, abs=1e-15)
+
+
 def test_iterations_are_summed_over_islands(mixed: Scene, roll: Any) -> None:
     rolled = roll(mixed, [{}, {"island": False}], 60)
     trace = traced(rolled)

@@ -59,7 +59,6 @@ def _unmet(sweep: Path, store: Path) -> int:
         ("isotropy", "<option ", '<option gravity="0 0 -9.9081" '),
         ("free_fall", "<option ", '<option gravity="0 0 -9.9081" '),
         ("rest_penetration", "<option ", '<option gravity="0 0 -9.9081" '),
-        ("spin_down", "<option ", '<option gravity="0 0 -9.9081" '),
         ("isotropy", 'solref="0.02 1"', 'solref="0.022 1"'),
     ],
 )

@@ -96,7 +96,7 @@ def test_cases_come_out_as_expected(case: Case, name: str) -> None:
 def test_direct_solref_gives_the_restitution_asked_for_and_the_implicit_step_less(
     case: Case,
 ) -> None:
-    bouncy = picked(case("restitution"), solref="-160000.0 -144.7")
+    bouncy = picked(case("restitution"), solref="-160000 -144.7")
     good, bad = (
         [row["restitution_measured"] for row in picked(bouncy, integrator=integrator)]
         for integrator in ("Euler", "discrete")
@@ -170,7 +170,7 @@ def test_small_rolling_friction_needs_impratio(case: Case) -> None:
 
 def test_impacts_follow_coulomb_where_friction_has_its_own_reference(case: Case) -> None:
     rows = picked(case("oblique_impact"), cone="elliptic")
-    referred = picked(rows, **{"pair_solreffriction[impact]": "-1.0 -320.0"}, restitution=0.6)
+    referred = picked(rows, **{"pair_solreffriction[impact]": "-1 -320"}, restitution=0.6)
     assert worst(picked(referred, friction__slide=0.1)) < 0.03
     assert worst(picked(referred, friction__slide=0.3)) < 0.06
     bad = picked(case("oblique_impact"), cone="pyramidal", friction__slide=0.6, restitution=0.9)

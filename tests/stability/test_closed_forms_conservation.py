@@ -43,10 +43,10 @@ def trace_of(qpos: np.ndarray, qvel: np.ndarray, timestep: float = 1e-3, **more:
     return replace(plain, **more)
 
 
-def result(name: str, trace: Trace, bodies: int = 0, **settings: object) -> list[float]:
+def result(name: str, trace: Trace, bodies: int = 0, **values: object) -> list[float]:
     """Return what an oracle expects of the one run, what it measured, and the error."""
     setup = Setup(
-        settings={key: [value] for key, value in settings.items()},
+        settings={key: [value] for key, value in values.items()},
         elliptic=np.ones(1, np.bool_),
         iterations=np.full(1, 100, np.int32),
         gravity=np.array([[0.0, 0.0, -GRAVITY]]),

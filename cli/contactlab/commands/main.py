@@ -9,6 +9,7 @@ from contactlab.commands.replay import replay
 from contactlab.commands.scenes import scenes
 from contactlab.commands.schema import schema
 from contactlab.commands.show import show
+from contactlab.commands.stability import stability
 from contactlab.commands.sweep import sweep
 from contactlab.commands.sweeps import sweeps
 from contactlab.commands.verify import verify
@@ -24,6 +25,7 @@ app = typer.Typer(
 )
 for command in (
     sweep,
+    stability,
     show,
     replay,
     verify,

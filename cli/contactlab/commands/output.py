@@ -11,11 +11,13 @@ from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
-
 # Colour repeats what the word says already.
-_STYLES = {"stable": "green", "crashed": "red", "timeout": "red", "diverged": "red"}
-_STYLES |= dict.fromkeys(("tunneling", "energy_injection", "invalid"), "red")
-_STYLES |= dict.fromkeys(("oracle_miss", "chatter", "deep_penetration"), "yellow")
+_STYLES = (
+    {"stable": "green"}
+    | dict.fromkeys(("crashed", "timeout", "invalid", "diverged"), "red")
+    | dict.fromkeys(("tunneling", "energy_injection"), "red")
+    | dict.fromkeys(("oracle_miss", "chatter", "deep_penetration"), "yellow")
+)
 
 
 class Format(StrEnum):
@@ -38,7 +40,9 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for index, name in enumerate(header):
         numeric = all(isinstance(row[index], (int, float)) for row in rows)
-        table.add_column(Text(name), justify="right" if numeric else "left", no_wrap=len(header) > 3)
+        table.add_column(
+            Text(name), justify="right" if numeric else "left", no_wrap=len(header) > 3
+        )
     for row in rows:
         table.add_row(*[Text(_cell(value), style=_STYLES.get(str(value), "")) for value in row])
     stdout().print(table, highlight=False)

@@ -1,6 +1,5 @@
 """`contactlab sweep`: run a declared sweep and write a store of evidence."""
 
-import os
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -8,11 +7,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from contactlab.commands.cores import cores
 from contactlab.commands.output import Format, FormatOption, say
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.plan import Overrides
     from contactlab.schema import StoreManifest
 
 RESULTS = Path("results")
@@ -43,32 +42,26 @@ def sweep(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Run a sweep into a store; the same command resumes one that was interrupted."""
     from contactlab.commands.summary import print_plan, print_summary
-    from contactlab.pipeline import Ask, Scenes, forecast, run_sweep
-    from contactlab.plan import Overrides, read_sweep
+    from contactlab.pipeline import ask_for, forecast, run_sweep
+    from contactlab.plan import Overrides
 
     path = _sweep_path(name)
-    scenes = Scenes(path.parent)
-    overrides = Overrides(assign or (), only or (), limit)
-    read = read_sweep(path, scenes.vocabulary, overrides)
-    for warning in read.plan.warnings:
-        say(str(warning))
-    scene = scenes.open(read.sweep.scene)
-    processes = workers if workers is not None else _cores()
-    if plan:
-        print_plan(read.plan, forecast(read.plan, scene, processes), output)
-        return
-    _confirm(read.plan.count, yes=yes)
     target = store or RESULTS / path.stem
-    ask = Ask(
-        plan=read.plan,
-        scene=scene,
-        name=path.stem,
-        source=read.text,
-        overrides=_given(overrides),
-        store=target,
-        workers=processes,
+    ask = ask_for(
+        path,
+        path.stem,
+        target,
+        folder=path.parent,
+        workers=cores() if workers is None else workers,
+        overrides=Overrides(assign or (), only or (), limit),
         fresh=fresh,
     )
+    for warning in ask.plan.warnings:
+        say(str(warning))
+    if plan:
+        print_plan(ask.plan, forecast(ask.plan, ask.scene, ask.workers), output)
+        return
+    _confirm(ask.plan.count, yes=yes)
     from contactlab.commands.progress import progress
 
     with _resumable(), progress() as shown:
@@ -98,10 +91,6 @@ def _sweep_path(name: str) -> Path:
     return shipped.sweep_file(name)
 
 
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-
-
 def _confirm(count: int, *, yes: bool) -> None:
     from contactlab.plan import CONFIRM_ABOVE
 
@@ -109,15 +98,6 @@ def _confirm(count: int, *, yes: bool) -> None:
         raise SweepFileError(
             f"the sweep has {count:,} runs; look at it with --plan, then run it with --yes"
         )
-
-
-def _given(overrides: "Overrides") -> tuple[str, ...]:
-    limit = () if overrides.limit is None else (f"--limit {overrides.limit}",)
-    return (
-        *(f"--set {each}" for each in overrides.assign),
-        *(f"--only {each}" for each in overrides.only),
-        *limit,
-    )
 
 
 def _fail_on(manifest: "StoreManifest") -> None:

@@ -11,7 +11,7 @@ from contactlab.schema import EvidenceRecord
 # What every run of a store has in common; in the table it is said once, in the file's metadata.
 SHARED = ("schema_version", "sweep", "units", "metric_versions")
 # Open-ended tables within a row; kept as JSON text, which every reader of Parquet can show.
-_TEXT = ("engine", "pairs", "warnings", "provenance")
+_TEXT = ("pairs", "warnings", "provenance")
 _PLAIN = (
     "run_id",
     "index",
@@ -33,6 +33,7 @@ _PLAIN = (
     "started",
     "finished",
 )
+_ENGINE = ("name", "version")
 _INITIAL = ("qpos", "qvel", "ctrl", "applied")
 _COST = ("cpu_s", "cpu_per_sim_s", "latency_budget_s", "latency_used")
 _TRACE = ("file", "sha256", "bytes")
@@ -44,6 +45,7 @@ def to_row(record: EvidenceRecord) -> Row:
     """Return a record as a flat row: axes and metrics by their own names beside its fields."""
     row: Row = {name: getattr(record, name) for name in _PLAIN}
     row |= {name: _encoded(getattr(record, name)) for name in _TEXT}
+    row |= {f"engine_{name}": getattr(record.engine, name) for name in _ENGINE}
     row |= _label_columns(record)
     row["expected"] = record.expected
     row["edited_geoms"] = record.edited_geoms
@@ -60,6 +62,7 @@ def from_row(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecor
     data: Row = {name: row[name] for name in _PLAIN}
     data |= {name: json.loads(row[name]) for name in _TEXT}
     data |= {name: shared[name] for name in SHARED}
+    data["engine"] = {name: row[f"engine_{name}"] for name in _ENGINE}
     # The column has the settings of every run; those of some runs only are empty in others.
     data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
     data["labels"] = [

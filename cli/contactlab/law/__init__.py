@@ -19,7 +19,7 @@ __all__ = [
     "resolve_impact",
     "rest_penetration",
     "restitution_of",
-    "stiffness_damping",
     "sticking_speed",
+    "stiffness_damping",
     "timeconst_dampratio",
 ]

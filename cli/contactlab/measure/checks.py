@@ -145,7 +145,7 @@ CHECKS = (
         1e-12,
         1,
         "Largest difference of the accelerations from a dense and a sparse constraint Jacobian at "
-        "sampled states, from a cold start, over the largest acceleration without constraints.",
+        "sampled states, from a cold start, over the acceleration, with and without constraints.",
         _jacobian,
     ),
     Metric(

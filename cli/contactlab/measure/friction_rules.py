@@ -6,12 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.measure.context import Context
-from contactlab.measure.label import Case, Finding, Findings, first, rows
+from contactlab.measure.label import Case, Finding, Findings, rows
 from contactlab.measure.losses import loss_counts, losses
 from contactlab.measure.modes import Modes, spans
 from contactlab.measure.sliding import changes, switch_counts
-from contactlab.trace import SLIDE, STICK, Floats
+from contactlab.trace import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
 from contactlab.trace import Mode as ModeName
+
+_SPREAD = 0.25
+"""Share of the time in contact that the middle half of chatter's events spans at least."""
 
 _MODES: dict[ModeName, int] = {"stick": STICK, "slide": SLIDE}
 
@@ -55,33 +58,41 @@ def _switching(case: Case) -> Iterator[tuple[int, Finding]]:
     context, rate = case.context, case.limits["mode_switches"]
     for series, count in zip(context.series, switch_counts(context), strict=True):
         for run in _often(case, count, rate):
+            steps = np.flatnonzero(changes(series)[run]) + 1
+            if not _lasting(series, run, steps):
+                continue
             reason = (
                 f"{series.name} switched {count[run]:.0f} times between stick and slide, "
                 f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
             )
-            step = first(changes(series)[run]) + 1
-            yield run, Finding(reason, step)
+            yield run, Finding(reason, int(steps[0]))
 
 
 def _losing(case: Case) -> Iterator[tuple[int, Finding]]:
     context, rate = case.context, case.limits["contact_losses"]
-    if context.setup.passive:
-        # What only lies there hops by what gravity does in a step, for ever, and harms nothing.
-        return
     for index, count in enumerate(loss_counts(context)):
+        series = context.series[index]
         for run in _often(case, count, rate):
             gaps = losses(context, index)
-            name = context.series[index].name
+            steps = gaps.start[gaps.run == run]
+            if not _lasting(series, run, steps):
+                continue
             reason = (
-                f"{name} lost its contact {count[run]:.0f} times while it stuck, "
+                f"{series.name} lost its contact {count[run]:.0f} times while it stuck, "
                 f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
             )
-            yield run, Finding(reason, int(gaps.start[gaps.run == run][0]))
+            yield run, Finding(reason, int(steps[0]))
 
 
 def _often(case: Case, count: Floats, rate: float) -> list[int]:
     often = count / case.context.seconds > rate
     return rows(often & (count >= case.limits["mode_switch_count"]))
+
+
+def _lasting(series: PairSeries, run: int, steps: NDArray[np.intp]) -> bool:
+    """Say whether events go on; parts that tumble to rest switch often, but only for a while."""
+    early, late = np.quantile(steps, (0.25, 0.75))
+    return bool(late - early >= _SPREAD * (series.mode[run] != NO_CONTACT).sum())
 
 
 def _unexpected(case: Case, wanted: ModeName, met: ModeName) -> Findings:

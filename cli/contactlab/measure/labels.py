@@ -102,7 +102,7 @@ LABELS: Mapping[str, Label] = MappingProxyType(
             Label(
                 "chatter",
                 "A pair keeps switching between stick and slide, or keeps losing its contact "
-                "while it sticks.",
+                "while it sticks, and not only while it comes to rest.",
                 ("mode_switches", "contact_losses", "mode_switch_count"),
                 chatter,
             ),

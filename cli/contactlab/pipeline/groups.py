@@ -14,18 +14,18 @@ CheckRuns = Callable[[Sequence[int], Trace], Checks]
 
 @dataclass(frozen=True)
 class Group:
-    """Runs that were measured together.
+    """Runs, and the arrays and measurements that hold them.
 
     Attributes:
         places: their places in the job.
-        trace: their arrays.
-        setup: what is known of them beside.
-        assessment: their metrics and labels.
+        rows: their places in the arrays and measurements.
+        trace: the arrays.
+        assessment: metrics and labels.
     """
 
-    places: tuple[int, ...]
+    places: Sequence[int]
+    rows: Sequence[int]
     trace: Trace
-    setup: Setup
     assessment: Assessment
 
 
@@ -48,26 +48,22 @@ def measured_groups(
         yield from _checked(whole, *picked, rule, check)
     for place in sorted(set(range(trace.runs)) - set(whole)):
         cut, alone = trace.pick([place], rollout.steps[place]), setup.pick([place])
-        yield Group((place,), cut, alone, assess(cut, alone))
+        yield Group([place], [0], cut, assess(cut, alone))
 
 
 def _checked(
     places: Sequence[int], trace: Trace, setup: Setup, rule: str, check: CheckRuns
 ) -> Iterator[Group]:
-    """Yield whole runs, those that the rule asks for measured again with their checks."""
+    """Yield whole runs as measured, and those that the rule asks for once more, with checks."""
     assessment = assess(trace, setup)
     suspects = [row for row in range(trace.runs) if _asks(rule, assessment, row)]
-    others = [row for row in range(trace.runs) if row not in suspects]
-    if not suspects:
-        yield Group(tuple(places), trace, setup, assessment)
-        return
-    there = [places[row] for row in suspects]
-    picked, known = trace.pick(suspects), setup.pick(suspects)
-    again = assess(picked, known, check(there, picked))
-    yield Group(tuple(there), picked, known, again)
-    if others:
-        rest, known = trace.pick(others), setup.pick(others)
-        yield Group(tuple(places[row] for row in others), rest, known, assess(rest, known))
+    others = sorted(set(range(trace.runs)) - set(suspects))
+    yield Group([places[row] for row in others], others, trace, assessment)
+    if suspects:
+        there = [places[row] for row in suspects]
+        picked, known = trace.pick(suspects), setup.pick(suspects)
+        again = assess(picked, known, check(there, picked))
+        yield Group(there, range(len(there)), picked, again)
 
 
 def _asks(rule: str, assessment: Assessment, row: int) -> bool:

@@ -54,6 +54,8 @@ class PlannedRun:
     seed: int
 
 
+# The engine of our own, beside MuJoCo.
+IMPULSE = "impulse"
 Job = tuple[PlannedRun, ...]
 
 

@@ -68,7 +68,12 @@ def pack(runs: Iterable[tuple[PlannedRun, Resolved]], scene: Scene, workers: int
 
 
 def _key(resolved: Resolved) -> Key:
-    return (*resolved.structure.items(), resolved.steps, resolved.flags.get("sleep", False))
+    return (
+        *resolved.structure.items(),
+        resolved.steps,
+        resolved.settings["engine"],
+        resolved.flags["sleep"],
+    )
 
 
 def _most_of(scene: Scene, resolved: Resolved, most: int) -> int:

@@ -4,13 +4,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from importlib.metadata import version
 from typing import Any
 
 from contactlab.measure import METRICS, Assessment
 from contactlab.pipeline.expectation import judge, within
-from contactlab.pipeline.job import PlannedRun, Task
+from contactlab.pipeline.job import IMPULSE, PlannedRun, Task
 from contactlab.scene import Prepared, Resolved, Starts
-from contactlab.schema import Cost, EvidenceRecord, InitialState, LabelEntry
+from contactlab.schema import Cost, Engine, EvidenceRecord, InitialState, LabelEntry
 
 UNITS = {metric.name: metric.unit for metric in METRICS.values()}
 VERSIONS = {metric.name: metric.version for metric in METRICS.values()}
@@ -118,7 +119,7 @@ class RecordMaker:
             sweep=self._task.name,
             scene=self._task.scene,
             scene_hash=self._scene_hash,
-            engine=self._task.engine,
+            engine=self._engine(plan.resolved),
             axes={name: as_written(value) for name, value in run.values.items()},
             settings=resolved.values,
             effects=dict(resolved.flags),
@@ -140,6 +141,11 @@ class RecordMaker:
             provenance=self._task.provenance,
             **rest,
         )
+
+    def _engine(self, resolved: Resolved) -> Engine:
+        if resolved.settings["engine"] == IMPULSE:
+            return Engine(name=IMPULSE, version=version("contactlab"))
+        return self._task.engine
 
     def with_cost(self, record: EvidenceRecord, outcome: Outcome) -> EvidenceRecord:
         """Return a record with what the run took, and when."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from contactlab.evidence import TRACES, TraceExtras, TraceSummary, to_row, write_trace
 from contactlab.pipeline.groups import Group, measured_groups
-from contactlab.pipeline.job import Finished, Job, PlannedRun, Task
+from contactlab.pipeline.job import IMPULSE, Finished, Job, PlannedRun, Task
 from contactlab.pipeline.record import Outcome, RecordMaker, RunPlan
 from contactlab.scene import Base, Prepared, Resolved, Scene, make_setup, stored_scene
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
@@ -18,6 +18,7 @@ from contactlab.sim import (
     make_trace,
     quiet,
     roll_out,
+    roll_out_by_impulse,
     run_checks,
     trajectory_hash,
 )
@@ -51,8 +52,14 @@ class Worker:
         models = [each.model for each in prepared]
         base = self._scene.base(resolved[0].structure)
         starts = self._scene.starts(resolved)
+        by_hand = resolved[0].settings["engine"] == IMPULSE
         with self._watchdog() as watch:
-            rollout = roll_out(models, starts, resolved[0].steps, self._buffers, watch)
+            if by_hand:
+                rollout = roll_out_by_impulse(
+                    base, prepared, starts, resolved[0].steps, self._buffers
+                )
+            else:
+                rollout = roll_out(models, starts, resolved[0].steps, self._buffers, watch)
         manifest = self._scene.source.manifest
         setup = make_setup(base, manifest, resolved, models, self._task.sweep.thresholds)
         trace = make_trace(base, prepared, rollout)
@@ -62,9 +69,10 @@ class Worker:
                 base, [prepared[place] for place in places], starts.rows(places), picked
             )
 
+        rule = "none" if by_hand else self._task.sweep.checks
         finished: dict[int, Finished] = {}
-        for group in measured_groups(trace, setup, rollout, self._task.sweep.checks, check):
-            for row, place in enumerate(group.places):
+        for group in measured_groups(trace, setup, rollout, rule, check):
+            for row, place in zip(group.rows, group.places, strict=True):
                 outcome = Outcome(
                     plan=plans[place],
                     assessment=group.assessment,

@@ -48,6 +48,10 @@ class Expression:
             raise ExpressionError("the result is not a finite number", 0, len(self.text))
         return result
 
+    def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
+        """Travel to another process as text."""
+        return Expression, (self.text,)
+
     def __repr__(self) -> str:
         return f"Expression({self.text!r})"
 

@@ -7,7 +7,8 @@ from contactlab.scene.base import Base
 from contactlab.scene.fields import field_axis
 from contactlab.scene.flags import FLAGS
 from contactlab.scene.parameters import CONTACT_SETTINGS, PARAMETERS
-from contactlab.scene.values import integer, number, switch
+from contactlab.scene.settings import ENGINES
+from contactlab.scene.values import choice, integer, number, switch
 from contactlab.schema import AxisSpec, SceneManifest
 
 
@@ -40,6 +41,8 @@ def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
         for parameter in PARAMETERS.values()
         if parameter.sets not in CONTACT_SETTINGS or base.pairs
     ]
+    text = "what computes: MuJoCo, or the impulse law for a sphere above a plane"
+    axes.append(AxisSpec("engine", "", text, choice(ENGINES), ENGINES))
     if base.targets.subject is not None:
         body = base.model.body(base.targets.subject).name
         axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))

@@ -4,19 +4,25 @@ Contact parameters are those of the graded pairs; sources are MuJoCo's XML refer
 and its Modeling chapter (solver parameters).
 """
 
-from collections.abc import Callable, Mapping, MutableMapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 from typing import Any
 
 import mujoco
 
-from contactlab.law import damping_ratio_of, stiffness_damping
+from contactlab.scene.updates import (
+    Update,
+    direct,
+    friction,
+    gravity,
+    part,
+    restitution,
+    standard,
+    whole,
+)
 from contactlab.scene.values import Parser, choice, integer, number, numbers
 from contactlab.schema import AxisSpec
-
-Settings = MutableMapping[str, object]
-Update = Callable[[Settings, object], None]
 
 
 @dataclass(frozen=True)
@@ -49,76 +55,6 @@ SOLVERS = _words(mujoco.mjtSolver, "mjSOL_")
 JACOBIANS = _words(mujoco.mjtJacobian, "mjJAC_")
 
 
-def _whole(name: str) -> Update:
-    def update(settings: Settings, value: object) -> None:
-        settings[name] = value
-
-    return update
-
-
-def _part(name: str, places: tuple[int, ...]) -> Update:
-    def update(settings: Settings, value: object) -> None:
-        current = list(_tuple(settings, name))
-        for place in places:
-            current[place] = float(str(value))
-        settings[name] = tuple(current)
-
-    return update
-
-
-def _tuple(settings: Mapping[str, object], name: str) -> tuple[float, ...]:
-    value = settings[name]
-    assert isinstance(value, tuple)
-    return value
-
-
-def _standard(place: int) -> Update:
-    """Set solref's time constant or damping ratio; a direct form is left for the standard one."""
-
-    def update(settings: Settings, value: object) -> None:
-        current = _tuple(settings, "solref")
-        standard = list(current if current[0] > 0 else (0.02, 1.0))
-        standard[place] = float(str(value))
-        settings["solref"] = tuple(standard)
-
-    return update
-
-
-def _direct(place: int) -> Update:
-    """Set solref's stiffness or damping; a standard form is turned into its equal first (F3)."""
-
-    def update(settings: Settings, value: object) -> None:
-        current = list(_direct_form(settings))
-        current[place] = -float(str(value))
-        settings["solref"] = tuple(current)
-
-    return update
-
-
-def _direct_form(settings: Settings) -> tuple[float, float]:
-    solref = _tuple(settings, "solref")
-    if solref[0] <= 0:
-        return solref[0], solref[1]
-    stiffness, damping = stiffness_damping(solref)
-    return -float(stiffness), -float(damping)
-
-
-@cache
-def _damping_ratio(restitution: float) -> float:
-    return float(damping_ratio_of(restitution))
-
-
-def _restitution(settings: Settings, value: object) -> None:
-    """Keep the contact's natural frequency w and set the damping that restitution asks for (F2)."""
-    stiffness = -_direct_form(settings)[0]
-    damping = 2.0 * _damping_ratio(float(str(value))) * stiffness**0.5
-    settings["solref"] = (-stiffness, -damping)
-
-
-def _gravity(settings: Settings, value: object) -> None:
-    settings["gravity"] = (0.0, 0.0, -value) if isinstance(value, float) else value
-
-
 def _gravity_value(value: object) -> object:
     try:
         return number(least=0)(value)
@@ -142,12 +78,6 @@ def _solimp_mistake(value: tuple[float, ...]) -> str | None:
 
 def _friction_mistake(value: tuple[float, ...]) -> str | None:
     return None if min(value) >= 0 else "write friction coefficients of at least 0"
-
-
-def _friction(settings: Settings, value: object) -> None:
-    assert isinstance(value, tuple)
-    slide, torsion, roll = value
-    settings["friction"] = (slide, slide, torsion, roll, roll)
 
 
 def _parts(names: tuple[str, ...], value: object) -> dict[str, float]:
@@ -206,7 +136,7 @@ def _parameter(  # noqa: PLR0913
 ) -> Parameter:
     sets = sets or name
     axis = AxisSpec(name, unit, description, parse, choices, conflicts, parts, split)
-    return Parameter(axis, sets, update or _whole(sets))
+    return Parameter(axis, sets, update or whole(sets))
 
 
 _OPTION = [
@@ -226,7 +156,7 @@ _OPTION = [
     _parameter("impratio", "1", "frictional over normal impedance", _POSITIVE),
     _parameter("density", "kg/m^3", "density of the medium", number(least=0)),
     _parameter("viscosity", "Pa s", "viscosity of the medium", number(least=0)),
-    _parameter("gravity", "m/s^2", "magnitude, or vector", _gravity_value, update=_gravity),
+    _parameter("gravity", "m/s^2", "magnitude, or vector", _gravity_value, update=gravity),
 ]
 
 _SOLREF_AXES = [
@@ -240,20 +170,20 @@ _SOLREF_AXES = [
         split=_solref_parts,
     ),
     _parameter(
-        _TC, "s", "time constant", _POSITIVE, sets="solref", update=_standard(0), conflicts=(_K, _B)
+        _TC, "s", "time constant", _POSITIVE, sets="solref", update=standard(0), conflicts=(_K, _B)
     ),
     _parameter(
-        _DR, "1", "damping ratio", _POSITIVE, sets="solref", update=_standard(1), conflicts=(_K, _B)
+        _DR, "1", "damping ratio", _POSITIVE, sets="solref", update=standard(1), conflicts=(_K, _B)
     ),
-    _parameter(_K, "1/s^2", "stiffness K", _POSITIVE, sets="solref", update=_direct(0)),
-    _parameter(_B, "1/s", "damping B", number(least=0), sets="solref", update=_direct(1)),
+    _parameter(_K, "1/s^2", "stiffness K", _POSITIVE, sets="solref", update=direct(0)),
+    _parameter(_B, "1/s", "damping B", number(least=0), sets="solref", update=direct(1)),
     _parameter(
         _E,
         "1",
         "restitution: the damping that gives it at the contact's natural frequency",
         number(above=0, most=1.0),
         sets="solref",
-        update=_restitution,
+        update=restitution,
         conflicts=(_TC, _DR, _B),
     ),
 ]
@@ -269,7 +199,7 @@ _SOLIMP_AXES = [
         split=partial(_parts, _SOLIMP_PARTS),
     ),
     *(
-        _parameter(name, unit, text, parse, sets="solimp", update=_part("solimp", (place,)))
+        _parameter(name, unit, text, parse, sets="solimp", update=part("solimp", (place,)))
         for place, (name, unit, text, parse) in enumerate(
             [
                 (_SOLIMP_PARTS[0], "1", "impedance at zero depth", _SHARE),
@@ -288,14 +218,14 @@ _FRICTION_AXES = [
         "1 m m",
         "sliding, torsional and rolling friction",
         numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
-        update=_friction,
+        update=friction,
         conflicts=_FRICTION_PARTS,
         parts=_FRICTION_PARTS,
         split=partial(_parts, _FRICTION_PARTS),
     ),
     *(
         _parameter(
-            name, unit, text, number(least=0), sets="friction", update=_part("friction", places)
+            name, unit, text, number(least=0), sets="friction", update=part("friction", places)
         )
         for name, unit, text, places in [
             (_FRICTION_PARTS[0], "1", "sliding friction", (0, 1)),

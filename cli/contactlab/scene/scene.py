@@ -157,7 +157,7 @@ class Scene:
             "settings": {
                 name: _rounded(value)
                 for name, value in run.values.items()
-                if not is_as_written(base.model, name, value)
+                if name in base.settings or not is_as_written(base.model, name, value)
             },
             "written_over": sorted(run.changed & base.varied),
             "flags": unusual(run.flags),

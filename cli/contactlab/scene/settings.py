@@ -15,6 +15,7 @@ from contactlab.scene.parameters import (
     SOLVERS,
 )
 
+ENGINES = ("mujoco", "impulse")
 OPTION_WORDS = {
     "integrator": INTEGRATORS,
     "cone": CONES,
@@ -43,7 +44,8 @@ def base_settings(
     Contact settings are those of the first graded pair, since a sweep sets them for all pairs.
     """
     option = model.opt
-    settings: dict[str, object] = {name: float(getattr(option, name)) for name in OPTION_NUMBERS}
+    settings: dict[str, object] = {"engine": ENGINES[0]}
+    settings |= {name: float(getattr(option, name)) for name in OPTION_NUMBERS}
     settings |= {name: int(getattr(option, name)) for name in OPTION_INTEGERS}
     settings |= {name: _vector(getattr(option, name)) for name in OPTION_VECTORS}
     settings |= {name: words[getattr(option, name)] for name, words in OPTION_WORDS.items()}

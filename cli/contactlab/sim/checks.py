@@ -14,8 +14,8 @@ from contactlab.trace import Checks, Floats, Trace
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
-# Forces below this share of the run's largest are rounding.
-_LEAST_FORCE = 1e-3
+# Forces and accelerations below this share of the run's largest may be rounding.
+_LEAST_SHARE = 1e-3
 _TIGHT = 1e-12
 _MOST_ITERATIONS = 1000
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
@@ -78,7 +78,7 @@ def _residual(model: mujoco.MjModel, again: _Again) -> Floats:
     if model.opt.noslip_iterations:
         return np.full(len(gap), np.nan)
     force = np.linalg.norm(again.force, axis=1)
-    return gap / np.maximum(force, max(_LEAST_FORCE * force.max(initial=0), np.finfo(float).tiny))
+    return gap / np.maximum(force, max(_LEAST_SHARE * force.max(initial=0), np.finfo(float).tiny))
 
 
 def _jacobian(
@@ -88,8 +88,9 @@ def _jacobian(
     dense, sparse = (
         _accelerations(model, kind, trace, starts, run, steps) for kind in (_DENSE, _SPARSE)
     )
-    free = dense[:, 1]
-    scale = np.maximum(np.abs(free).max(axis=1, initial=0), np.finfo(float).tiny)
+    size = np.abs(dense).max(axis=(1, 2), initial=0)
+    # Near rest, or without gravity, what is left of an acceleration may be rounding alone.
+    scale = np.maximum(size, max(_LEAST_SHARE * size.max(initial=0), np.finfo(float).tiny))
     return np.abs(dense[:, 0] - sparse[:, 0]).max(axis=1, initial=0) / scale
 
 

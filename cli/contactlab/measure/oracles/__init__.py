@@ -17,6 +17,7 @@ from contactlab.measure.oracles.precession import PRECESSION
 from contactlab.measure.oracles.rest_penetration import REST_PENETRATION
 from contactlab.measure.oracles.restitution import RESTITUTION_LAW
 from contactlab.measure.oracles.rolling import ROLL_DOWN, ROLL_FRICTION, SLIDE_TO_ROLL, SPIN_DOWN
+from contactlab.measure.oracles.rolling_plate import ROLLING_PLATE
 from contactlab.measure.oracles.separation_speed import SEPARATION_SPEED
 from contactlab.measure.oracles.sliding_distance import SLIDING_DISTANCE
 from contactlab.measure.oracles.stack_sag import STACK_SAG
@@ -43,6 +44,7 @@ ORACLES = {
         SLIDE_TO_ROLL,
         ROLL_FRICTION,
         SPIN_DOWN,
+        ROLLING_PLATE,
         LADDER,
         FLIP_TIME,
         PRECESSION,

@@ -13,20 +13,20 @@ _RADIUS = 0.01
 _STEPS = 100
 
 
-class _Rod(NamedTuple):
-    """Centre, angle, and their velocities, (n,) each [m, rad, m/s, rad/s]."""
+class Rod(NamedTuple):
+    """A state of n rods: centre [m], angle [rad] and their velocities [m/s, rad/s], (n,) each."""
 
     x: Floats
     angle: Floats
     speed: Floats
     spin: Floats
 
-    def moved(self, rate: "_Rod", time: Floats) -> "_Rod":
+    def moved(self, rate: "Rod", time: Floats) -> "Rod":
         """Return the state after a time [s] at a rate of change."""
-        return _Rod(*(value + time * slope for value, slope in zip(self, rate, strict=True)))
+        return Rod(*(value + time * slope for value, slope in zip(self, rate, strict=True)))
 
 
-def slip_speed(rod: _Rod) -> Floats:
+def slip_speed(rod: Rod) -> Floats:
     """Return (n,) speed of the rod's material where it touches [m/s]."""
     return rod.speed + (_HALF_LENGTH * np.sin(rod.angle) + _RADIUS) * rod.spin
 
@@ -45,35 +45,36 @@ def compliance(angle: Floats, drag: Floats) -> Floats:
     return 1 + 3 * across * (across + drag * up)
 
 
-def _rate(rod: _Rod, drag: Floats, gravity: Floats) -> _Rod:
+def _rate(rod: Rod, drag: Floats, gravity: Floats) -> Rod:
     across, up = np.cos(rod.angle), np.sin(rod.angle)
     sink = gravity - _HALF_LENGTH * up * rod.spin**2
     normal = np.maximum(sink, 0) / compliance(rod.angle, drag)
     arm = across + drag * (up + _RADIUS / _HALF_LENGTH)
-    return _Rod(rod.speed, rod.spin, -drag * normal, -3 / _HALF_LENGTH * arm * normal)
+    return Rod(rod.speed, rod.spin, -drag * normal, -3 / _HALF_LENGTH * arm * normal)
 
 
-def tip_travel(rod: _Rod, friction: Floats, gravity: Floats, duration: Floats) -> Floats:
+def tip_travel(rod: Rod, friction: Floats, gravity: Floats, duration: Floats) -> Floats:
     """Return (n,) how far the touching end's centre moves [m]; it stays where it stops or jams."""
-    drag, step = friction * np.sign(slip_speed(rod)), duration / _STEPS
+    forward, step = np.sign(slip_speed(rod)), duration / _STEPS
+    drag = forward * friction
     stuck = np.zeros(len(friction), dtype=np.bool_)
     travel, place = np.zeros(len(friction)), _end(rod)
     for _ in range(_STEPS):
         middle = rod.moved(_rate(rod, drag, gravity), step / 2)
         rod = rod.moved(_rate(middle, drag, gravity), step)
-        stuck |= (compliance(rod.angle, drag) <= 0) | (slip_speed(rod) * drag <= 0)
+        stuck |= (compliance(rod.angle, drag) <= 0) | (slip_speed(rod) * forward <= 0)
         travel, place = travel + np.where(stuck, 0, _end(rod) - place), _end(rod)
     return travel
 
 
-def _end(rod: _Rod) -> Floats:
+def _end(rod: Rod) -> Floats:
     return rod.x - _HALF_LENGTH * np.cos(rod.angle)
 
 
 def _tip_travel(context: Context) -> tuple[Floats, Floats]:
     position, velocity = context.trace.qpos, context.trace.qvel
     start, last = (
-        _Rod(position[:, k, 0], position[:, k, 2], velocity[:, k, 0], velocity[:, k, 2])
+        Rod(position[:, k, 0], position[:, k, 2], velocity[:, k, 0], velocity[:, k, 2])
         for k in (0, -1)
     )
     friction = setting(context, "friction")[:, 0]

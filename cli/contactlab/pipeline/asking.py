@@ -1,0 +1,55 @@
+"""From a sweep file to what `run_sweep` is asked."""
+
+from pathlib import Path
+
+from contactlab.pipeline.sweep import Ask
+from contactlab.pipeline.vocabulary import Scenes
+from contactlab.plan import Overrides, read_sweep
+
+
+def ask_for(  # noqa: PLR0913 - one argument an option
+    source: Path | str,
+    name: str,
+    store: Path,
+    *,
+    folder: Path,
+    workers: int,
+    overrides: Overrides | None = None,
+    fresh: bool = False,
+) -> Ask:
+    """Read a sweep and return what to run.
+
+    Args:
+        source: the sweep file's path, or its text.
+        name: the sweep's name.
+        store: the folder to write.
+        folder: where relative paths of scenes start.
+        workers: processes; 0 for none but this one.
+        overrides: options of the command line.
+        fresh: whether to replace a store that is there.
+
+    Raises:
+        SweepFileError: the file or the options hold mistakes; all are named.
+    """
+    options = overrides or Overrides()
+    scenes = Scenes(folder)
+    read = read_sweep(source, scenes.vocabulary, options)
+    return Ask(
+        plan=read.plan,
+        scene=scenes.open(read.sweep.scene),
+        name=name,
+        source=read.text,
+        overrides=_given(options),
+        store=store,
+        workers=workers,
+        fresh=fresh,
+    )
+
+
+def _given(overrides: Overrides) -> tuple[str, ...]:
+    limit = () if overrides.limit is None else (f"--limit {overrides.limit}",)
+    return (
+        *(f"--set {each}" for each in overrides.assign),
+        *(f"--only {each}" for each in overrides.only),
+        *limit,
+    )

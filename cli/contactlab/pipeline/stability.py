@@ -1,0 +1,149 @@
+"""The catalogue of hard cases: shipped sweeps whose expectations say what holds and what fails."""
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from contactlab import shipped
+from contactlab.errors import SweepFileError, did_you_mean
+from contactlab.evidence import Store
+from contactlab.pipeline.asking import ask_for
+from contactlab.pipeline.sweep import Progress, run_sweep
+
+FOLDER = "stability"
+_MODELS = (".xml", ".urdf", ".mjcf")
+
+
+@dataclass(frozen=True)
+class Case:
+    """One hard case: a sweep that expects something of its runs.
+
+    Attributes:
+        name: its name.
+        source: the sweep file, or the text of a generic one.
+        folder: where relative paths of its scene start.
+    """
+
+    name: str
+    source: Path | str
+    folder: Path
+
+
+@dataclass(frozen=True)
+class CaseResult:
+    """What came of a case.
+
+    Attributes:
+        name: the case.
+        runs: how many runs it has.
+        asked: of how many of them something was expected.
+        met: how many of these came out as expected.
+        controls: runs that had to fail, and did.
+        labels: runs by label.
+        error: largest oracle error of the runs that had to hold; None without an oracle.
+        step: earliest step at which a run failed that had to hold; None if none did.
+        misses: what was missed, with the start of the run's id.
+        seconds: wall time [s].
+        store: its evidence.
+    """
+
+    name: str
+    runs: int
+    asked: int
+    met: int
+    controls: int
+    labels: dict[str, int]
+    error: float | None
+    step: int | None
+    misses: tuple[str, ...]
+    seconds: float
+    store: Path
+
+    @property
+    def passed(self) -> bool:
+        """Whether everything expected came out."""
+        return self.met == self.asked > 0
+
+
+def find_cases(names: list[str]) -> list[Case]:
+    """Return cases by name, a generic case for a model file or a scene's folder; all if no names.
+
+    Raises:
+        SweepFileError: there is no such case.
+    """
+    known = {path.stem: path for path in sorted((shipped.sweeps() / FOLDER).glob("*.yaml"))}
+    return [_case(name, known) for name in names or known]
+
+
+def run_case(
+    case: Case, results: Path, workers: int, begin: Callable[[int, int], None], progress: Progress
+) -> CaseResult:
+    """Run one case into a store of its own; one that was interrupted goes on.
+
+    Args:
+        case: the case.
+        results: the folder of the stores.
+        workers: processes.
+        begin: told how many runs there are and how many of them are done already.
+        progress: told of runs as they finish.
+    """
+    store = results / case.name
+    started = time.monotonic()
+    fresh = (store / "manifest.json").is_file()
+    ask = ask_for(case.source, case.name, store, folder=case.folder, workers=workers, fresh=fresh)
+    run_sweep(ask, begin, progress)
+    rows: list[dict[str, Any]] = Store.open(store).table.to_pylist()
+    return _result(case.name, rows, time.monotonic() - started, store)
+
+
+def _case(name: str, known: dict[str, Path]) -> Case:
+    if name in known:
+        return Case(name, known[name], known[name].parent)
+    path = Path(name)
+    if path.suffix in _MODELS or path.is_dir():
+        text = _GENERIC.format(scene=str(path.resolve()))
+        return Case(path.stem, text, Path())
+    raise SweepFileError(
+        f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
+        "and any model file or folder of a scene"
+    )
+
+
+_GENERIC = """\
+version: 1
+scene: "{scene}"
+description: Generic checks of a model, from slightly different starts
+seeds: 3
+checks: all
+trace: flagged
+expect:
+  - {{label: stable, reason: a sound model needs no excuse}}
+"""
+
+
+def _result(name: str, rows: list[dict[str, Any]], seconds: float, store: Path) -> CaseResult:
+    asked = [row for row in rows if row["expectation_met"] is not None]
+    held = [row for row in asked if "stable" in (row["expected"] or ["stable"])]
+    failed = [row for row in held if not row["expectation_met"]]
+    errors = [row["oracle_error"] for row in held if row["oracle_error"] is not None]
+    steps = [row["label_step"] for row in failed if row["label_step"] is not None]
+    return CaseResult(
+        name=name,
+        runs=len(rows),
+        asked=len(asked),
+        met=sum(row["expectation_met"] for row in asked),
+        controls=sum(row["expectation_met"] for row in asked if row not in held),
+        labels=dict(Counter(row["label"] for row in rows)),
+        error=max(errors, default=None),
+        step=min(steps, default=None),
+        misses=tuple(
+            f"{row['run_id'][:8]}: {row['expectation_reason']}"
+            for row in asked
+            if not row["expectation_met"]
+        ),
+        seconds=seconds,
+        store=store,
+    )

@@ -1,0 +1,65 @@
+"""Cases of the catalogue, run as shipped or with a fault planted in their scene."""
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab import shipped
+from contactlab.pipeline import Ask, Scenes, run_sweep
+from contactlab.plan import Overrides, read_sweep
+
+Rows = list[dict[str, Any]]
+FOLDER = shipped.sweeps() / "stability"
+
+
+def swept(sweep: Path, store: Path, *only: str) -> Rows:
+    """Run a sweep in this process, without traces, and return its table."""
+    scenes = Scenes(sweep.parent)
+    read = read_sweep(sweep, scenes.vocabulary, Overrides(("trace=none",), only))
+    ask = Ask(
+        plan=read.plan,
+        scene=scenes.open(read.sweep.scene),
+        name=sweep.stem,
+        source=read.text,
+        overrides=(),
+        store=store,
+        workers=0,
+    )
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    return pq.read_table(store / "runs.parquet").to_pylist()
+
+
+@pytest.fixture(scope="session")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
+    """Return the rows of a case that have the given values; each case runs once."""
+    tables: dict[str, Rows] = {}
+
+    def rows(name: str, **values: object) -> Rows:
+        if name not in tables:
+            tables[name] = swept(FOLDER / f"{name}.yaml", tmp_path_factory.mktemp(name) / "store")
+        picked = [row for row in tables[name] if all(row[key] == values[key] for key in values)]
+        assert picked
+        return picked
+
+    return rows
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Callable[..., Rows]:
+    """Run some of a case on a copy of its scene in which one text is replaced."""
+
+    def rows(name: str, old: str, new: str, *only: str) -> Rows:
+        text = (FOLDER / f"{name}.yaml").read_text()
+        shutil.copytree(shipped.models() / name, tmp_path / name)
+        model = tmp_path / name / "scene.xml"
+        assert old in model.read_text()
+        model.write_text(model.read_text().replace(old, new))
+        copy = tmp_path / "copy.yaml"
+        copy.write_text(text.replace(f"scene: {name}", f"scene: ./{name}"))
+        return swept(copy, tmp_path / "store", *only)
+
+    return rows
