@@ -133,11 +133,12 @@ def test_a_limit_of_iterations_is_no_residual(case: Case) -> None:
 
 
 def test_rolling_is_not_worse_than_published(case: Case) -> None:
-    """The published errors of this test are 7.05e-3 (Euler) and 2.7e-3 (RK4), at 1 ms."""
+    """Published are 7.05e-3 (Euler) and 2.7e-3 (RK4), at 1 ms; starts spread by a tenth of it."""
     fine = {"timestep": 1e-3, "cone": "elliptic"}
     (euler,) = case("rolling_plate", integrator="Euler", **fine)
     (rk4,) = case("rolling_plate", integrator="RK4", **fine)
-    assert rk4["oracle_error"] < euler["oracle_error"] < 7.05e-3
+    assert rk4["oracle_error"] < euler["oracle_error"] < 1.2 * 7.05e-3
+    assert rk4["oracle_error"] < 1.2 * 2.7e-3
     (pyramid,) = case("rolling_plate", cone="pyramidal")
     assert pyramid["oracle_error"] > 1
 

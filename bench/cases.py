@@ -1,0 +1,54 @@
+"""The sweeps that are measured."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Case:
+    """A sweep to measure.
+
+    Attributes:
+        name: what the table calls it.
+        sweep: the sweep file's text, its seeds left open.
+        rows: runs of each seed.
+        seeds: the larger and the smaller size.
+        part: the same for the straightforward harness, in runs.
+        targets: of the three lines of the table, in words.
+    """
+
+    name: str
+    sweep: str
+    rows: int
+    seeds: tuple[int, int]
+    part: tuple[int, int]
+    targets: tuple[str, str, str]
+
+    @property
+    def runs(self) -> tuple[int, int]:
+        """The larger and the smaller size in runs."""
+        large, small = self.seeds
+        return large * self.rows, small * self.rows
+
+
+BALL = """\
+version: 1
+scene: ball_drop
+axes:
+  restitution: {values: [0.6, 0.75, 0.9], role: scenario}
+  drop_height: {values: [0.5, 0.75, 1.0, 2.0], role: scenario}
+checks: none
+"""
+STACK = """\
+version: 1
+scene: box_stack
+axes:
+  boxes: [BOXES]
+checks: none
+"""
+BALL_TARGETS = ("<= 2.0", "<= 1.25", ">= 8")
+STACK_TARGETS = ("<= 1.7", "<= 1.25", ">= 8")
+CASES = (
+    Case("ball_drop", BALL, 12, (256, 64), (48, 16), BALL_TARGETS),
+    Case("box_stack, 5 boxes", STACK.replace("BOXES", "5"), 1, (128, 32), (12, 4), STACK_TARGETS),
+    Case("box_stack, 10 boxes", STACK.replace("BOXES", "10"), 1, (64, 16), (8, 4), STACK_TARGETS),
+)
