@@ -13,7 +13,6 @@ straightforward harness does a part of the runs, and its line through two sizes 
 Second passes are off: they simulate flagged runs again, which neither of the others does.
 """
 
-import os
 import sys
 import tempfile
 from collections.abc import Iterable
@@ -56,7 +55,6 @@ def main() -> None:
     """Measure every case in every round, then print."""
     rounds = int(sys.argv[1]) if len(sys.argv) > 1 else ROUNDS
     adopt_orphans()
-    os.environ["OPENBLAS_NUM_THREADS"] = "1"
     with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
         benches: list[Bench] = []
         for number, case in enumerate(CASES):
