@@ -30,12 +30,15 @@ def stability(
 ) -> None:
     """Run hard cases and say what held, what failed, and whether that is what should."""
     from contactlab.commands.progress import progress
-    from contactlab.pipeline import find_cases, run_case
+    from contactlab.pipeline import find_cases, missing_switches, run_case
 
     processes = cores() if workers is None else workers
     done: list[CaseResult] = []
     cases = find_cases(names or [])
     for number, case in enumerate(cases, 1):
+        if lacking := missing_switches(case):
+            say(f"{number}/{len(cases)} {case.name}: skipped, this engine has no {lacking}")
+            continue
         with progress() as shown:
             done.append(run_case(case, results, processes, shown.begin, shown.advance))
         say(f"{number}/{len(cases)} {case.name}: {'ok' if done[-1].passed else 'NOT AS EXPECTED'}")

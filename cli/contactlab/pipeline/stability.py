@@ -1,5 +1,6 @@
 """The catalogue of hard cases: shipped sweeps whose expectations say what holds and what fails."""
 
+import re
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -12,8 +13,12 @@ from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.evidence import Store
 from contactlab.pipeline.asking import ask_for
 from contactlab.pipeline.sweep import Progress, run_sweep
+from contactlab.scene import FLAGS
 
 FOLDER = "stability"
+# Switches that came after the oldest engine that contactlab runs on.
+NEWER_FLAGS = {"speculative"}
+_WORD = re.compile(r"^ +(\w+):", re.MULTILINE)
 _MODELS = (".xml", ".urdf", ".mjcf")
 
 
@@ -97,6 +102,14 @@ def run_case(
     run_sweep(ask, begin, progress)
     rows: list[dict[str, Any]] = Store.open(store).table.to_pylist()
     return _result(case.name, rows, time.monotonic() - started, store)
+
+
+def missing_switches(case: Case) -> str:
+    """Return the engine switches that a case varies and this engine lacks; empty if none."""
+    if not isinstance(case.source, Path):
+        return ""
+    words = set(_WORD.findall(case.source.read_text(encoding="utf-8")))
+    return ", ".join(sorted(words & NEWER_FLAGS - set(FLAGS)))
 
 
 def _case(name: str, known: dict[str, Path]) -> Case:

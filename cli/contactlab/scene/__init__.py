@@ -1,7 +1,8 @@
 """From what a sweep names to compiled models: scenes, parameters, engine switches."""
 
 from contactlab.scene.base import Base, Prepared
-from contactlab.scene.pairs import Pair
+from contactlab.scene.flags import FLAGS
+from contactlab.scene.pairs import Pair, can_collide
 from contactlab.scene.parameters import PARAMETERS, Parameter
 from contactlab.scene.quiet import quiet
 from contactlab.scene.scene import Resolved, Scene
@@ -11,6 +12,7 @@ from contactlab.scene.source import SceneSource, find_scene, stored_scene
 from contactlab.scene.start import Starts
 
 __all__ = [
+    "FLAGS",
     "PARAMETERS",
     "Base",
     "Layout",
@@ -21,6 +23,7 @@ __all__ = [
     "Scene",
     "SceneSource",
     "Starts",
+    "can_collide",
     "find_scene",
     "make_setup",
     "quiet",

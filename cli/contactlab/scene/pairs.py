@@ -122,6 +122,13 @@ def _usual_slots(first: int, second: int) -> int:
     return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
 
 
+def can_collide(model: mujoco.MjModel, pair: Pair) -> bool:
+    """Say whether the engine's filters let any geoms of a pair touch."""
+    return any(
+        _may_touch(model, first, second) for first in pair.geoms[0] for second in pair.geoms[1]
+    )
+
+
 def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
     if _listed(model, first, second):
         return True

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.scene import Base, Pair, Prepared, Starts
+from contactlab.scene import Base, Pair, Prepared, Starts, can_collide
 from contactlab.sim.rollout import STATE, start_batch
 from contactlab.trace import Checks, Floats, Trace
 
@@ -126,10 +126,15 @@ def _geometry(
     data = mujoco.MjData(model)
     overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
     speculative = _is_speculative(model)
+    graded = [
+        (pair, recorded)
+        for pair, recorded in zip(base.pairs, trace.pairs, strict=True)
+        if can_collide(model, pair)
+    ]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
-        for pair, recorded in zip(base.pairs, trace.pairs, strict=True):
+        for pair, recorded in graded:
             distance = _distance(model, data, pair)
             slots = recorded.slots[run, step]
             touching = slots[:, 0] > 0
