@@ -41,6 +41,7 @@ GOOD: dict[str, Any] = {
     ],
     "trace": "sample:10",
     "checks": "all",
+    "knife_edge": True,
     "latency_budget": 2e-3,
     "timeout": 5,
 }

@@ -43,6 +43,7 @@ FIXED = (
     Column("expectation_met", _TRUTH, "", "whether what was expected came out"),
     Column("expectation_reason", _TEXT, "", "what was missed"),
     Column("tolerances_met", _TRUTH, "", "whether every tolerance of the sweep is met"),
+    Column("knife_edge", _TRUTH, "", "whether a start 1e-6 away gives another label"),
     Column("cost_cpu_s", _REAL, "s", "thread CPU time of the stepping"),
     Column("cost_cpu_per_sim_s", _REAL, "1", "CPU seconds per simulated second"),
     Column("cost_latency_budget_s", _REAL, "s", "wall time a step may take"),

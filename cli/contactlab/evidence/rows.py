@@ -23,6 +23,7 @@ _PLAIN = (
     "expectation_met",
     "expectation_reason",
     "tolerances_met",
+    "knife_edge",
     "status",
     "status_reason",
     "steps",

@@ -48,6 +48,7 @@ class Outcome:
         trajectory_hash: of its state rows.
         cpu: thread CPU time of the stepping [s].
         started: when its job started.
+        twin_label: the label of the same run from a start 1e-6 away, if it was asked for.
     """
 
     plan: RunPlan
@@ -59,6 +60,7 @@ class Outcome:
     trajectory_hash: str
     cpu: float
     started: str
+    twin_label: str | None
 
 
 class RecordMaker:
@@ -87,6 +89,7 @@ class RecordMaker:
             steps=outcome.steps,
             warnings=dict(outcome.warnings),
             trajectory_hash=outcome.trajectory_hash,
+            knife_edge=_is_knife_edge(outcome),
         )
 
     def lost(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
@@ -100,6 +103,7 @@ class RecordMaker:
             steps=0,
             warnings={},
             trajectory_hash=None,
+            knife_edge=None,
         )
 
     def _record(
@@ -159,6 +163,12 @@ class RecordMaker:
         )
         clock = {"started": outcome.started, "finished": self.now()}
         return record.model_copy(update={"cost": cost, **clock})
+
+
+def _is_knife_edge(outcome: Outcome) -> bool | None:
+    if outcome.twin_label is None:
+        return None
+    return outcome.twin_label != outcome.assessment.labels[outcome.row][0].label
 
 
 def _initial(start: Starts) -> InitialState:

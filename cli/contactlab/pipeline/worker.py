@@ -3,18 +3,21 @@
 import faulthandler
 import json
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+
+from pydantic_core import to_json
 
 from contactlab.evidence import TRACES, TraceExtras, TraceSummary, to_row, write_trace
 from contactlab.pipeline.groups import Group, measured_groups
 from contactlab.pipeline.job import IMPULSE, Finished, Job, PlannedRun, Task
 from contactlab.pipeline.record import Outcome, RecordMaker, RunPlan
-from contactlab.scene import Base, Prepared, Resolved, Scene, make_setup, stored_scene
+from contactlab.scene import Base, Prepared, Resolved, Scene, Starts, make_setup, stored_scene
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.sim import (
     Buffers,
+    Rollout,
     make_trace,
     quiet,
     roll_out,
@@ -37,7 +40,7 @@ class Worker:
         self._marker = marker
         self._scene = Scene(stored_scene(task.scene_folder, task.scene_model, task.scene))
         self._models: OrderedDict[str, Prepared] = OrderedDict()
-        self._buffers = Buffers()
+        self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._folders: set[Path] = set()
         self._records = RecordMaker(task, self._scene.hash)
         model = self._scene.source.model
@@ -47,31 +50,11 @@ class Worker:
         """Run a job of runs that share structure and step count; write their traces."""
         started = self._records.now()
         plans = self.plans(job)
-        resolved = [plan.resolved for plan in plans]
-        prepared = [plan.prepared for plan in plans]
-        models = [each.model for each in prepared]
-        base = self._scene.base(resolved[0].structure)
-        starts = self._scene.starts(resolved)
-        by_hand = resolved[0].settings["engine"] == IMPULSE
-        with self._watchdog() as watch:
-            if by_hand:
-                rollout = roll_out_by_impulse(
-                    base, prepared, starts, resolved[0].steps, self._buffers
-                )
-            else:
-                rollout = roll_out(models, starts, resolved[0].steps, self._buffers, watch)
-        manifest = self._scene.source.manifest
-        setup = make_setup(base, manifest, resolved, models, self._task.sweep.thresholds)
-        trace = make_trace(base, prepared, rollout)
-
-        def check(places: Sequence[int], picked: Trace) -> Checks:
-            return run_checks(
-                base, [prepared[place] for place in places], starts.rows(places), picked
-            )
-
-        rule = "none" if by_hand else self._task.sweep.checks
+        starts = self._scene.starts([plan.resolved for plan in plans])
+        rollout, groups = self._measure(plans, starts, self._buffers)
+        labels = self._twin_labels(plans, starts)
         finished: dict[int, Finished] = {}
-        for group in measured_groups(trace, setup, rollout, rule, check):
+        for group in groups:
             for row, place in zip(group.rows, group.places, strict=True):
                 outcome = Outcome(
                     plan=plans[place],
@@ -83,9 +66,47 @@ class Worker:
                     trajectory_hash=trajectory_hash(rollout, place),
                     cpu=float(rollout.cost[place]),
                     started=started,
+                    twin_label=labels.get(place),
                 )
                 finished[place] = self._finish(outcome, group)
         return [finished[place] for place in range(len(job))]
+
+    def _measure(
+        self, plans: Sequence[RunPlan], starts: Starts, buffers: Buffers
+    ) -> tuple[Rollout, Iterator[Group]]:
+        """Simulate runs from the given starts, and measure and label them."""
+        resolved = [plan.resolved for plan in plans]
+        prepared = [plan.prepared for plan in plans]
+        models = [each.model for each in prepared]
+        base, steps = self._scene.base(resolved[0].structure), resolved[0].steps
+        by_hand = resolved[0].settings["engine"] == IMPULSE
+        with self._watchdog() as watch:
+            if by_hand:
+                rollout = roll_out_by_impulse(base, prepared, starts, steps, buffers)
+            else:
+                rollout = roll_out(models, starts, steps, buffers, watch)
+        manifest, sweep = self._scene.source.manifest, self._task.sweep
+        setup = make_setup(base, manifest, resolved, models, sweep.thresholds)
+        trace = make_trace(base, prepared, rollout)
+
+        def check(places: Sequence[int], picked: Trace) -> Checks:
+            some = [prepared[place] for place in places]
+            return run_checks(base, some, starts.rows(places), picked)
+
+        rule = "none" if by_hand else sweep.checks
+        return rollout, measured_groups(trace, setup, rollout, rule, check)
+
+    def _twin_labels(self, plans: Sequence[RunPlan], starts: Starts) -> dict[int, str]:
+        """Return the label that each run gets from a start that is hardly another, if asked."""
+        if not self._task.sweep.knife_edge:
+            return {}
+        nudged = self._scene.nudged(starts, [plan.resolved for plan in plans])
+        _, groups = self._measure(plans, nudged, self._twin_buffers)
+        return {
+            place: group.assessment.labels[row][0].label
+            for group in groups
+            for row, place in zip(group.rows, group.places, strict=True)
+        }
 
     def plans(self, job: Job) -> list[RunPlan]:
         """Return all that decides the runs of a job of one structure."""
@@ -173,7 +194,7 @@ class Worker:
 
 def _finished(record: EvidenceRecord) -> Finished:
     return Finished(
-        row=json.dumps(to_row(record), separators=(",", ":"), allow_nan=False).encode(),
+        row=to_json(to_row(record)),
         label=record.label,
         status=record.status,
         expectation_met=record.expectation_met,

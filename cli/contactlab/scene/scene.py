@@ -13,7 +13,7 @@ from contactlab.scene.fields import is_as_written
 from contactlab.scene.flags import FLAGS, unusual
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.source import SceneSource, find_scene
-from contactlab.scene.start import Starts, StartState, start_states
+from contactlab.scene.start import Starts, StartState, nudged_states, start_states
 from contactlab.schema import InitialValue
 
 _RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
@@ -172,6 +172,11 @@ class Scene:
         start = self._start(runs[0].structure)
         with self.source.blamed():
             return start_states(start, [(run.initial, run.seed) for run in runs])
+
+    def nudged(self, starts: Starts, runs: Sequence[Resolved]) -> Starts:
+        """Return starts with every place moved by up to 1e-6 m or rad, as each run's seed says."""
+        start = self._start(runs[0].structure)
+        return nudged_states(start, starts, [run.seed for run in runs])
 
     def _start(self, structure: Mapping[str, object]) -> StartState:
         key = json.dumps(structure, sort_keys=True)

@@ -14,6 +14,7 @@ from contactlab.schema import SceneManifest
 from contactlab.trace import Floats
 
 _PERTURBATION = 1e-4
+_NUDGE = 1e-6
 # Where a joint's quaternion starts within its part of qpos.
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
@@ -104,6 +105,17 @@ def _computed(formula: Expression, initial: Mapping[str, float]) -> float:
     if not isinstance(result, float):
         raise SceneError(f"'{formula.text}' is {result!r}, not a number")
     return result
+
+
+def nudged_states(start: StartState, states: Starts, seeds: Sequence[int]) -> Starts:
+    """Return start states a millionth of a metre or radian away; rotations stay as they are."""
+    turning = {address + part for address in start.quaternions for part in range(4)}
+    moving = [index for index in range(states.qpos.shape[1]) if index not in turning]
+    qpos = states.qpos.copy()
+    for row, seed in zip(qpos, seeds, strict=True):
+        # A stream of its own: the seed's first one perturbs the start itself.
+        row[moving] += _NUDGE * np.random.default_rng([seed, 1]).uniform(-1, 1, len(moving))
+    return states._replace(qpos=qpos)
 
 
 def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:

@@ -126,6 +126,9 @@ class EvidenceRecord(Model):
     trajectory_hash: str | None = Field(
         description="SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
     )
+    knife_edge: bool | None = Field(
+        default=None, description="Whether a start 1e-6 away gives another label; null if unasked."
+    )
     provenance: Provenance
     cost: Cost | None = None
     trace: TraceFile | None = None

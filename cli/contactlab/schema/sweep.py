@@ -164,6 +164,11 @@ class Sweep(Model):
         default="flagged",
         description="runs that are checked in a second pass: all, those not stable, or none",
     )
+    knife_edge: Annotated[bool, Field(strict=True)] = Field(
+        default=False,
+        description="whether to run each run once more from a start 1e-6 away, to see whether "
+        "its label survives",
+    )
     latency_budget: Positive | None = Field(
         default=None, description="wall time a step may take [s]"
     )

@@ -10,7 +10,8 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-_LEVEL = 1
+# A tenth less CPU time for a sweep of stacks than level 1, and 2 to 7 % larger files.
+_LEVEL = -3
 
 
 class Scratch(threading.local):
