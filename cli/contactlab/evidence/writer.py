@@ -135,6 +135,10 @@ def writing(
             writer = StoreWriter(path, identity, _prepare(path, identity, scene))
             try:
                 yield writer
+            except BaseException:
+                # Workers that were stopped in mid-write could not clean up after themselves.
+                _remove_leftovers(path)
+                raise
             finally:
                 writer.close()
     except OSError as error:

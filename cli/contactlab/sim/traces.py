@@ -17,6 +17,8 @@ def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trac
     """
     model, layout, sensors = base.model, base.layout, rollout.sensors
     velocity = 1 + model.nq
+    # There are as many places as the engine could need, but at most one island a tree.
+    iterations = rollout.iterations[:, :, : max(1, model.ntree)]
     mass = np.array([each.model.body_subtreemass[0] for each in models])
     return Trace(
         timestep=np.array([each.model.opt.timestep for each in models]),
@@ -28,8 +30,8 @@ def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trac
         potential=sensors[:, :, layout.potential],
         contacts=sensors[:, :, layout.contacts].astype(np.int32),
         least_distance=sensors[:, :, layout.contacts + 1],
-        iterations=rollout.iterations.sum(axis=2, dtype=np.int32),
-        iterations_most=rollout.iterations.max(axis=2),
+        iterations=iterations.sum(axis=2, dtype=np.int32),
+        iterations_most=iterations.max(axis=2),
         momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
         spin=_vector(sensors, layout.spin, np.ones((1, 1, 1))),
         pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),

@@ -104,7 +104,7 @@ def contact_groups(
     channel: int, pair: PairTrace, series: PairSeries, run: int, timestep: float
 ) -> Iterator[Group]:
     """Yield the steps in which a pair touches, those with equally many points together."""
-    touching = pair.touching[run]
+    touching = pair.slots[run, :, :, FOUND] > 0
     counts = np.count_nonzero(touching, axis=1)
     slots = pair.slots[run].reshape(-1, SLOT_WIDTH)
     for count in np.unique(counts[counts > 0]).tolist():
