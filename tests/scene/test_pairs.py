@@ -112,6 +112,10 @@ def assert_graded(text: str, seed: int) -> None:
         assert count <= graded[both].slots
 
 
+@pytest.mark.skipif(
+    int(mujoco.__version__.partition(".")[0]) < 4,
+    reason="before MuJoCo 4, a box and a cylinder about one centre have no contact",
+)
 @given(text=models())
 @settings(max_examples=40)
 def test_no_pair_is_graded_that_mujoco_never_makes(text: str) -> None:
