@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab import shipped
-from contactlab.pipeline import Ask, Scenes, run_sweep
-from contactlab.plan import Overrides, read_sweep
+from contactlab.pipeline import ask_for, run_sweep
+from contactlab.plan import Overrides
 
 # What a version of the engine changes is for `compare` to say; here it is held to one.
 MAJOR = 4
@@ -23,17 +23,8 @@ FOLDER = shipped.sweeps() / "stability"
 
 def swept(sweep: Path, store: Path, *only: str) -> Rows:
     """Run a sweep in this process, without traces, and return its table."""
-    scenes = Scenes(sweep.parent)
-    read = read_sweep(sweep, scenes.vocabulary, Overrides(("trace=none",), only))
-    ask = Ask(
-        plan=read.plan,
-        scene=scenes.open(read.sweep.scene),
-        name=sweep.stem,
-        source=read.text,
-        overrides=(),
-        store=store,
-        workers=0,
-    )
+    overrides = Overrides(("trace=none",), only)
+    ask = ask_for(sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return pq.read_table(store / "runs.parquet").to_pylist()
 
@@ -59,12 +50,13 @@ def planted(tmp_path: Path) -> Callable[..., Rows]:
 
     def rows(name: str, old: str, new: str, *only: str) -> Rows:
         text = (FOLDER / f"{name}.yaml").read_text()
-        shutil.copytree(shipped.models() / name, tmp_path / name)
-        model = tmp_path / name / "scene.xml"
+        scene = next(line for line in text.splitlines() if line.startswith("scene: "))[7:]
+        shutil.copytree(shipped.models() / scene, tmp_path / scene)
+        model = tmp_path / scene / "scene.xml"
         assert old in model.read_text()
         model.write_text(model.read_text().replace(old, new))
         copy = tmp_path / "copy.yaml"
-        copy.write_text(text.replace(f"scene: {name}", f"scene: ./{name}"))
+        copy.write_text(text.replace(f"scene: {scene}", f"scene: ./{scene}"))
         return swept(copy, tmp_path / "store", *only)
 
     return rows

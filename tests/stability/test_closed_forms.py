@@ -6,15 +6,9 @@ run, and the pairs of a good and a bad configuration land on their sides.
 
 from collections.abc import Callable
 from math import atan, degrees
-from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
-
-from contactlab import shipped
-from contactlab.pipeline import Ask, Scenes, run_sweep
-from contactlab.plan import Overrides, read_sweep
 
 CASES = [
     "free_fall",
@@ -30,41 +24,9 @@ CASES = [
     "slide_to_roll",
     "spin_down",
 ]
-FOLDER = shipped.sweeps() / "stability"
 
 Rows = list[dict[str, Any]]
 Case = Callable[[str], Rows]
-
-
-def swept(sweep: Path, store: Path, *assign: str) -> Rows:
-    """Run a sweep in this process and return its table."""
-    scenes = Scenes(sweep.parent)
-    read = read_sweep(sweep, scenes.vocabulary, Overrides((*assign, "trace=none")))
-    ask = Ask(
-        plan=read.plan,
-        scene=scenes.open(read.sweep.scene),
-        name=sweep.stem,
-        source=read.text,
-        overrides=(),
-        store=store,
-        workers=0,
-    )
-    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
-    return pq.read_table(store / "runs.parquet").to_pylist()
-
-
-@pytest.fixture(scope="module")
-def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
-    """Return the table of a shipped sweep, run once."""
-    tables: dict[str, Rows] = {}
-
-    def rows(name: str) -> Rows:
-        if name not in tables:
-            store = tmp_path_factory.mktemp("stores") / name
-            tables[name] = swept(FOLDER / f"{name}.yaml", store)
-        return tables[name]
-
-    return rows
 
 
 def picked(rows: Rows, **values: Any) -> Rows:

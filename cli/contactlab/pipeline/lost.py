@@ -19,13 +19,15 @@ def run_all(task: Task, jobs: Iterable[Job], workers: int) -> Iterator[list[Fini
             lost.append(result.job)
         else:
             yield result
-    singles = [(run,) for job in lost for run in job]
-    for result in run_jobs(task, singles, workers) if singles else ():
-        yield [_record_loss(task, result)] if isinstance(result, Lost) else result
+    if not lost:
+        return
+    recorder = Worker(task, None)
+    for result in run_jobs(task, [(run,) for job in lost for run in job], workers):
+        yield [_record_loss(task, recorder, result)] if isinstance(result, Lost) else result
 
 
-def _record_loss(task: Task, lost: Lost) -> Finished:
+def _record_loss(task: Task, recorder: Worker, lost: Lost) -> Finished:
     (run,) = lost.job
     label = "timeout" if lost.timed_out else "crashed"
     reason = f"over {task.sweep.timeout:g} s: {lost.reason}" if lost.timed_out else lost.reason
-    return Worker(task, None).lost(run, LabelEntry(label=label, reason=reason, step=None))
+    return recorder.lost(run, LabelEntry(label=label, reason=reason, step=None))

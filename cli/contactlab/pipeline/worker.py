@@ -50,7 +50,7 @@ class Worker:
         """Run a job of runs that share structure and step count; write their traces."""
         started = self._records.now()
         plans = self.plans(job)
-        starts = self._scene.starts([plan.resolved for plan in plans])
+        starts = Starts.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers)
         labels = self._twin_labels(plans, starts)
         finished: dict[int, Finished] = {}

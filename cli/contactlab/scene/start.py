@@ -36,11 +36,16 @@ class Starts(NamedTuple):
 
     def pick(self, run: int) -> "Starts":
         """Return the start state of one run, n being 1."""
-        return Starts(*(array[run : run + 1] for array in self))
+        return self.rows([run])
 
     def rows(self, runs: Sequence[int]) -> "Starts":
         """Return the start states of some runs."""
         return Starts(*(array[list(runs)] for array in self))
+
+    @classmethod
+    def joined(cls, starts: Sequence["Starts"]) -> "Starts":
+        """Return the start states of several, one after the other."""
+        return cls(*(np.concatenate(arrays) for arrays in zip(*starts, strict=True)))
 
 
 @dataclass(frozen=True)
