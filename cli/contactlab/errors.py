@@ -4,7 +4,8 @@ A message says what is wrong, where, and what to write instead.
 """
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
 
 
 class ContactlabError(Exception):
@@ -19,6 +20,14 @@ class SweepFileError(ContactlabError):
 
 class SceneError(ContactlabError):
     """A scene, its manifest or its model cannot be used as asked."""
+
+
+class PolicyError(ContactlabError):
+    """A policy asks for what the compared stores do not have."""
+
+
+class EngineError(ContactlabError):
+    """Another version of the engine cannot be had, or cannot run this."""
 
 
 class OutputError(ContactlabError):
@@ -47,3 +56,24 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return "; did you mean 'x'?" for the closest known name, or an empty string."""
     close = difflib.get_close_matches(name, list(known), n=1)
     return f"; did you mean '{close[0]}'?" if close else ""
+
+
+@contextmanager
+def optional(extra: str, purpose: str) -> Generator[None]:
+    """Say how to get what an import within lacks.
+
+    Args:
+        extra: the optional part of this package that brings it.
+        purpose: what it is needed for.
+
+    Raises:
+        OutputError: something is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        missing = error.name or str(error)
+        raise OutputError(
+            f"{purpose} needs {missing.partition('.')[0]}, which is not installed; "
+            f"pip install 'contactlab[{extra}]'"
+        ) from error

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from contactlab.errors import StoreError
 from contactlab.evidence import Store, from_row, to_row
 from contactlab.evidence.table import read_table, shared_of, write_table
-from contactlab.schema import Cost, EvidenceRecord, LabelEntry, TraceFile
+from contactlab.schema import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
 
 RecordOf = Callable[..., EvidenceRecord]
 
@@ -31,6 +31,29 @@ COSTS = st.builds(
     cpu_per_sim_s=REALS,
     latency_budget_s=st.none() | REALS,
     latency_used=st.none() | REALS,
+)
+ACCURACIES = st.builds(
+    Accuracy,
+    **dict.fromkeys(
+        ("error_final", "error_mean", "error_peak"),
+        st.none() | REALS,
+    ),
+    **dict.fromkeys(
+        ("error_estimate", "error_final_estimate", "error_mean_estimate"),
+        st.none() | REALS,
+    ),
+    error_kind=st.sampled_from(["trajectory", "local", "invariants"]),
+    chaotic=st.none() | st.booleans(),
+    reference_integrator=st.none() | WORDS,
+    reference_timestep=st.none() | REALS,
+    impacts=st.none() | COUNTS,
+    solref_rule=st.sampled_from([None, "absolute", "tied"]),
+    solref_clamped=st.booleans(),
+)
+TIMINGS = st.builds(
+    Timing,
+    **dict.fromkeys(set(Timing.model_fields) - {"timing_settings"}, st.none() | REALS),
+    timing_settings=WORDS,
 )
 TRACES = st.builds(
     TraceFile,
@@ -65,6 +88,8 @@ CHANGES = st.fixed_dictionaries(
         "seed": COUNTS,
         "duration": REALS,
         "cost": st.none() | COSTS,
+        "accuracy": st.none() | ACCURACIES,
+        "timing": st.none() | TIMINGS,
         "trace": st.none() | TRACES,
         "started": st.none() | WORDS,
         "finished": st.none() | st.just("2026-01-01T00:00:00.000+00:00"),
@@ -101,7 +126,7 @@ def test_records_survive_the_table(
     folder = tmp_path_factory.mktemp("table")
     path = write(folder, records, columns_of(records), shared_part(records[0]))
     table = read_table(path)
-    read = [from_row(row, shared_of(table)) for row in table.to_pylist()]
+    read = [from_row(row, shared_of(table.schema)) for row in table.to_pylist()]
     assert read == records
     assert [kinds(each) for each in read] == [kinds(each) for each in records]
 
@@ -153,7 +178,12 @@ def test_units_stand_in_the_files_own_key_values(store: Path) -> None:
     file = pq.ParquetFile(store / "runs.parquet")
     described = json.loads(file.metadata.metadata[b"contactlab.columns"])
     assert list(described) == file.schema_arrow.names
-    assert described["depth"] == {"unit": "m", "description": "what depth is"}
+    assert described["depth"] == {
+        "unit": "m",
+        "description": "what depth is",
+        "better": "none",
+        "resolution": "0",
+    }
     assert described["cost_cpu_s"]["unit"] == "s"
     for field in file.schema_arrow:
         inner = {key.decode(): text.decode() for key, text in field.metadata.items()}

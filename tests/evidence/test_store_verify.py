@@ -128,7 +128,7 @@ def test_no_store(tmp_path: Path) -> None:
         verify(tmp_path)
 
 
-@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 1}'])
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 2}'])
 def test_a_damaged_manifest(store: Path, text: str) -> None:
     (store / "manifest.json").write_text(text)
     with pytest.raises(StoreError, match=r"manifest\.json is (damaged|of store version None)"):
@@ -137,6 +137,6 @@ def test_a_damaged_manifest(store: Path, text: str) -> None:
 
 def test_a_later_version(store: Path) -> None:
     path = store / "manifest.json"
-    path.write_text(path.read_text().replace('"store_version": 1', '"store_version": 2'))
-    with pytest.raises(StoreError, match="is of store version 2; this contactlab reads version 1"):
+    path.write_text(path.read_text().replace('"store_version": 2', '"store_version": 3'))
+    with pytest.raises(StoreError, match="is of store version 3; this contactlab reads version 2"):
         verify(store)

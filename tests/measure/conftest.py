@@ -90,16 +90,16 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
     return replace(plain, **changes)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def pair_of() -> Callable[..., PairTrace]:
     return make_pair
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def trace_of() -> MakeTrace:
     return make_trace
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def setup_of() -> MakeSetup:
     return make_setup

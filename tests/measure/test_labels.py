@@ -11,9 +11,10 @@ from contactlab.measure import LABELS, THRESHOLDS, Outcome, assess, limits
 from contactlab.trace import Barrier, FreeBody, Setup, Trace
 
 ORDER = (
-    "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence tunneling "
-    "missed_contact phantom_contact energy_injection penetration_growth deep_penetration drift "
-    "chatter unsettled creep unexpected_slide unexpected_stick oracle_miss stable"
+    "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence broken tunneling "
+    "missed_contact phantom_contact energy_injection penetration_growth exploited "
+    "deep_penetration drift chatter slipping unsettled creep unexpected_slide unexpected_stick "
+    "oracle_miss contacts_cut stable"
 )
 
 

@@ -46,14 +46,15 @@ axes:
   solver: [Newton, CG]
 """
 # What depends on the clock, not on the run.
-CLOCK = {"started", "finished"}
+CLOCK = {"started", "finished", "compile_time"}
+COSTS = ("cost_", "time_", "step_p")
 
 
 def outcome_of(store: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
     """Return a store's table without costs and clock, and its traces' bytes by path."""
     table = pq.read_table(store / "runs.parquet")
     lasting = [
-        name for name in table.column_names if name not in CLOCK and not name.startswith("cost_")
+        name for name in table.column_names if name not in CLOCK and not name.startswith(COSTS)
     ]
     traces = {
         path.relative_to(store).as_posix(): path.read_bytes()
@@ -182,6 +183,12 @@ def outcome() -> Callable[[Path], tuple[dict[str, Any], dict[str, bytes]]]:
 @pytest.fixture
 def sweeper(tmp_path: Path) -> Sweeper:
     return Sweeper(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def make_sweeper() -> Callable[[Path], Sweeper]:
+    """Return a maker of sweepers, for sweeps that several tests look at."""
+    return Sweeper
 
 
 @pytest.fixture(params=[BALL, SLIDE, STACK], ids=["ball", "slide", "stack"])

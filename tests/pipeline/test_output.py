@@ -23,7 +23,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
     [
         (20_000, r"traces/\w\w/\w{16}\.mcap"),
         (40_000, r"journal\.jsonl"),
-        (70_000, r"runs\.parquet"),
+        (120_000, r"runs\.parquet"),
     ],
 )
 @pytest.mark.parametrize("workers", ["0", pytest.param("2", marks=pytest.mark.slow)])

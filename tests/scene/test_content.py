@@ -175,6 +175,14 @@ CASES: dict[str, tuple[str, Files]] = {
         "x.urdf",
         {"x.urdf": urdf("package://p/x.obj", strip('meshdir="m"')), "m/x.obj": TETRAHEDRON},
     ),
+    "urdf in its package": (
+        "urdf/x.urdf",
+        {"urdf/x.urdf": urdf("package://p/m/x.obj"), "m/x.obj": TETRAHEDRON},
+    ),
+    "urdf of two packages": (
+        "p/urdf/x.urdf",
+        {"p/urdf/x.urdf": urdf("model://q/m/x.obj"), "q/m/x.obj": TETRAHEDRON},
+    ),
     "urdf without its visual mesh": (
         "x.urdf",
         {"x.urdf": urdf("x.obj", visual=VISUAL.format("y.dae")), "x.obj": TETRAHEDRON},

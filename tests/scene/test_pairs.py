@@ -160,7 +160,7 @@ def test_chains_and_patterns() -> None:
     base = Scene.open("box_stack").base({"boxes": 4})
     names = [pair.name for pair in base.pairs]
     assert names == ["floor-box0", "box0-box1", "box1-box2", "box2-box3"]
-    assert {pair.slots for pair in base.pairs} == {4}
+    assert {pair.slots for pair in base.pairs} == {6}
 
 
 @pytest.mark.parametrize("order", ["floor, box", "box, floor"])
@@ -210,3 +210,19 @@ def test_a_height_field_has_room_for_its_contacts(make_scene: Make) -> None:
     data = mujoco.MjData(scene.base({}).model)
     mujoco.mj_forward(scene.base({}).model, data)
     assert 1 < data.ncon <= pair.slots
+
+
+def test_the_search_goes_from_a_keyframe_as_well(make_scene: Make) -> None:
+    """Fourteen weightless balls far apart; two touch at the start, two others at the keyframe."""
+    balls = "".join(
+        f"<body pos='{0.19 if index == 1 else index} 0 0'><joint name='j{index}' type='slide'/>"
+        f"<geom name='g{index}' size='.1'/></body>"
+        for index in range(14)
+    )
+    qpos = " ".join("-.81" if index == 5 else "0" for index in range(14))
+    text = (
+        f"<mujoco><option gravity='0 0 0'/><default><joint axis='1 0 0'/></default><worldbody>"
+        f"{balls}</worldbody><keyframe><key name='other' qpos='{qpos}'/></keyframe></mujoco>"
+    )
+    names = {pair.name for pair in make_scene(text).base({}).pairs}
+    assert names == {"g0-g1", "g4-g5"}

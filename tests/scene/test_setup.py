@@ -170,3 +170,11 @@ def test_speculative_contacts_are_known() -> None:
     found = setup(Scene.open("ball_drop"), {"speculative": True}, {})
     assert found.speculative is not None
     assert found.speculative.tolist() == [True, False]
+
+
+def test_thickness_is_that_of_what_can_touch() -> None:
+    """Pads are 8 mm thick; the hollow mug's walls 4 mm, and its solid 80 mm."""
+    scene = Scene.open("grasp_mug")
+    hollow, solid = (setup(scene, {"shape": shape}) for shape in (1, 2))
+    assert hollow.thickness.tolist() == [0.002, 0.002]
+    assert solid.thickness.tolist() == [0.004, 0.004]

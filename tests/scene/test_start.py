@@ -150,7 +150,8 @@ def test_offsets_fill_their_range(seeded: Scene) -> None:
 
 def test_a_bare_model_is_moved_sideways_and_at_its_joints(make_scene: Make) -> None:
     scene = make_scene(MODEL)
-    first, second = (starts(scene, {}, seed=seed) for seed in (0, 1))
+    own = {"keyframe": "qpos0"}
+    first, second = (starts(scene, own, seed=seed) for seed in (0, 1))
     places = np.flatnonzero(first.qpos[0] != second.qpos[0])
     assert places.tolist() == [0, 1, 11, 12]
     assert np.abs(first.qpos[0] - scene.base({}).model.qpos0).max() <= 1e-4

@@ -42,6 +42,8 @@ GOOD: dict[str, Any] = {
     "trace": "sample:10",
     "checks": "all",
     "knife_edge": True,
+    "accuracy": {"error": "local", "refine": 8},
+    "timing": {"rounds": 5},
     "latency_budget": 2e-3,
     "timeout": 5,
 }
@@ -71,6 +73,9 @@ BAD: list[dict[str, Any]] = [
     {"tolerances": {"energy_gain": "1 percent"}},
     {"expect": [{"label": []}]},
     {"trace": "sample:0"},
+    {"accuracy": {"error": "global"}},
+    {"accuracy": {"refine": 1}},
+    {"timing": {"rounds": 2}},
     {"duration": 0},
     {"version": 2},
     {"durations": 3},

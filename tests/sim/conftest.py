@@ -59,7 +59,14 @@ def loop(model: mujoco.MjModel, starts: Starts, run: int, steps: int) -> Recorde
     data.qpos[:], data.qvel[:], data.ctrl[:] = starts.qpos[run], starts.qvel[run], starts.ctrl[run]
     data.xfrc_applied[:] = starts.applied[run].reshape(-1, 6)
     rows: list[tuple[np.ndarray, ...]] = []
-    for _ in range(steps):
+    for step in range(steps):
+        for place, knots, levels in zip(
+            starts.driven[run], starts.knots[run], starts.levels[run], strict=True
+        ):
+            target = data.ctrl if place < model.nu else data.xfrc_applied.reshape(-1)
+            target[place - model.nu * (place >= model.nu)] = np.interp(
+                step * model.opt.timestep, knots, levels
+            )
         before = np.concatenate([[data.time], data.qpos, data.qvel, data.act])
         mujoco.mj_step(model, data)
         rows.append((before, data.sensordata.copy(), data.solver_niter.copy()))

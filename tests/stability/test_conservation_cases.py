@@ -25,6 +25,7 @@ CASES = (
     "heavy_top",
     "newtons_cradle",
     "painleve_rod",
+    "panda_free",
     "refsafe_off",
     "stiff_joint",
     "tumbling_box",

@@ -3,15 +3,22 @@
 import typer
 from rich.console import Console
 
+from contactlab.commands.baseline import app as baseline
+from contactlab.commands.check import check
+from contactlab.commands.compare import compare
+from contactlab.commands.effects import effects
 from contactlab.commands.init import init
 from contactlab.commands.metrics import labels, metrics, thresholds
+from contactlab.commands.render import render
 from contactlab.commands.replay import replay
+from contactlab.commands.report import report
 from contactlab.commands.scenes import scenes
 from contactlab.commands.schema import schema
 from contactlab.commands.show import show
 from contactlab.commands.stability import stability
 from contactlab.commands.sweep import sweep
 from contactlab.commands.sweeps import sweeps
+from contactlab.commands.tradeoff import tradeoff
 from contactlab.commands.verify import verify
 from contactlab.errors import ContactlabError
 
@@ -26,9 +33,15 @@ app = typer.Typer(
 for command in (
     sweep,
     stability,
+    effects,
+    check,
+    tradeoff,
     show,
     replay,
+    render,
     verify,
+    compare,
+    report,
     scenes,
     sweeps,
     metrics,
@@ -38,6 +51,7 @@ for command in (
     schema,
 ):
     app.command()(command)
+app.add_typer(baseline, name="baseline")
 
 
 def main() -> None:

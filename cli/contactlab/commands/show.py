@@ -83,6 +83,7 @@ def _identity(store: Path, record: "EvidenceRecord") -> Iterator[str]:
     yield f"  trajectory {record.trajectory_hash}"
     if record.trace is not None:
         yield f"  trace      {store / record.trace.file}"
+        yield f"  see it     contactlab render {store} {record.run_id} -o run.mcap"
     yield f"  replay     contactlab replay {store} {record.run_id}"
 
 

@@ -9,12 +9,14 @@ import typer
 
 from contactlab.commands.cores import cores
 from contactlab.commands.output import Format, FormatOption, print_json, print_table, say
+from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.pipeline import CaseResult
 
 _MOST_MISSES = 5
+_RESULTS = RESULTS / "stability"
 
 
 def stability(
@@ -24,24 +26,24 @@ def stability(
     ] = None,
     results: Annotated[
         Path, typer.Option("-o", "--output", help="The folder of the stores, one a case.")
-    ] = Path("results/stability"),
+    ] = _RESULTS,
     workers: Annotated[int | None, typer.Option(min=0, help="Worker processes.")] = None,
+    mujoco: MujocoOption = None,
     output: FormatOption = Format.text,
 ) -> None:
     """Run hard cases and say what held, what failed, and whether that is what should."""
     from contactlab.commands.progress import progress
-    from contactlab.pipeline import find_cases, missing_switches, run_case
+    from contactlab.pipeline import find_cases, run_case
 
+    go_elsewhere(mujoco, None if results != _RESULTS else results)
     processes = cores() if workers is None else workers
     done: list[CaseResult] = []
     cases = find_cases(names or [])
     for number, case in enumerate(cases, 1):
-        if lacking := missing_switches(case):
-            say(f"{number}/{len(cases)} {case.name}: skipped, this engine has no {lacking}")
-            continue
         with progress() as shown:
-            done.append(run_case(case, results, processes, shown.begin, shown.advance))
-        say(f"{number}/{len(cases)} {case.name}: {'ok' if done[-1].passed else 'NOT AS EXPECTED'}")
+            result = run_case(case, results, processes, shown.begin, shown.advance)
+        say(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
+        done += [result] if result.runs else []
     if output is Format.json:
         print_json([{**asdict(each), "store": str(each.store)} for each in done])
     else:
@@ -49,6 +51,13 @@ def stability(
     unmet = [each.name for each in done if not each.passed]
     if unmet:
         raise ExpectationError(f"{len(unmet)} of {len(done)} cases failed: {', '.join(unmet)}")
+
+
+def _verdict(result: "CaseResult") -> str:
+    left_out = "; left out: " + "; ".join(result.left_out) if result.left_out else ""
+    if not result.runs:
+        return "skipped" + left_out
+    return ("ok" if result.passed else "NOT AS EXPECTED") + left_out
 
 
 def _print(done: "Sequence[CaseResult]") -> None:

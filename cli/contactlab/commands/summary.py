@@ -1,5 +1,6 @@
 """What a sweep prints when it is done, or before it starts."""
 
+import json
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -41,9 +42,17 @@ def print_summary(path: Path, manifest: "StoreManifest", output: Format) -> None
         _print_shares(rows)
     print_table(("label", "runs"), Counter(manifest.labels).most_common())
     typer.echo(_expectations(manifest))
+    _print_missed(rows)
     typer.echo(f"{manifest.runs} runs, {manifest.traces} traces in {path}")
     flagged = next((row for row in rows if row["label"] != "stable"), rows[0])
     typer.echo(f"look closer: contactlab show {path} {_run(flagged)}")
+
+
+def _print_missed(rows: list[dict[str, Any]]) -> None:
+    """Say which effects were off in runs whose bodies called for them."""
+    missed = Counter(name for row in rows for name in json.loads(row["effects_missed"]))
+    for name, count in missed.most_common():
+        typer.echo(f"{name} is off, and {count} of {len(rows)} runs called for it")
 
 
 def print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
@@ -58,6 +67,10 @@ def print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
     typer.echo(f"runs   {forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
     typer.echo(f"steps  {forecast.steps:,}")
     typer.echo(f"time   {_seconds(forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
+    passes = {"accuracy": forecast.accuracy_seconds, "timing": forecast.timing_seconds}
+    for name, seconds in passes.items():
+        if seconds:
+            typer.echo(f"       of it {_seconds(seconds)} for {name}")
     least, most = (size / 1e6 for size in forecast.bytes)
     typer.echo(f"disk   {least:.3g} to {most:.3g} MB of traces")
     for warning in forecast.warnings:

@@ -1,7 +1,5 @@
 """`contactlab sweep`: run a declared sweep and write a store of evidence."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,14 +7,11 @@ import typer
 
 from contactlab.commands.cores import cores
 from contactlab.commands.output import Format, FormatOption, say
+from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere, resumable, sweep_path
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.schema import StoreManifest
-
-RESULTS = Path("results")
-# As a shell reports a command that Ctrl-C ended.
-_INTERRUPTED = 130
 
 
 def sweep(  # noqa: PLR0913 - one argument an option
@@ -35,6 +30,7 @@ def sweep(  # noqa: PLR0913 - one argument an option
         int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
     ] = None,
     *,
+    mujoco: MujocoOption = None,
     plan: Annotated[bool, typer.Option("--plan", help="Say what would run; run nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Run more than 100,000 runs.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace a store that is there.")] = False,
@@ -45,7 +41,8 @@ def sweep(  # noqa: PLR0913 - one argument an option
     from contactlab.pipeline import ask_for, forecast, run_sweep
     from contactlab.plan import Overrides
 
-    path = _sweep_path(name)
+    path = sweep_path(name)
+    go_elsewhere(mujoco, None if store else RESULTS / path.stem)
     target = store or RESULTS / path.stem
     ask = ask_for(
         path,
@@ -64,31 +61,12 @@ def sweep(  # noqa: PLR0913 - one argument an option
     _confirm(ask.plan.count, yes=yes)
     from contactlab.commands.progress import progress
 
-    with _resumable(), progress() as shown:
+    with resumable(), progress() as shown:
         manifest = run_sweep(ask, shown.begin, shown.advance)
+    for what, why in manifest.sweep.lacking.items():
+        say(f"{what} is left empty: {why}")
     print_summary(target, manifest, output)
     _fail_on(manifest)
-
-
-@contextmanager
-def _resumable() -> Generator[None]:
-    """Turn Ctrl-C into a word on how to go on."""
-    try:
-        yield
-    except KeyboardInterrupt as error:
-        say("interrupted; the same command goes on where it stopped")
-        raise typer.Exit(_INTERRUPTED) from error
-
-
-def _sweep_path(name: str) -> Path:
-    from contactlab import shipped
-
-    path = Path(name)
-    if path.suffix in {".yaml", ".yml"} or "/" in name:
-        if not path.is_file():
-            raise SweepFileError(f"no sweep file {path}")
-        return path
-    return shipped.sweep_file(name)
 
 
 def _confirm(count: int, *, yes: bool) -> None:

@@ -22,7 +22,8 @@ def verify(
     if output is Format.json:
         print_json({"sound": not problems, "problems": problems, "runs": manifest.runs})
     elif not problems:
-        typer.echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces")
+        left_out = " left out" if manifest.traces_left_out else ""
+        typer.echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")
     else:
         for problem in problems:
             typer.echo(problem)

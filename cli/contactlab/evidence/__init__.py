@@ -1,15 +1,19 @@
 """The store: traces in MCAP, one table in Parquet, a manifest written last."""
 
+from contactlab.evidence.arrays import Measured, Numbers, RunColumns, Words
+from contactlab.evidence.baseline import write_baseline
 from contactlab.evidence.columns import (
     RESERVED,
     Column,
     axis_column,
     metric_column,
+    ratios,
     struct_column,
 )
-from contactlab.evidence.files import cannot_write, sha256_of
+from contactlab.evidence.files import cannot_write, replacing, sha256_of
 from contactlab.evidence.identity import read_manifest
 from contactlab.evidence.mcap import (
+    StoredPair,
     StoredTrace,
     TraceExtras,
     TraceSummary,
@@ -18,8 +22,9 @@ from contactlab.evidence.mcap import (
     write_trace,
 )
 from contactlab.evidence.rows import SHARED, from_row, to_row
-from contactlab.evidence.store import Store
+from contactlab.evidence.store import Store, open  # noqa: A004 - read as evidence.open
 from contactlab.evidence.verify import verify
+from contactlab.evidence.viewing import export_mcap, export_rrd
 from contactlab.evidence.writer import SCENES, TRACES, StoreWriter, writing
 
 __all__ = [
@@ -28,22 +33,33 @@ __all__ = [
     "SHARED",
     "TRACES",
     "Column",
+    "Measured",
+    "Numbers",
+    "RunColumns",
     "Store",
     "StoreWriter",
+    "StoredPair",
     "StoredTrace",
     "TraceExtras",
     "TraceSummary",
+    "Words",
     "axis_column",
     "cannot_write",
     "check_trace",
+    "export_mcap",
+    "export_rrd",
     "from_row",
     "metric_column",
+    "open",
+    "ratios",
     "read_manifest",
     "read_trace",
+    "replacing",
     "sha256_of",
     "struct_column",
     "to_row",
     "verify",
+    "write_baseline",
     "write_trace",
     "writing",
 ]

@@ -1,6 +1,6 @@
 """The columns of `runs.parquet`: type, unit and description."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import pyarrow as pa
@@ -13,12 +13,25 @@ _TRUTH = pa.bool_()
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the table."""
+    """One column of the table.
+
+    Attributes:
+        name: its name.
+        type: its Arrow type.
+        unit: its unit, `1` for counts and ratios, empty for words.
+        description: what it holds.
+        better: of what is measured: lower, higher or none; empty for all else.
+        resolution: magnitude below which a measured value is 0, in its unit.
+        second_pass: whether it is measured in the second pass, which a sweep may leave out.
+    """
 
     name: str
     type: pa.DataType
     unit: str
     description: str
+    better: str = ""
+    resolution: float = 0.0
+    second_pass: bool = False
 
 
 FIXED = (
@@ -45,10 +58,40 @@ FIXED = (
     Column("tolerances_met", _TRUTH, "", "whether every tolerance of the sweep is met"),
     Column("knife_edge", _TRUTH, "", "whether a start 1e-6 away gives another label"),
     Column("cost_cpu_s", _REAL, "s", "thread CPU time of the stepping"),
-    Column("cost_cpu_per_sim_s", _REAL, "1", "CPU seconds per simulated second"),
+    Column("cost_cpu_per_sim_s", _REAL, "1", "CPU seconds per simulated second", "lower"),
     Column("cost_latency_budget_s", _REAL, "s", "wall time a step may take"),
     Column("cost_latency_used", _REAL, "1", "mean CPU time of a step over the budget"),
-    Column("effects", pa.struct([]), "", "engine switches"),
+    Column("error_final", _REAL, "m", "distance from the reference at the end", "lower"),
+    Column("error_mean", _REAL, "m", "distance from the reference, mean over time", "lower"),
+    Column("error_peak", _REAL, "m", "distance from the reference, largest", "lower"),
+    Column("error_estimate", _REAL, "m", "what the reference itself may be off by", "lower"),
+    Column("error_final_estimate", _REAL, "m", "the same for the error at the end"),
+    Column("error_mean_estimate", _REAL, "m", "the same for the mean error"),
+    Column("error_kind", _TEXT, "", "trajectory, local or invariants; the last have no unit"),
+    Column("chaotic", _TRUTH, "", "whether a start 1e-8 away grows to the size of the errors"),
+    Column("reference_integrator", _TEXT, "", "the reference's integrator"),
+    Column("reference_timestep", _REAL, "s", "the finest reference's timestep"),
+    Column("impacts", _WHOLE, "1", "how often contacts began or ended in the run"),
+    Column("solref_rule", _TEXT, "", "absolute, or tied to the timestep"),
+    Column("solref_clamped", _TRUTH, "", "whether refsafe raised solref to two timesteps"),
+    Column("time_min", _REAL, "1", "CPU s per simulated s, least of the rounds", "lower"),
+    Column("time_median", _REAL, "1", "CPU s per simulated s, median of the rounds", "lower"),
+    Column("step_p50", _REAL, "s", "CPU time of a single step, median", "lower"),
+    Column("step_p99", _REAL, "s", "CPU time of a single step, 99th percentile", "lower"),
+    Column("compile_time", _REAL, "s", "CPU time to compile the model", "lower"),
+    Column("work_steps", _REAL, "1/s", "steps per simulated second", "lower"),
+    Column("work_iterations", _REAL, "1/s", "solver iterations per simulated second", "lower"),
+    Column("work_contacts", _REAL, "1/s", "contacts of all steps per simulated second", "lower"),
+    Column("work_rows", _REAL, "1/s", "constraint rows of all steps per simulated second", "lower"),
+    Column("timing_settings", _TEXT, "", "hash of how times were measured"),
+    Column("effects", pa.struct([]), "", "every effect, on or off"),
+    Column("effect_reasons", _TEXT, "", "why each effect is on or off, as JSON"),
+    Column(
+        "effects_missed",
+        _TEXT,
+        "",
+        "effects that are off although the run called for them, as JSON",
+    ),
     Column("settings", pa.struct([]), "", "every resolved setting"),
     Column("initial_qpos", pa.list_(_REAL), "", "start configuration"),
     Column("initial_qvel", pa.list_(_REAL), "", "start velocity"),
@@ -103,13 +146,31 @@ def axis_column(name: str, values: Sequence[object], unit: str, description: str
     return Column(name, kind, unit, description)
 
 
-def metric_column(name: str, unit: str, description: str) -> Column:
-    """Return the column of a metric."""
-    return Column(name, _REAL, unit, description)
+def metric_column(
+    name: str,
+    unit: str,
+    description: str,
+    *,
+    better: str = "none",
+    resolution: float = 0.0,
+    second_pass: bool = False,
+) -> Column:
+    """Return the column of a metric; what the arguments say is in `Column`."""
+    return Column(name, _REAL, unit, description, better, resolution, second_pass)
+
+
+def ratios(names: Iterable[str]) -> list[Column]:
+    """Return those of these columns that have a unit, as ratios instead."""
+    wanted = set(names)
+    return [replace(each, unit="1") for each in FIXED if each.name in wanted and each.unit]
 
 
 def _field(column: Column) -> pa.Field:
-    meta = {"unit": column.unit, "description": column.description}
+    meta = {"unit": column.unit, "description": column.description, "better": column.better}
+    if column.better:
+        meta["resolution"] = f"{column.resolution:g}"
+    if column.second_pass:
+        meta["measured_in"] = "second pass"
     told = {key: text for key, text in meta.items() if text}
     return pa.field(column.name, column.type, metadata=told)
 

@@ -1,23 +1,26 @@
 """The journal of an unfinished store: one row a line, appended as runs finish.
 
-A process killed in mid-write leaves a torn line, which is left out on resuming.
+A process killed in mid-write leaves a torn line, which is left out on resuming. What is found out
+of runs later lies in notes beside the journal, until the store is finished.
 """
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from contactlab.evidence.files import cannot_write, replacing
 
 JOURNAL = "journal.jsonl"
+NOTES = "notes.jsonl"
 
 
 class Journal:
-    """Appends rows to a store's journal."""
+    """Appends rows to a store's journal, or to the notes beside it."""
 
-    def __init__(self, store: Path) -> None:
-        self._path = store / JOURNAL
+    def __init__(self, store: Path, name: str = JOURNAL) -> None:
+        self._path = store / name
         self._file = self._path.open("ab")
 
     def append(self, rows: Iterable[bytes]) -> None:
@@ -70,3 +73,39 @@ def _id_of_whole(line: bytes, is_whole: Callable[[Mapping[str, Any]], bool]) -> 
     except ValueError:
         return None
     return row["run_id"] if line.endswith(b"\n") and is_whole(row) else None
+
+
+def mend_notes(store: Path) -> None:
+    """End a torn line, so that the next note does not become part of it."""
+    path = store / NOTES
+    if path.is_file() and not path.read_bytes().endswith(b"\n"):
+        with path.open("ab") as notes:
+            notes.write(b"\n")
+
+
+def read_lines(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield the whole lines of a journal or of notes; none if there is no such file."""
+    if not path.is_file():
+        return
+    with path.open("rb") as lines:
+        for line in lines:
+            with suppress(ValueError):
+                yield json.loads(line)
+
+
+def amend_journal(store: Path, found: Mapping[str, Mapping[str, Any]]) -> None:
+    """Write into the journal's rows what was found out later.
+
+    Args:
+        store: the store's folder.
+        found: run id to values by column.
+
+    Raises:
+        OutputError: the journal cannot be written anew.
+    """
+    if not found:
+        return
+    path = store / JOURNAL
+    rows = (row | dict(found.get(row["run_id"], {})) for row in read_lines(path))
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as amended:
+        amended.writelines(json.dumps(row) + "\n" for row in rows)

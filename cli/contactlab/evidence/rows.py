@@ -6,12 +6,12 @@ from typing import Any
 
 from pydantic_core import to_json
 
-from contactlab.schema import EvidenceRecord
+from contactlab.schema import Accuracy, EvidenceRecord, Timing
 
 # What every run of a store has in common; in the table it is said once, in the file's metadata.
 SHARED = ("schema_version", "sweep", "units", "metric_versions")
 # Open-ended tables within a row; kept as JSON text, which every reader of Parquet can show.
-_TEXT = ("pairs", "warnings", "provenance")
+_TEXT = ("pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
 _PLAIN = (
     "run_id",
     "index",
@@ -38,6 +38,8 @@ _ENGINE = ("name", "version")
 _INITIAL = ("qpos", "qvel", "ctrl", "applied")
 _COST = ("cpu_s", "cpu_per_sim_s", "latency_budget_s", "latency_used")
 _TRACE = ("file", "sha256", "bytes")
+_ACCURACY = tuple(Accuracy.model_fields)
+_TIMING = tuple(Timing.model_fields)
 
 Row = dict[str, Any]
 
@@ -52,6 +54,8 @@ def to_row(record: EvidenceRecord) -> Row:
     row["edited_geoms"] = record.edited_geoms
     row |= {f"initial_{name}": getattr(record.initial, name) for name in _INITIAL}
     row |= {f"cost_{name}": getattr(record.cost, name, None) for name in _COST}
+    row |= {name: getattr(record.accuracy, name, None) for name in _ACCURACY}
+    row |= {name: getattr(record.timing, name, None) for name in _TIMING}
     row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
     row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
     row["axis_names"] = tuple(record.axes)
@@ -76,6 +80,10 @@ def from_row(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecor
     data["initial"] = {name: row[f"initial_{name}"] for name in _INITIAL}
     if row["cost_cpu_s"] is not None:
         data["cost"] = {name: row[f"cost_{name}"] for name in _COST}
+    if row["error_kind"] is not None:
+        data["accuracy"] = {name: row[name] for name in _ACCURACY}
+    if row["timing_settings"] is not None:
+        data["timing"] = {name: row[name] for name in _TIMING}
     if row["trace_file"] is not None:
         data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
         data["trace"]["messages"] = json.loads(row["trace_messages"])

@@ -8,12 +8,25 @@ from pathlib import Path
 import pyarrow as pa
 
 from contactlab.errors import StoreError, did_you_mean
+from contactlab.evidence.arrays import RunColumns
 from contactlab.evidence.identity import read_manifest
 from contactlab.evidence.mcap import StoredTrace, read_trace
 from contactlab.evidence.rows import from_row
 from contactlab.evidence.table import TABLE, read_table, shared_of
 from contactlab.evidence.writer import SCENES
 from contactlab.schema import EvidenceRecord, StoreManifest
+
+
+def open(path: str | Path) -> "Store":  # noqa: A001 - read as evidence.open
+    """Open a finished store.
+
+    Args:
+        path: its folder.
+
+    Raises:
+        StoreError: there is none, it is unfinished, damaged or of another version.
+    """
+    return Store.open(Path(path))
 
 
 @dataclass(frozen=True)
@@ -42,6 +55,17 @@ class Store:
         """Every run as a row, in plan order; units are in the fields' metadata."""
         return read_table(self.path / TABLE)
 
+    @cached_property
+    def columns(self) -> RunColumns:
+        """The same table column by column, as NumPy arrays."""
+        return RunColumns(self.path)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The unit of every column that holds numbers; `1` for counts and ratios."""
+        told = {field.name: (field.metadata or {}).get(b"unit") for field in self.table.schema}
+        return {name: unit.decode() for name, unit in told.items() if unit}
+
     @property
     def scene_folder(self) -> Path:
         """Where the scene's files are."""
@@ -49,7 +73,7 @@ class Store:
 
     def records(self) -> Iterator[EvidenceRecord]:
         """Yield every run's record, in plan order."""
-        shared = shared_of(self.table)
+        shared = shared_of(self.table.schema)
         for batch in self.table.to_batches(max_chunksize=1024):
             for row in batch.to_pylist():
                 yield from_row(row, shared)
@@ -60,7 +84,7 @@ class Store:
         Raises:
             StoreError: no run or more than one has this id.
         """
-        ids: list[str] = self.table["run_id"].to_pylist()
+        ids: list[str] = self.columns.listed(["run_id"])["run_id"]
         found = [run_id for run_id in ids if run_id.startswith(run)]
         if not found:
             hint = did_you_mean(run, ids)
@@ -70,15 +94,22 @@ class Store:
                 f"{len(found)} runs in {self.path} have ids that start with '{run}' "
                 f"({', '.join(found[:3])}, ...); write more of it"
             )
-        row = self.table.slice(ids.index(found[0]), 1).to_pylist()[0]
-        return from_row(row, shared_of(self.table))
+        return from_row(self.columns.row(ids.index(found[0])), self.columns.shared)
 
-    def trace(self, record: EvidenceRecord) -> StoredTrace:
-        """Return the stored trace of a run.
+    def trace(self, run: EvidenceRecord | str) -> StoredTrace:
+        """Return the stored trace of a run, by its record, its id or the start of it.
 
         Raises:
-            StoreError: none was kept, or it is damaged.
+            StoreError: no such run, or none was kept, or it is damaged.
         """
+        record = self.record(run) if isinstance(run, str) else run
         if record.trace is None:
-            raise StoreError(f"no trace of run {record.run_id} was kept; sweep with trace: all")
+            raise StoreError(
+                f"no trace of run {record.run_id} was kept; sweep again with --set trace=all "
+                "into another store"
+            )
+        if self.manifest.traces_left_out:
+            raise StoreError(
+                f"{self.path} is a baseline without traces; its sweep's store has them"
+            )
         return read_trace(self.path / record.trace.file)

@@ -1,8 +1,8 @@
 """`runs.parquet`: one row a run, in plan order."""
 
 import json
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,8 @@ TABLE = "runs.parquet"
 _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
 _BLOCK = 8 << 20
+_GROUP = 1 << 16
+"""Runs that are read at once where one is asked for."""
 TALLIED = ["label", "status", "trace_file", "expectation_met"]
 
 
@@ -51,11 +53,31 @@ def write_table(
         pq.write_table(
             table,
             temporary,
+            row_group_size=_GROUP,
             compression="zstd",
             compression_level=3,
             use_dictionary=_texts(schema),  # pyright: ignore[reportArgumentType]
             column_encoding=dict.fromkeys(_reals(schema), "BYTE_STREAM_SPLIT"),
         )
+
+
+def write_compact(source: Path, target: Path) -> None:
+    """Write a table anew without what only explains: descriptions, and statistics of columns."""
+    table = read_table(source)
+    fields = [field.with_metadata(_essential(field)) for field in table.schema]
+    meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
+    pq.write_table(
+        pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta)),
+        target,
+        compression="zstd",
+        compression_level=19,
+        write_statistics=False,
+        use_dictionary=False,
+    )
+
+
+def _essential(field: pa.Field) -> dict[bytes, bytes]:
+    return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
 
 
 def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
@@ -64,8 +86,15 @@ def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
     Raises:
         StoreError: there is none, or it is damaged.
     """
-    try:
+    with reading(path):
         return pq.read_table(path, columns=columns)
+
+
+@contextmanager
+def reading(path: Path) -> Generator[None]:
+    """Turn what goes wrong with reading a table into a StoreError."""
+    try:
+        yield
     except FileNotFoundError as error:
         raise StoreError(f"{path} is missing; the sweep has not finished, run it again") from error
     except (pa.ArrowException, OSError) as error:
@@ -79,19 +108,23 @@ def tally(table: pa.Table) -> dict[str, Any]:
         table: the columns of `TALLIED`, or more.
     """
     outcome = {True: "met", False: "unmet", None: "none"}
-    columns = table.select(TALLIED).to_pydict()
+    expectations = _counts(table["expectation_met"])
     return {
         "runs": table.num_rows,
-        "labels": dict(Counter(columns["label"])),
-        "statuses": dict(Counter(columns["status"])),
-        "traces": sum(file is not None for file in columns["trace_file"]),
-        "expectations": dict(Counter(outcome[met] for met in columns["expectation_met"])),
+        "labels": _counts(table["label"]),
+        "statuses": _counts(table["status"]),
+        "traces": table.num_rows - table["trace_file"].null_count,
+        "expectations": {outcome[met]: count for met, count in expectations.items()},
     }
 
 
-def shared_of(table: pa.Table) -> dict[str, Any]:
-    """Return what all runs of the table have in common."""
-    return json.loads((table.schema.metadata or {})[_SHARED])
+def _counts(column: pa.ChunkedArray) -> dict[Any, int]:
+    return {each["values"]: each["counts"] for each in column.value_counts().to_pylist()}
+
+
+def shared_of(schema: pa.Schema) -> dict[str, Any]:
+    """Return what all runs of the table with this schema have in common."""
+    return json.loads((schema.metadata or {})[_SHARED])
 
 
 def _texts(schema: pa.Schema) -> list[str]:

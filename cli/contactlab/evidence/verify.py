@@ -1,30 +1,37 @@
 """Check a store: every file against its hash, every record against its schema, every trace."""
 
-from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
+import pyarrow as pa
 from pydantic import ValidationError
 
 from contactlab.errors import StoreError
 from contactlab.evidence.files import TEMPORARY, sha256_of
 from contactlab.evidence.identity import IDENTITY, MANIFEST, read_identity
-from contactlab.evidence.journal import JOURNAL
+from contactlab.evidence.journal import JOURNAL, NOTES
 from contactlab.evidence.mcap import check_trace
 from contactlab.evidence.store import Store
-from contactlab.evidence.table import tally
+from contactlab.evidence.table import TABLE, TALLIED, read_table, tally
 from contactlab.evidence.writer import TRACES
-from contactlab.schema import EvidenceRecord, TraceFile
+from contactlab.schema import RECORD_VERSION, EvidenceRecord, TraceFile
 
 
-def verify(path: Path) -> list[str]:
+def verify(path: Path, *, thorough: bool = True) -> list[str]:
     """Return what is wrong with a store, in words; nothing if it is sound.
+
+    Args:
+        path: the store's folder.
+        thorough: whether to check every record against its schema and every trace's bytes; if
+            not, traces must be there with their size.
 
     Raises:
         StoreError: it cannot be opened at all.
     """
     store = Store.open(path)
-    return [*_files(store), *_identity(store), *_records(store)]
+    check = _records if thorough else _outline
+    return [*_files(store), *_identity(store), *check(store)]
 
 
 def _files(store: Store) -> Iterator[str]:
@@ -34,7 +41,11 @@ def _files(store: Store) -> Iterator[str]:
             yield f"{name}: missing"
         elif sha256_of(path) != expected:
             yield f"{name}: changed since it was written"
-    leftovers = [*store.path.glob(JOURNAL), *store.path.rglob("*" + TEMPORARY)]
+    leftovers = [
+        *store.path.glob(JOURNAL),
+        *store.path.glob(NOTES),
+        *store.path.rglob("*" + TEMPORARY),
+    ]
     for leftover in sorted(leftovers):
         yield f"{leftover.relative_to(store.path)}: left over from an interrupted write"
 
@@ -55,10 +66,11 @@ def _records(store: Store) -> Iterator[str]:
     except (StoreError, ValidationError, KeyError, ValueError) as error:
         yield f"runs.parquet: a record does not fit its schema: {error}"
         return
-    yield from _counts(store)
+    yield from _counts(store, store.table)
+    kept = not store.manifest.traces_left_out
     named: set[str] = set()
     for record in records:
-        if record.trace is not None:
+        if record.trace is not None and kept:
             named.add(record.trace.file)
             yield from _trace(store, record, record.trace)
     for path in sorted((store.path / TRACES).rglob("*.mcap")):
@@ -67,17 +79,45 @@ def _records(store: Store) -> Iterator[str]:
             yield f"{name}: belongs to no run"
 
 
-def _counts(store: Store) -> Iterator[str]:
+def _outline(store: Store) -> Iterator[str]:
+    try:
+        table = read_table(store.path / TABLE, [*TALLIED, "run_id", "trace_bytes"])
+        version = store.columns.shared["schema_version"]
+    except (StoreError, KeyError, ValueError) as error:
+        yield f"{TABLE}: {error}"
+        return
+    if version != RECORD_VERSION:
+        yield (
+            f"{TABLE}: its records are of version {version}; "
+            f"this contactlab reads version {RECORD_VERSION}"
+        )
+    yield from _counts(store, table)
+    if not store.manifest.traces_left_out:
+        yield from _sizes(store, table)
+
+
+def _sizes(store: Store, table: pa.Table) -> Iterator[str]:
+    files, sizes = (table[name].drop_null().to_pylist() for name in ("trace_file", "trace_bytes"))
+    for file, size in zip(files, sizes, strict=True):
+        path = store.path / file
+        if not path.is_file():
+            yield f"{file}: missing"
+        elif path.stat().st_size != size:
+            yield f"{file}: changed since it was written"
+
+
+def _counts(store: Store, table: pa.Table) -> Iterator[str]:
     manifest = store.manifest
-    for name, found in tally(store.table).items():
+    for name, found in tally(table).items():
         said = getattr(manifest, name)
         if said != found:
             yield f"manifest.json: {name} is {said}, but runs.parquet has {found}"
     if manifest.runs != manifest.sweep.runs_asked:
         yield f"manifest.json: {manifest.runs} runs, but {manifest.sweep.runs_asked} were asked for"
-    for run_id, count in Counter(store.table["run_id"].to_pylist()).items():
-        if count > 1:
-            yield f"runs.parquet: run {run_id} stands {count} times"
+    counted = table["run_id"].value_counts()
+    repeated = np.flatnonzero(np.asarray(counted.field("counts")) > 1)
+    for each in counted.take(pa.array(repeated)).to_pylist():
+        yield f"runs.parquet: run {each['values']} stands {each['counts']} times"
 
 
 def _trace(store: Store, record: EvidenceRecord, trace: TraceFile) -> Iterator[str]:

@@ -2,10 +2,11 @@
 
 import fcntl
 import shutil
-from collections.abc import Collection, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, Protocol
 
 from contactlab.errors import OutputError
@@ -24,14 +25,23 @@ from contactlab.evidence.identity import (
     read_identity,
     read_manifest,
 )
-from contactlab.evidence.journal import JOURNAL, Journal, mend_journal
+from contactlab.evidence.journal import (
+    JOURNAL,
+    NOTES,
+    Journal,
+    amend_journal,
+    mend_journal,
+    mend_notes,
+    read_lines,
+)
 from contactlab.evidence.table import TABLE, TALLIED, read_table, tally, write_table
 from contactlab.schema import Provenance, StoreManifest, SweepIdentity
 
 SCENES = "scenes"
 TRACES = "traces"
 _LOCK = ".lock"
-_OWN = {SCENES, TRACES, _LOCK, JOURNAL, TABLE, IDENTITY, MANIFEST}
+_NOTHING: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
+_OWN = {SCENES, TRACES, _LOCK, JOURNAL, NOTES, TABLE, IDENTITY, MANIFEST}
 
 
 class SceneFiles(Protocol):
@@ -58,6 +68,7 @@ class StoreWriter:
         self.done = frozenset(done)
         self.started = _now()
         self._journal = Journal(path)
+        self._notes: Journal | None = None
 
     @property
     def scene_folder(self) -> Path:
@@ -68,26 +79,54 @@ class StoreWriter:
         """Add finished runs, each a row as JSON; their traces must be in place."""
         self._journal.append(rows)
 
+    def note(self, rows: Sequence[bytes]) -> None:
+        """Keep what was found out of finished runs, each as JSON, in case of an interruption."""
+        self._notes = self._notes or Journal(self.path, NOTES)
+        self._notes.append(rows)
+
+    def notes(self) -> Iterator[dict[str, Any]]:
+        """Yield what was noted, also before an interruption."""
+        return read_lines(self.path / NOTES)
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Yield the rows of finished runs."""
+        return read_lines(self.path / JOURNAL)
+
     def finish(
-        self, own: Sequence[Column], shared: Mapping[str, Any], provenance: Provenance
+        self,
+        own: Sequence[Column],
+        shared: Mapping[str, Any],
+        provenance: Provenance,
+        found: Mapping[str, Mapping[str, Any]] = _NOTHING,
     ) -> StoreManifest:
         """Publish the table, then the manifest; from then on the store is whole.
+
+        Args:
+            own: columns of axes, metrics, settings and effects.
+            shared: what all runs have in common.
+            provenance: what writes.
+            found: run id to values by column, found out after the run was added.
 
         Raises:
             OutputError: something cannot be written; the store stays resumable.
         """
-        self._journal.close()
+        self.close()
+        amend_journal(self.path, found)
         write_table(self.path / JOURNAL, self.path / TABLE, own, shared)
         sync_filesystem(self.path)
         manifest = self._manifest(provenance)
         with replacing(self.path / MANIFEST, durable=True) as temporary:
             temporary.write_text(manifest.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        (self.path / JOURNAL).unlink()
+        for name in (JOURNAL, NOTES):
+            (self.path / name).unlink(missing_ok=True)
         return manifest
 
     def close(self) -> None:
         """Leave the store as it is, resumable."""
-        self._journal.close()
+        with ExitStack() as closing:
+            closing.callback(self._journal.close)
+            if self._notes is not None:
+                closing.callback(self._notes.close)
 
     def _manifest(self, provenance: Provenance) -> StoreManifest:
         return StoreManifest(
@@ -129,7 +168,8 @@ def writing(
             if (path / MANIFEST).is_file():
                 finished = read_manifest(path)
                 check_same(path, finished.sweep, identity)
-                (path / JOURNAL).unlink(missing_ok=True)
+                for name in (JOURNAL, NOTES):
+                    (path / name).unlink(missing_ok=True)
                 yield finished
                 return
             writer = StoreWriter(path, identity, _prepare(path, identity, scene))
@@ -150,6 +190,7 @@ def _prepare(path: Path, identity: SweepIdentity, scene: SceneFiles) -> set[str]
     if (path / IDENTITY).is_file():
         check_same(path, read_identity(path), identity)
         _remove_leftovers(path)
+        mend_notes(path)
         return mend_journal(path, lambda row: _has_trace(path, row))
     _refuse_strangers(path, "choose another folder with -o")
     _remove_leftovers(path)
@@ -170,7 +211,7 @@ def _has_trace(path: Path, row: Mapping[str, Any]) -> bool:
 def _clear(path: Path) -> None:
     _refuse_strangers(path, "not removed")
     # The manifest goes first: a half-removed store must not look whole.
-    for name in (MANIFEST, IDENTITY, TABLE, JOURNAL):
+    for name in (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES):
         (path / name).unlink(missing_ok=True)
     for name in (SCENES, TRACES):
         shutil.rmtree(path / name, ignore_errors=True)

@@ -6,23 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.measure.context import Context
+from contactlab.measure.hold import hold_switch_masks, window, window_seconds
 from contactlab.measure.label import Case, Finding, Findings, rows
-from contactlab.measure.losses import loss_counts, losses
+from contactlab.measure.losses import all_losses
 from contactlab.measure.modes import Modes, spans
-from contactlab.measure.sliding import changes, switch_counts
+from contactlab.measure.sliding import switch_masks
 from contactlab.trace import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
 from contactlab.trace import Mode as ModeName
 
 _SPREAD = 0.25
 """Share of the time in contact that the middle half of chatter's events spans at least."""
 
+Events = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Runs and steps of events, in order of run and time."""
+
 _MODES: dict[ModeName, int] = {"stick": STICK, "slide": SLIDE}
 
 
 def chatter(case: Case) -> Findings:
     """Find runs in which a pair keeps switching between stick and slide, or losing its contact."""
+    held = case.context.setup.hold is not None
+    events = _holding(case) if held else (*_switching(case), *_losing(case))
     found: Findings = {}
-    for run, finding in (*_switching(case), *_losing(case)):
+    for run, finding in events:
         found.setdefault(run, finding)
     return found
 
@@ -55,44 +61,55 @@ def oracle_miss(case: Case) -> Findings:
 
 
 def _switching(case: Case) -> Iterator[tuple[int, Finding]]:
-    context, rate = case.context, case.limits["mode_switches"]
-    for series, count in zip(context.series, switch_counts(context), strict=True):
-        for run in _often(case, count, rate):
-            steps = np.flatnonzero(changes(series)[run]) + 1
-            if not _lasting(series, run, steps):
-                continue
-            reason = (
-                f"{series.name} switched {count[run]:.0f} times between stick and slide, "
-                f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
-            )
-            yield run, Finding(reason, int(steps[0]))
+    context = case.context
+    for series, mask in zip(context.series, switch_masks(context), strict=True):
+        run, step = np.nonzero(mask)
+        what = f"{series.name} switched {{}} times between stick and slide"
+        yield from _often(case, series, (run, step + 1), what, "mode_switches")
 
 
 def _losing(case: Case) -> Iterator[tuple[int, Finding]]:
-    context, rate = case.context, case.limits["contact_losses"]
-    for index, count in enumerate(loss_counts(context)):
-        series = context.series[index]
-        for run in _often(case, count, rate):
-            gaps = losses(context, index)
-            steps = gaps.start[gaps.run == run]
-            if not _lasting(series, run, steps):
-                continue
-            reason = (
-                f"{series.name} lost its contact {count[run]:.0f} times while it stuck, "
-                f"{count[run] / context.seconds[run]:.3g} times a second (limit {rate:g})"
-            )
+    context = case.context
+    for series, gaps in zip(context.series, all_losses(context), strict=True):
+        what = f"{series.name} lost its contact {{}} times while it stuck"
+        yield from _often(case, series, (gaps.run, gaps.start), what, "contact_losses")
+
+
+def _holding(case: Case) -> Iterator[tuple[int, Finding]]:
+    context = case.context
+    for series, mask in zip(context.series, hold_switch_masks(context), strict=True):
+        run, step = np.nonzero(mask)
+        what = f"{series.name} switched {{}} times between stick, slide and no contact in its hold"
+        yield from _often(case, series, (run, step + 1), what, "mode_switches")
+
+
+def _often(
+    case: Case, series: PairSeries, events: Events, what: str, threshold: str
+) -> Iterator[tuple[int, Finding]]:
+    """Find runs with too many events a second that do not end as the run settles."""
+    limit, fewest = case.limits[threshold], case.limits["mode_switch_count"]
+    judged, seconds = _judged(case.context)
+    counts = np.bincount(events[0], minlength=case.context.trace.runs)
+    for run in rows((counts / seconds > limit) & (counts >= fewest)):
+        steps = events[1][events[0] == run]
+        touching = (series.mode[run] != NO_CONTACT) & judged[run]
+        if _is_lasting(steps, int(touching.sum())):
+            rate = counts[run] / seconds[run]
+            reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
             yield run, Finding(reason, int(steps[0]))
 
 
-def _often(case: Case, count: Floats, rate: float) -> list[int]:
-    often = count / case.context.seconds > rate
-    return rows(often & (count >= case.limits["mode_switch_count"]))
+def _judged(context: Context) -> tuple[NDArray[np.bool_], Floats]:
+    """Return (n, N) the steps in which chatter is judged, and (n,) how long they last [s]."""
+    if context.setup.hold is not None:
+        return window(context), window_seconds(context)
+    return np.ones(context.trace.contacts.shape, dtype=np.bool_), context.seconds
 
 
-def _lasting(series: PairSeries, run: int, steps: NDArray[np.intp]) -> bool:
+def _is_lasting(steps: NDArray[np.intp], touching: int) -> bool:
     """Say whether events go on; parts that tumble to rest switch often, but only for a while."""
     early, late = np.quantile(steps, (0.25, 0.75))
-    return bool(late - early >= _SPREAD * (series.mode[run] != NO_CONTACT).sum())
+    return bool(late - early >= _SPREAD * touching)
 
 
 def _unexpected(case: Case, wanted: ModeName, met: ModeName) -> Findings:

@@ -7,7 +7,7 @@ import numpy as np
 from contactlab.measure.checks import unconverged
 from contactlab.measure.context import Context, energy
 from contactlab.measure.label import Case, Finding, Findings, first, rows
-from contactlab.measure.solver import saturated
+from contactlab.measure.solver import cut_by_pair, saturated
 from contactlab.trace import Floats
 
 _FEWEST_ITERATIONS = 2
@@ -60,6 +60,21 @@ def solver_nonconvergence(case: Case) -> Findings:
     }
 
 
+def contacts_cut(case: Case) -> Findings:
+    """Find runs of which some contacts are missing in the evidence."""
+    context, found = case.context, Findings()
+    for index, cut in enumerate(cut_by_pair(context)):
+        name, slots = context.series[index].name, context.setup.slots[index]
+        for run in rows(cut.sum(axis=1) > 0):
+            most = int(context.folded[index].found[run].max())
+            reason = (
+                f"{name} had up to {most} contacts, of which {slots} were recorded, in "
+                f"{cut[run].sum()} steps; give the pair more `slots`"
+            )
+            found.setdefault(run, Finding(reason, first(cut[run])))
+    return found
+
+
 def _warnings(case: Case) -> Iterator[tuple[int, Finding]]:
     trace = case.context.trace
     for run, counts in enumerate(trace.warnings):
@@ -78,7 +93,9 @@ def _cut_short(case: Case) -> Iterator[tuple[int, Finding]]:
 
 def _not_finite(case: Case) -> Iterator[tuple[int, Finding]]:
     trace = case.context.trace
-    watched = {"qpos": trace.qpos, "qvel": trace.qvel, "energy": energy(case.context)[:, :, None]}
+    watched = {"qpos": trace.qpos, "qvel": trace.qvel}
+    if trace.has_energy:
+        watched["energy"] = energy(case.context)[:, :, None]
     for name, values in watched.items():
         # A sum is finite only if every number in it is; the step is looked up where it is not.
         for run in rows(~np.isfinite(values.sum(axis=(1, 2)))):

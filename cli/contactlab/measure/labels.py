@@ -10,7 +10,13 @@ from contactlab.measure.friction_rules import (
     unexpected_slide,
     unexpected_stick,
 )
-from contactlab.measure.integrity import diverged, invalid, solver_nonconvergence
+from contactlab.measure.hold_rules import broken, exploited, slipping
+from contactlab.measure.integrity import (
+    contacts_cut,
+    diverged,
+    invalid,
+    solver_nonconvergence,
+)
 from contactlab.measure.label import Label
 from contactlab.measure.rest_rules import creep, drift, unsettled
 from contactlab.measure.symptoms import (
@@ -57,10 +63,16 @@ LABELS: Mapping[str, Label] = MappingProxyType(
                 solver_nonconvergence,
             ),
             Label(
+                "broken",
+                "What is held is so deep in its holder that the contact means nothing.",
+                ("broken",),
+                broken,
+            ),
+            Label(
                 "tunneling",
                 "A body passed the mid-plane of a surface that should stop it, or two bodies "
                 "went deeper into each other than the middle of the thinner.",
-                (),
+                ("pierced",),
                 tunneling,
             ),
             Label(
@@ -88,6 +100,12 @@ LABELS: Mapping[str, Label] = MappingProxyType(
                 penetration_growth,
             ),
             Label(
+                "exploited",
+                "What is held is held by sinking in, as no solid body could be.",
+                ("exploited",),
+                exploited,
+            ),
+            Label(
                 "deep_penetration",
                 "A pair rests too deep in each other.",
                 ("penetration_steady",),
@@ -102,9 +120,16 @@ LABELS: Mapping[str, Label] = MappingProxyType(
             Label(
                 "chatter",
                 "A pair keeps switching between stick and slide, or keeps losing its contact "
-                "while it sticks, and not only while it comes to rest.",
+                "while it sticks, and not only while it comes to rest; in the hold window, if the "
+                "scene has one.",
                 ("mode_switches", "contact_losses", "mode_switch_count"),
                 chatter,
+            ),
+            Label(
+                "slipping",
+                "What should be held slips, is no longer in its place, or bears no force.",
+                ("hold_slip", "hold_offset", "hold_contact"),
+                slipping,
             ),
             Label(
                 "unsettled",
@@ -135,6 +160,13 @@ LABELS: Mapping[str, Label] = MappingProxyType(
                 "It is farther from the scene's closed form than the scene accepts.",
                 (),
                 oracle_miss,
+            ),
+            Label(
+                "contacts_cut",
+                "A graded pair had more contacts than slots: net forces, modes and whatever is "
+                "measured of them are those of the recorded contacts alone.",
+                (),
+                contacts_cut,
             ),
             STABLE,
         )

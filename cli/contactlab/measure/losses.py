@@ -87,17 +87,16 @@ def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
 
 
 @shared
-def loss_counts(context: Context) -> list[Floats]:
-    """Return for each graded pair (n,) how often it loses contact while it sticks."""
-    runs = context.trace.runs
-    return [
-        np.bincount(losses(context, index).run, minlength=runs).astype(np.float64)
-        for index in range(len(context.series))
-    ]
+def all_losses(context: Context) -> list[Spans]:
+    """Return for each graded pair the gaps in which it loses contact while it sticks."""
+    return [losses(context, index) for index in range(len(context.series))]
 
 
 def _contact_losses(context: Context) -> Floats:
-    counts = loss_counts(context)
+    runs = context.trace.runs
+    counts = [
+        np.bincount(each.run, minlength=runs).astype(np.float64) for each in all_losses(context)
+    ]
     return (worst_pair(counts) if counts else context.nothing()) / context.seconds
 
 

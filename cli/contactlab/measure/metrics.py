@@ -5,6 +5,7 @@ from types import MappingProxyType
 
 from contactlab.measure.checks import CHECKS
 from contactlab.measure.conservation import CONSERVATION
+from contactlab.measure.hold import HOLD
 from contactlab.measure.losses import LOSSES
 from contactlab.measure.metric import Metric
 from contactlab.measure.oracles import ORACLE_METRICS
@@ -13,6 +14,7 @@ from contactlab.measure.rest import REST
 from contactlab.measure.restitution import RESTITUTION
 from contactlab.measure.sliding import SLIDING
 from contactlab.measure.solver import SOLVER
+from contactlab.measure.travel import TRAVEL
 
 METRICS: Mapping[str, Metric] = MappingProxyType(
     {
@@ -21,9 +23,11 @@ METRICS: Mapping[str, Metric] = MappingProxyType(
             *PENETRATION,
             *CONSERVATION,
             *REST,
+            *TRAVEL,
             *RESTITUTION,
             *SLIDING,
             *LOSSES,
+            *HOLD,
             *SOLVER,
             *CHECKS,
             *ORACLE_METRICS,

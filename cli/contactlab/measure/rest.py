@@ -10,15 +10,15 @@ from contactlab.trace import Floats, FreeBody
 def moved(context: Context, body: FreeBody, run: int) -> Floats:
     """Return (N + 1,) how far [m] a free body's frame is from its start, across gravity."""
     place = context.trace.qpos[run, :, body.qpos : body.qpos + 3]
-    return np.sqrt(_across(place - place[0], _down(context)[run]))
+    return np.sqrt(_across(place - place[0], down(context)[run]))
 
 
 def _drift(context: Context) -> Floats:
     bodies = context.setup.free_bodies
     if not bodies:
         return context.nothing()
-    down = _down(context)
-    return np.sqrt(np.maximum.reduce([_across(_travel(context, body), down) for body in bodies]))
+    below = down(context)
+    return np.sqrt(np.maximum.reduce([_across(_travel(context, body), below) for body in bodies]))
 
 
 def _rest_speed(context: Context) -> Floats:
@@ -34,8 +34,8 @@ def _drop(context: Context) -> Floats:
     bodies = context.setup.free_bodies
     if not bodies:
         return context.nothing()
-    down = _down(context)
-    return np.maximum.reduce([(_travel(context, body) * down).sum(axis=1) for body in bodies])
+    below = down(context)
+    return np.maximum.reduce([(_travel(context, body) * below).sum(axis=1) for body in bodies])
 
 
 def _travel(context: Context, body: FreeBody) -> Floats:
@@ -44,16 +44,16 @@ def _travel(context: Context, body: FreeBody) -> Floats:
     return place[:, -1] - place[:, 0]
 
 
-def _down(context: Context) -> Floats:
+def down(context: Context) -> Floats:
     """Return (n, 3) the unit vector of gravity; zero without gravity."""
     gravity = context.setup.gravity
     length = np.linalg.norm(gravity, axis=1, keepdims=True)
     return gravity / np.where(length > 0, length, 1)
 
 
-def _across(vectors: Floats, down: Floats) -> Floats:
+def _across(vectors: Floats, below: Floats) -> Floats:
     """Return the squared length of vectors (..., 3) across a unit vector or zero (..., 3)."""
-    across = vectors - (vectors * down).sum(axis=-1, keepdims=True) * down
+    across = vectors - (vectors * below).sum(axis=-1, keepdims=True) * below
     return (across * across).sum(axis=-1)
 
 

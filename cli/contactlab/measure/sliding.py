@@ -31,9 +31,9 @@ def changes(series: PairSeries) -> NDArray[np.bool_]:
 
 
 @shared
-def switch_counts(context: Context) -> list[Floats]:
-    """Return for each graded pair (n,) how often it changes between stick and slide."""
-    return [changes(series).sum(axis=1).astype(np.float64) for series in context.series]
+def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
+    """Return for each graded pair (n, N - 1) where it changes between stick and slide."""
+    return [changes(series) for series in context.series]
 
 
 def _over_pairs(context: Context, values: list[Floats]) -> Floats:
@@ -41,7 +41,8 @@ def _over_pairs(context: Context, values: list[Floats]) -> Floats:
 
 
 def _mode_switches(context: Context) -> Floats:
-    return _over_pairs(context, switch_counts(context)) / context.seconds
+    counts = [mask.sum(axis=1).astype(np.float64) for mask in switch_masks(context)]
+    return _over_pairs(context, counts) / context.seconds
 
 
 def _slip_distance(context: Context) -> Floats:

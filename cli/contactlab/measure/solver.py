@@ -38,10 +38,16 @@ def _contacts_max(context: Context) -> Floats:
     return context.trace.contacts.max(axis=1).astype(np.float64)
 
 
+@shared
+def cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
+    """Return for each graded pair (n, N) where it had more contacts than slots."""
+    slots = context.setup.slots
+    return [folded.found > most for folded, most in zip(context.folded, slots, strict=True)]
+
+
 def _contacts_cut(context: Context) -> Floats:
-    cut = np.zeros(context.trace.contacts.shape, dtype=np.bool_)
-    for folded, slots in zip(context.folded, context.setup.slots, strict=True):
-        cut |= folded.found > slots
+    nowhere = np.zeros(context.trace.contacts.shape, dtype=np.bool_)
+    cut = np.logical_or.reduce([nowhere, *cut_by_pair(context)])
     return cut.sum(axis=1).astype(np.float64)
 
 

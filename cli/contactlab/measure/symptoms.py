@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from contactlab.measure.conservation import energy_scale, speed_bound
 from contactlab.measure.context import Context, contact_depths, energy, speed_squared
 from contactlab.measure.crossing import first_crossings
@@ -13,7 +15,7 @@ from contactlab.trace import Floats
 def tunneling(case: Case) -> Findings:
     """Find runs in which a body passes what should stop it."""
     found: Findings = {}
-    for run, finding in (*_crossings(case.context), *_pierced(case.context)):
+    for run, finding in (*_crossings(case.context), *_pierced(case)):
         if run not in found or finding.step < found[run].step:
             found[run] = finding
     return found
@@ -78,16 +80,19 @@ def _crossings(context: Context) -> Iterator[tuple[int, Finding]]:
             yield run, Finding(f"{barrier.body.name} passed the mid-plane of {pair}", step)
 
 
-def _pierced(context: Context) -> Iterator[tuple[int, Finding]]:
+def _pierced(case: Case) -> Iterator[tuple[int, Finding]]:
     """Find pairs without a barrier that are deeper in each other than the thinner is thick."""
+    context, asked = case.context, case.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
     for index, series in enumerate(context.series):
         if index in guarded:
             continue
-        depth, thickness = contact_depths(context)[index][1], context.setup.thickness[index]
-        for run in rows((depth > thickness).any(axis=1)):
-            reason = f"{series.name} is deeper than its middle, {thickness:.3g} m from the surface"
-            yield run, Finding(reason, first(depth[run] > thickness))
+        depth = contact_depths(context)[index][1]
+        limit = asked or float(context.setup.thickness[index])
+        where = f"{limit:.3g} m" if asked else f"its middle, {limit:.3g} m from the surface"
+        for run in rows(np.asarray((depth > limit).any(axis=1))):
+            reason = f"{series.name} is deeper than {where}"
+            yield run, Finding(reason, first(depth[run] > limit))
 
 
 def _fast_from(context: Context, run: int, limit: float) -> int:

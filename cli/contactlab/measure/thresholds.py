@@ -81,6 +81,14 @@ THRESHOLDS: Mapping[str, Threshold] = MappingProxyType(
                 "applies where that is less.",
             ),
             Threshold(
+                "pierced",
+                None,
+                "m",
+                "Largest metric penetration_max, where no fixed surface is known that must not be "
+                "passed. Unless set, half the thickness that the pair holds in `Setup` applies: "
+                "of bodies of many geoms, that of the thinnest, however it is met.",
+            ),
+            Threshold(
                 "mode_switches",
                 5,
                 "1/s",
@@ -98,6 +106,40 @@ THRESHOLDS: Mapping[str, Threshold] = MappingProxyType(
                 "1/s",
                 "Largest metric contact_losses, as for mode_switches: contacts that hold keep "
                 "their contact, and a pad that bounces on what it holds loses it 70 times.",
+            ),
+            Threshold(
+                "exploited",
+                3e-3,
+                "m",
+                "Largest metric hold_penetration of a grasp that holds by its contact; practice "
+                "calls one over 3 mm exploited.",
+            ),
+            Threshold(
+                "broken",
+                5e-3,
+                "m",
+                "Largest metric hold_penetration of a grasp that means anything; practice calls "
+                "one over 5 mm broken.",
+            ),
+            Threshold(
+                "hold_slip",
+                2e-3,
+                "m",
+                "Largest metric hold_slip. Soft contact creeps by less, 0.01 to 1 mm in half a "
+                "second; what slides or chatters loses 8 mm and more.",
+            ),
+            Threshold(
+                "hold_offset",
+                None,
+                "m",
+                "Largest metric hold_offset; only scenes that begin with the subject in its place "
+                "between the fingers set it.",
+            ),
+            Threshold(
+                "hold_contact",
+                0.5,
+                "1",
+                "Least metric hold_contact. Sliding bodies hop, and touch in half of the steps.",
             ),
             Threshold(
                 "creep_speed",

@@ -1,10 +1,12 @@
 """Joins plan, scene, sim, measure and evidence: sweeps and replays."""
 
 from contactlab.pipeline.asking import ask_for
+from contactlab.pipeline.environment import find_engine, run_on, without_option
 from contactlab.pipeline.forecast import Forecast, forecast
 from contactlab.pipeline.job import Finished
+from contactlab.pipeline.rendering import Look, render
 from contactlab.pipeline.replay import Replay, Start, prepare, replay
-from contactlab.pipeline.stability import Case, CaseResult, find_cases, missing_switches, run_case
+from contactlab.pipeline.stability import Case, CaseResult, find_cases, run_case
 from contactlab.pipeline.sweep import Ask, run_sweep
 from contactlab.pipeline.vocabulary import Scenes
 
@@ -14,15 +16,19 @@ __all__ = [
     "CaseResult",
     "Finished",
     "Forecast",
+    "Look",
     "Replay",
     "Scenes",
     "Start",
     "ask_for",
     "find_cases",
+    "find_engine",
     "forecast",
-    "missing_switches",
     "prepare",
+    "render",
     "replay",
     "run_case",
+    "run_on",
     "run_sweep",
+    "without_option",
 ]

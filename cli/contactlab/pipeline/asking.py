@@ -2,9 +2,11 @@
 
 from pathlib import Path
 
+from contactlab.pipeline.newer import lenient, trimmed
 from contactlab.pipeline.sweep import Ask
 from contactlab.pipeline.vocabulary import Scenes
 from contactlab.plan import Overrides, read_sweep
+from contactlab.schema import rest
 
 
 def ask_for(  # noqa: PLR0913 - one argument an option
@@ -16,6 +18,7 @@ def ask_for(  # noqa: PLR0913 - one argument an option
     workers: int,
     overrides: Overrides | None = None,
     fresh: bool = False,
+    partly: bool = False,
 ) -> Ask:
     """Read a sweep and return what to run.
 
@@ -27,22 +30,26 @@ def ask_for(  # noqa: PLR0913 - one argument an option
         workers: processes; 0 for none but this one.
         overrides: options of the command line.
         fresh: whether to replace a store that is there.
+        partly: whether to leave out what only newer engines can do, rather than to refuse it.
 
     Raises:
         SweepFileError: the file or the options hold mistakes; all are named.
     """
     options = overrides or Overrides()
     scenes = Scenes(folder)
-    read = read_sweep(source, scenes.vocabulary, options)
+    vocabulary = lenient(scenes.vocabulary) if partly else scenes.vocabulary
+    read = read_sweep(source, vocabulary, options)
+    possible = trimmed(read.plan)
     return Ask(
-        plan=read.plan,
-        scene=scenes.open(read.sweep.scene),
+        plan=possible.plan,
+        scene=scenes.open(read.sweep.scene).with_effects(rest(read.sweep.effects)),
         name=name,
         source=read.text,
         overrides=_given(options),
         store=store,
         workers=workers,
         fresh=fresh,
+        left_out=possible.reasons,
     )
 
 

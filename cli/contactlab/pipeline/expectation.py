@@ -43,10 +43,13 @@ def judge(
 
 
 def within(tolerances: Mapping[str, float], metrics: Mapping[str, float | None]) -> bool | None:
-    """Return whether every tolerated metric was measured and is small enough; None without any."""
-    if not tolerances:
+    """Return whether every tolerated metric was measured and is small enough; None without any.
+
+    What these metrics do not name, errors against a reference, is measured later or was before.
+    """
+    measured = {name: metrics[name] for name in tolerances if name in metrics}
+    if not measured:
         return None
-    measured = {name: metrics[name] for name in tolerances}
     return all(
         value is not None and abs(value) <= tolerances[name] for name, value in measured.items()
     )

@@ -1,17 +1,19 @@
 """What a sweep will take, before it runs: counts, time, disk, and settings that look wrong."""
 
+import time
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
 
 from contactlab.law import stiffness_damping
-from contactlab.pipeline.job import PlannedRun
-from contactlab.pipeline.jobs import planned_runs
+from contactlab.pipeline.clamping import is_clamped
+from contactlab.pipeline.jobs import Planned, planned_runs
+from contactlab.pipeline.pass_forecast import accuracy_steps, timing_seconds
 from contactlab.plan import Plan
-from contactlab.scene import Resolved, Scene
+from contactlab.scene import Resolved, Scene, has_batch
 from contactlab.sim import Buffers, bytes_of_run, quiet, roll_out
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
@@ -23,8 +25,6 @@ _OVERHEAD = (1.2, 2.5)
 # What compression leaves of a trace, least and most.
 _COMPRESSED = (0.1, 0.6)
 
-Planned = Sequence[tuple[PlannedRun, Resolved]]
-
 
 @dataclass(frozen=True)
 class Forecast:
@@ -33,7 +33,9 @@ class Forecast:
     Attributes:
         runs: distinct runs.
         steps: steps of all runs.
-        seconds: wall time, least and most likely [s].
+        seconds: wall time of all passes, least and most likely [s].
+        accuracy_seconds: how much of it references and what is held against them take [s].
+        timing_seconds: how much of it times and work take [s].
         bytes: size of the traces, least and most likely.
         warnings: what looks wrong but stops nothing.
     """
@@ -41,6 +43,8 @@ class Forecast:
     runs: int
     steps: int
     seconds: tuple[float, float]
+    accuracy_seconds: float
+    timing_seconds: float
     bytes: tuple[float, float]
     warnings: tuple[str, ...]
 
@@ -52,13 +56,20 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     per_step = [_step_cost(scene, resolved) for resolved in _sample(planned)] or [0.0]
     share = steps / max(1, workers)
     size = _trace_bytes(plan, scene, planned)
+    likely, sweep = float(np.median(per_step)), plan.sweep
+    accuracy = likely * accuracy_steps(sweep.accuracy, planned, scene) / max(1, workers)
+    # What is counted is run once more by the workers, before the clock runs.
+    counting = likely * share if sweep.timing else 0.0
+    timing = counting + timing_seconds(sweep.timing, planned, likely)
     return Forecast(
         runs=len(planned),
         steps=steps,
         seconds=(
-            float(np.quantile(per_step, 0.25)) * share * _OVERHEAD[0],
-            float(np.quantile(per_step, 0.75)) * share * _OVERHEAD[1],
+            float(np.quantile(per_step, 0.25)) * share * _OVERHEAD[0] + accuracy + timing,
+            float(np.quantile(per_step, 0.75)) * share * _OVERHEAD[1] + accuracy + timing,
         ),
+        accuracy_seconds=accuracy,
+        timing_seconds=timing,
         bytes=(size * _COMPRESSED[0], size * _COMPRESSED[1]),
         warnings=tuple(_warnings(plan, planned)),
     )
@@ -72,17 +83,19 @@ def _sample(planned: Planned) -> Iterator[Resolved]:
 def _step_cost(scene: Scene, resolved: Resolved) -> float:
     """Return CPU seconds a step."""
     quiet()
-    base = scene.base(resolved.structure)
     steps = min(resolved.steps, _SAMPLE_STEPS)
-    model = base.prepare(resolved.edits()).model
-    return float(roll_out([model], scene.starts([resolved]), steps, Buffers()).cost[0]) / steps
+    starts = scene.starts([resolved])
+    model = scene.prepare(resolved, starts).model
+    begin = time.thread_time()
+    cost = float(roll_out([model], starts, steps, Buffers()).cost[0])
+    # Where Python makes the steps, what it takes for them counts as well.
+    return (cost if has_batch() else time.thread_time() - begin) / steps
 
 
 def _trace_bytes(plan: Plan, scene: Scene, planned: Planned) -> float:
     rule = plan.sweep.trace
     total = sum(
-        bytes_of_run(scene.base(resolved.structure).model, resolved.steps)
-        for _, resolved in planned
+        bytes_of_run(scene.base_of(resolved).model, resolved.steps) for _, resolved in planned
     )
     if rule == "none":
         return 0.0
@@ -121,6 +134,4 @@ def _speed(resolved: Resolved) -> float:
 
 def _clamped(resolved: Resolved) -> bool:
     solref = resolved.settings.get("solref")
-    if not isinstance(solref, tuple) or solref[0] <= 0 or not resolved.flags["refsafe"]:
-        return False
-    return bool(solref[0] < 2 * resolved.timestep)
+    return isinstance(solref, tuple) and is_clamped(resolved, [solref])

@@ -1,11 +1,14 @@
 """What goes to a worker and what comes back; all of it pickles."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 from contactlab.plan import Match
 from contactlab.schema import Engine, Expectation, Provenance, Sweep
+
+Purpose = Literal["record", "errors", "work", "times"]
 
 
 @dataclass(frozen=True)
@@ -23,6 +26,8 @@ class Task:
         scene_model: the model file, relative to it.
         engine: what computes.
         provenance: what writes.
+        purpose: what is done with the runs: recorded, held against a reference, or counted;
+            times are taken where the sweep itself runs.
     """
 
     sweep: Sweep
@@ -35,6 +40,7 @@ class Task:
     scene_model: str
     engine: Engine
     provenance: Provenance
+    purpose: Purpose = "record"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,3 +95,8 @@ class Lost:
     job: Job
     reason: str
     timed_out: bool
+
+
+# Told how many runs there are and how many of them are done already; then of runs as they finish.
+Begin = Callable[[int, int], None]
+Progress = Callable[[Sequence[Finished]], None]

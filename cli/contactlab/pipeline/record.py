@@ -46,7 +46,7 @@ class Outcome:
         warnings: engine warnings by name.
         error: the engine's error, or None.
         trajectory_hash: of its state rows.
-        cpu: thread CPU time of the stepping [s].
+        cpu: thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
         started: when its job started.
         twin_label: the label of the same run from a start 1e-6 away, if it was asked for.
     """
@@ -126,7 +126,8 @@ class RecordMaker:
             engine=self._engine(plan.resolved),
             axes={name: as_written(value) for name, value in run.values.items()},
             settings=resolved.values,
-            effects=dict(resolved.flags),
+            effects={name: each.on for name, each in plan.prepared.effects.items()},
+            effect_reasons={name: each.reason for name, each in plan.prepared.effects.items()},
             pairs=dict(plan.prepared.pairs),
             edited_geoms=plan.prepared.edited_geoms,
             seed=run.seed,
@@ -153,6 +154,9 @@ class RecordMaker:
 
     def with_cost(self, record: EvidenceRecord, outcome: Outcome) -> EvidenceRecord:
         """Return a record with what the run took, and when."""
+        clock = {"started": outcome.started, "finished": self.now()}
+        if math.isnan(outcome.cpu):
+            return record.model_copy(update=clock)
         budget = self._task.sweep.latency_budget
         simulated = outcome.steps * outcome.plan.resolved.timestep
         cost = Cost(
@@ -161,7 +165,6 @@ class RecordMaker:
             latency_budget_s=budget,
             latency_used=outcome.cpu / outcome.steps / budget if budget and outcome.steps else None,
         )
-        clock = {"started": outcome.started, "finished": self.now()}
         return record.model_copy(update={"cost": cost, **clock})
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from contactlab.errors import StoreError
 from contactlab.evidence import Store
-from contactlab.scene import Prepared, Scene, Starts, stored_scene
-from contactlab.schema import EvidenceRecord
+from contactlab.scene import Prepared, Resolved, Scene, Starts, stored_scene
+from contactlab.schema import EvidenceRecord, rest
 from contactlab.sim import Buffers, Rollout, quiet, roll_out, trajectory_hash
 
 
@@ -51,9 +51,22 @@ def prepare(store: Store, run: str) -> Start:
         StoreError: no such run, or its start state is not what its settings give.
         SceneError: the stored scene does not compile with this engine.
     """
+    record, scene, resolved = stored_run(store, run)
+    starts = scene.starts([resolved])
+    prepared = scene.prepare(resolved, starts)
+    return Start(record, prepared, _stored_start(record, prepared, starts))
+
+
+def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, Resolved]:
+    """Return a stored run, its scene and what it resolves to, made from the store's own files.
+
+    Raises:
+        StoreError: no such run, or its settings do not give its id.
+    """
     record = store.record(run)
     identity = store.manifest.sweep
-    scene = Scene(stored_scene(store.scene_folder, identity.scene_model, identity.scene))
+    source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
+    scene = Scene(source).with_effects(rest(identity.resolved.get("effects", {})))
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
     resolved = scene.resolve(values, record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:
@@ -61,8 +74,7 @@ def prepare(store: Store, run: str) -> Start:
             f"run {record.run_id}: the stored scene and settings give another id, "
             f"{scene.run_id(resolved)}; the store or this version's defaults changed"
         )
-    prepared = scene.base(resolved.structure).prepare(resolved.edits())
-    return Start(record, prepared, _stored_start(record, prepared))
+    return record, scene, resolved
 
 
 def replay(store: Store, run: str) -> Replay:
@@ -90,11 +102,13 @@ def replay(store: Store, run: str) -> Replay:
     )
 
 
-def _stored_start(record: EvidenceRecord, prepared: Prepared) -> Starts:
+def _stored_start(record: EvidenceRecord, prepared: Prepared, again: Starts) -> Starts:
+    """Return the state as stored; what drives it over time is part of scene and settings."""
     initial = record.initial
     applied = initial.applied or (0.0,) * (6 * prepared.model.nbody)
     rows = (initial.qpos, initial.qvel, initial.ctrl, applied)
-    return Starts(*(np.array([row], dtype=np.float64) for row in rows))
+    qpos, qvel, ctrl, forces = (np.array([row], dtype=np.float64) for row in rows)
+    return again._replace(qpos=qpos, qvel=qvel, ctrl=ctrl, applied=forces)
 
 
 def _parsed(scene: Scene, name: str, value: object) -> object:

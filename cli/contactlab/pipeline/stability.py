@@ -1,10 +1,9 @@
 """The catalogue of hard cases: shipped sweeps whose expectations say what holds and what fails."""
 
-import re
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,13 +11,11 @@ from contactlab import shipped
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.evidence import Store
 from contactlab.pipeline.asking import ask_for
-from contactlab.pipeline.sweep import Progress, run_sweep
-from contactlab.scene import FLAGS
+from contactlab.pipeline.job import Progress
+from contactlab.pipeline.sweep import run_sweep
+from contactlab.scene import is_menagerie, menagerie_name
 
 FOLDER = "stability"
-# Switches that came after the oldest engine that contactlab runs on.
-NEWER_FLAGS = {"speculative"}
-_WORD = re.compile(r"^ +(\w+):", re.MULTILINE)
 _MODELS = (".xml", ".urdf", ".mjcf")
 
 
@@ -53,6 +50,7 @@ class CaseResult:
         misses: what was missed, with the start of the run's id.
         seconds: wall time [s].
         store: its evidence.
+        left_out: why runs were left out that only newer engines can do.
     """
 
     name: str
@@ -66,6 +64,7 @@ class CaseResult:
     misses: tuple[str, ...]
     seconds: float
     store: Path
+    left_out: tuple[str, ...] = ()
 
     @property
     def passed(self) -> bool:
@@ -74,7 +73,9 @@ class CaseResult:
 
 
 def find_cases(names: list[str]) -> list[Case]:
-    """Return cases by name, a generic case for a model file or a scene's folder; all if no names.
+    """Return cases by name, a generic one for a model file, a scene's folder or a robot.
+
+    Without names, return all.
 
     Raises:
         SweepFileError: there is no such case.
@@ -98,30 +99,35 @@ def run_case(
     store = results / case.name
     started = time.monotonic()
     fresh = (store / "manifest.json").is_file()
-    ask = ask_for(case.source, case.name, store, folder=case.folder, workers=workers, fresh=fresh)
-    run_sweep(ask, begin, progress)
-    rows: list[dict[str, Any]] = Store.open(store).table.to_pylist()
-    return _result(case.name, rows, time.monotonic() - started, store)
-
-
-def missing_switches(case: Case) -> str:
-    """Return the engine switches that a case varies and this engine lacks; empty if none."""
-    if not isinstance(case.source, Path):
-        return ""
-    words = set(_WORD.findall(case.source.read_text(encoding="utf-8")))
-    return ", ".join(sorted(words & NEWER_FLAGS - set(FLAGS)))
+    ask = ask_for(
+        case.source,
+        case.name,
+        store,
+        folder=case.folder,
+        workers=workers,
+        fresh=fresh,
+        partly=True,
+    )
+    rows: list[dict[str, Any]] = []
+    if ask.plan.count:
+        run_sweep(ask, begin, progress)
+        rows = Store.open(store).table.to_pylist()
+    result = _result(case.name, rows, time.monotonic() - started, store)
+    return replace(result, left_out=ask.left_out)
 
 
 def _case(name: str, known: dict[str, Path]) -> Case:
     if name in known:
         return Case(name, known[name], known[name].parent)
+    if is_menagerie(name):
+        return Case(menagerie_name(name), _GENERIC.format(scene=name), Path())
     path = Path(name)
     if path.suffix in _MODELS or path.is_dir():
         text = _GENERIC.format(scene=str(path.resolve()))
         return Case(path.stem, text, Path())
     raise SweepFileError(
         f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
-        "and any model file or folder of a scene"
+        "and any model file, folder of a scene or menagerie:ROBOT"
     )
 
 

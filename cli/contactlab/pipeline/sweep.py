@@ -1,7 +1,7 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
 import hashlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -15,18 +15,16 @@ from contactlab.evidence import (
     struct_column,
     writing,
 )
-from contactlab.measure import METRICS
-from contactlab.pipeline.job import Finished, PlannedRun, Task
-from contactlab.pipeline.jobs import pack, planned_runs
+from contactlab.measure import CHECKS, LABELS, METRICS, Metric
+from contactlab.pipeline.job import Begin, PlannedRun, Progress, Task
+from contactlab.pipeline.jobs import Planned, pack, planned_runs
 from contactlab.pipeline.lost import run_all
+from contactlab.pipeline.passes import Session, run_passes
 from contactlab.pipeline.provenance import engine, provenance
 from contactlab.pipeline.record import UNITS, VERSIONS, as_written
 from contactlab.plan import Plan
-from contactlab.scene import Resolved, Scene
+from contactlab.scene import EFFECTS, Scene, lacking_records
 from contactlab.schema import RECORD_VERSION, StoreManifest, SweepIdentity
-
-Progress = Callable[[Sequence[Finished]], None]
-Planned = Sequence[tuple[PlannedRun, Resolved]]
 
 
 @dataclass(frozen=True)
@@ -42,6 +40,7 @@ class Ask:
         store: the folder to write.
         workers: processes; 0 for none but this one.
         fresh: whether to replace a store that is there.
+        left_out: why runs are left out of the plan that only newer engines can do.
     """
 
     plan: Plan
@@ -52,9 +51,10 @@ class Ask:
     store: Path
     workers: int
     fresh: bool = False
+    left_out: tuple[str, ...] = ()
 
 
-def run_sweep(ask: Ask, begin: Callable[[int, int], None], progress: Progress) -> StoreManifest:
+def run_sweep(ask: Ask, begin: Begin, progress: Progress) -> StoreManifest:
     """Run what is not stored yet and publish the store.
 
     Args:
@@ -78,7 +78,10 @@ def run_sweep(ask: Ask, begin: Callable[[int, int], None], progress: Progress) -
             return store
         task = _task(ask, store, len(planned))
         _run_rest(ask, task, store, planned, begin, progress)
-        return store.finish(columns, _shared(ask), task.provenance)
+        session = Session(task, ask.scene, store, planned, ask.workers, begin, progress)
+        found = run_passes(session)
+        columns = [*columns, *found.columns]
+        return store.finish(columns, _shared(ask), task.provenance, found.values)
 
 
 def _run_rest(
@@ -86,7 +89,7 @@ def _run_rest(
     task: Task,
     store: StoreWriter,
     planned: Planned,
-    begin: Callable[[int, int], None],
+    begin: Begin,
     progress: Progress,
 ) -> None:
     rest = [each for each in planned if each[0].run_id not in store.done]
@@ -112,6 +115,7 @@ def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
 
 
 def _identity(ask: Ask, runs: Sequence[PlannedRun]) -> SweepIdentity:
+    manifest = ask.scene.source.manifest
     digest = hashlib.sha256("".join(run.run_id for run in runs).encode())
     return SweepIdentity(
         name=ask.name,
@@ -124,6 +128,7 @@ def _identity(ask: Ask, runs: Sequence[PlannedRun]) -> SweepIdentity:
         engine=engine(),
         metric_versions=VERSIONS,
         runs_asked=len(runs),
+        lacking=lacking_records(driven=bool(manifest and manifest.control)),
         plan_hash=digest.hexdigest()[:32],
     )
 
@@ -134,6 +139,7 @@ def _shared(ask: Ask) -> Mapping[str, Any]:
         "sweep": ask.name,
         "units": UNITS,
         "metric_versions": VERSIONS,
+        "severity": list(LABELS),
     }
 
 
@@ -151,9 +157,20 @@ def _columns(ask: Ask, planned: Planned) -> list[Column]:
                 f"axis '{name}' mixes single numbers with lists of them; write all as lists"
             )
     axes = [_axis_column(ask.scene, name, list(taken)) for name, taken in values.items()]
-    metrics = [metric_column(each.name, each.unit, each.definition) for each in METRICS.values()]
-    effects = struct_column("effects", planned[0][1].flags)
+    metrics = [_metric_column(metric) for metric in METRICS.values()]
+    effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
     return [*axes, *metrics, struct_column("settings", settings), effects]
+
+
+def _metric_column(metric: Metric) -> Column:
+    return metric_column(
+        metric.name,
+        metric.unit,
+        metric.definition,
+        better=metric.better,
+        resolution=metric.resolution,
+        second_pass=metric in CHECKS,
+    )
 
 
 def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:

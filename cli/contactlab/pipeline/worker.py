@@ -1,25 +1,24 @@
 """Run a job: models, rollouts, metrics, labels, traces, records."""
 
-import faulthandler
-import json
-from collections import OrderedDict
-from collections.abc import Callable, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from pydantic_core import to_json
 
 from contactlab.evidence import TRACES, TraceExtras, TraceSummary, to_row, write_trace
+from contactlab.pipeline.accuracy_job import errors_of
 from contactlab.pipeline.groups import Group, measured_groups
 from contactlab.pipeline.job import IMPULSE, Finished, Job, PlannedRun, Task
+from contactlab.pipeline.missed import missed_effects
+from contactlab.pipeline.preparing import Preparer
 from contactlab.pipeline.record import Outcome, RecordMaker, RunPlan
-from contactlab.scene import Base, Prepared, Resolved, Scene, Starts, make_setup, stored_scene
+from contactlab.pipeline.timing_job import work_of
+from contactlab.scene import Starts, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.sim import (
     Buffers,
     Rollout,
     make_trace,
-    quiet,
     roll_out,
     roll_out_by_impulse,
     run_checks,
@@ -27,7 +26,6 @@ from contactlab.sim import (
 )
 from contactlab.trace import Checks, Trace
 
-_MOST_MODELS = 64
 _RECORD_SCHEMA = b'{"type":"object"}'
 
 
@@ -35,11 +33,9 @@ class Worker:
     """Runs jobs of one sweep, keeping models and memory between them."""
 
     def __init__(self, task: Task, marker: Path | None) -> None:
-        quiet()
         self._task = task
-        self._marker = marker
-        self._scene = Scene(stored_scene(task.scene_folder, task.scene_model, task.scene))
-        self._models: OrderedDict[str, Prepared] = OrderedDict()
+        self._preparer = Preparer(task, marker)
+        self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._folders: set[Path] = set()
         self._records = RecordMaker(task, self._scene.hash)
@@ -47,9 +43,17 @@ class Worker:
         self._model_xml = model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
+        """Do what the task is for with a job of runs."""
+        if self._task.purpose == "errors":
+            return errors_of(self._preparer, job)
+        if self._task.purpose == "work":
+            return work_of(self._preparer, job)
+        return self._record(job)
+
+    def _record(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count; write their traces."""
         started = self._records.now()
-        plans = self.plans(job)
+        plans = self._preparer.plans(job)
         starts = Starts.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers)
         labels = self._twin_labels(plans, starts)
@@ -78,9 +82,9 @@ class Worker:
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
-        base, steps = self._scene.base(resolved[0].structure), resolved[0].steps
+        base, steps = self._scene.base_of(resolved[0]), resolved[0].steps
         by_hand = resolved[0].settings["engine"] == IMPULSE
-        with self._watchdog() as watch:
+        with self._preparer.watchdog() as watch:
             if by_hand:
                 rollout = roll_out_by_impulse(base, prepared, starts, steps, buffers)
             else:
@@ -108,40 +112,19 @@ class Worker:
             for row, place in zip(group.rows, group.places, strict=True)
         }
 
-    def plans(self, job: Job) -> list[RunPlan]:
-        """Return all that decides the runs of a job of one structure."""
-        resolved = [
-            self._scene.resolve(run.values, run.seed, self._task.sweep.duration) for run in job
-        ]
-        base = self._scene.base(resolved[0].structure)
-        starts = self._scene.starts(resolved)
-        return [
-            RunPlan(run, each, self._prepared(base, each), starts.pick(place))
-            for place, (run, each) in enumerate(zip(job, resolved, strict=True))
-        ]
-
     def lost(self, run: PlannedRun, label: LabelEntry) -> Finished:
         """Return the outcome of a run that no worker survives."""
-        (plan,) = self.plans((run,))
+        (plan,) = self._preparer.plans((run,))
         return _finished(self._records.lost(plan, label))
 
     def _finish(self, outcome: Outcome, group: Group) -> Finished:
-        record = self._records.make(outcome)
+        missed = missed_effects(group.trace, outcome.row, outcome.plan.prepared)
+        record = self._records.make(outcome).model_copy(update={"effects_missed": missed})
         if self._keeps_trace(outcome.plan.run, record):
             trace = self._write_trace(record, outcome, group)
             record = record.model_copy(update={"trace": trace})
         record = self._records.with_cost(record, outcome)
         return _finished(record)
-
-    def _prepared(self, base: Base, run: Resolved) -> Prepared:
-        edits = run.edits()
-        key = json.dumps([run.structure, edits])
-        if key not in self._models:
-            self._models[key] = base.prepare(edits)
-            if len(self._models) > _MOST_MODELS:
-                self._models.popitem(last=False)
-        self._models.move_to_end(key)
-        return self._models[key]
 
     def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
         rule = self._task.sweep.trace
@@ -176,20 +159,6 @@ class Worker:
         if folder not in self._folders:
             folder.mkdir(parents=True, exist_ok=True)
             self._folders.add(folder)
-
-    @contextmanager
-    def _watchdog(self) -> Generator[Callable[[], None]]:
-        """End this process when a run takes too long, even one that never gives Python a turn."""
-        if self._marker is None:
-            yield lambda: None
-            return
-        with self._marker.open("w") as file:
-            try:
-                yield lambda: faulthandler.dump_traceback_later(
-                    self._task.sweep.timeout, exit=True, file=file
-                )
-            finally:
-                faulthandler.cancel_dump_traceback_later()
 
 
 def _finished(record: EvidenceRecord) -> Finished:

@@ -1,7 +1,8 @@
-"""A sweep file and the runs that it asks for."""
+"""A sweep file and the runs that it asks for; other files that people write."""
 
 from contactlab.plan.diagnostic import Diagnostic, Place, Source, SweepMistakesError
 from contactlab.plan.expression import Expression
+from contactlab.plan.other import read_as
 from contactlab.plan.override import Overrides
 from contactlab.plan.plan import CONFIRM_ABOVE, MOST_RUNS, Plan, Run, SweptAxis
 from contactlab.plan.reading import SweepFile, read_sweep
@@ -25,6 +26,7 @@ __all__ = [
     "SweepFile",
     "SweepMistakesError",
     "SweptAxis",
+    "read_as",
     "read_sweep",
     "starter",
 ]

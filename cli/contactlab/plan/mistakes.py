@@ -35,7 +35,9 @@ _COUNTED = set(FORMS) - {"values"}
 _TRACE = "write all, flagged, none or sample:N"
 
 
-def note_mistakes(document: Document, error: ValidationError) -> None:
+def note_mistakes(
+    document: Document, error: ValidationError, model: type[BaseModel] = Sweep
+) -> None:
     """Note every mistake that a model found, once each, at its place in the document."""
     seen: set[tuple[str, Path]] = set()
     details = error.errors(include_url=False)
@@ -48,7 +50,7 @@ def note_mistakes(document: Document, error: ValidationError) -> None:
             path = path[:-1]
         if (detail["type"], path) not in seen:
             seen.add((detail["type"], path))
-            _note(document, detail, path)
+            _note(document, detail, path, model)
 
 
 def file_path(loc: tuple[str | int, ...]) -> Path:
@@ -64,10 +66,10 @@ def _is_form(path: Path) -> bool:
     return len(path) > 2 and path[-1] in _COUNTED and path[0] in {"axes", "zip"}
 
 
-def _note(document: Document, detail: ErrorDetails, path: Path) -> None:
+def _note(document: Document, detail: ErrorDetails, path: Path, model: type[BaseModel]) -> None:
     kind = detail["type"]
     if kind == "extra_forbidden":
-        _note_unknown_key(document, detail, path)
+        _note_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
     elif kind == "axis_form":
         _note_form(document, path)
     elif kind in {"missing", "too_long", "too_short"}:
@@ -78,9 +80,9 @@ def _note(document: Document, detail: ErrorDetails, path: Path) -> None:
         _note_value(document, detail, path)
 
 
-def _note_unknown_key(document: Document, detail: ErrorDetails, path: Path) -> None:
+def _note_unknown_key(document: Document, path: Path, model: type[BaseModel]) -> None:
     name = str(path[-1])
-    known = list(_model_at(detail["loc"][:-1]).model_fields)
+    known = [field.alias or each for each, field in model.model_fields.items()]
     hint = _suggestion(name, known) or f"known here: {', '.join(known)}"
     if name in FORMS:
         hint = "an axis takes one form"
@@ -127,7 +129,7 @@ def _note_type(document: Document, wanted: str, path: Path) -> None:
     data = document.at(path)
     shown = "nothing" if data is None else repr(data) if _is_scalar(data) else _kind(data)
     name = next((part for part in reversed(path) if isinstance(part, str)), None)
-    subject = f"'{name}' takes" if name else "a sweep file is"
+    subject = f"'{name}' takes" if name else "the file is"
     place = document.key(path) if data is None and path else document.value(path)
     document.add("wrong-type", place, f"{subject} {wanted}, not {shown}")
 
@@ -163,9 +165,8 @@ def _suggestion(name: str, known: object) -> str:
     return did_you_mean(name, cast("list[str]", known)).removeprefix("; ")
 
 
-def _model_at(loc: tuple[str | int, ...]) -> type[BaseModel]:
-    """Return the model that reads what lies at an error's location."""
-    model: type[BaseModel] = Sweep
+def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:
+    """Return the model that reads what lies at a location, within the whole file's."""
     for part in loc:
         if isinstance(part, str) and part.removeprefix("@") in FORMS and part.startswith("@"):
             model = FORMS[part[1:]]

@@ -10,7 +10,7 @@ from contactlab.errors import did_you_mean
 from contactlab.plan.diagnostic import Place
 from contactlab.plan.document import Document, Path
 from contactlab.plan.draft import Draft
-from contactlab.schema import AxisSpec, Sweep, Vocabulary
+from contactlab.schema import ERRORS, AxisSpec, Sweep, Vocabulary
 
 UNREADABLE = object()
 
@@ -62,10 +62,10 @@ def check_names(context: Context) -> None:
     document, vocabulary = context.document, context.vocabulary
     for name, path in context.swept():
         note_unknown_axis(context, name, document.key(path))
-    for name in document.mapping("effects"):
+    for name in _switched(document):
         note_unknown_axis(context, name, document.key(("effects", name)), "effect")
     _check_twice(context)
-    _check_known(document, "metric", vocabulary.metrics, ("tolerances",))
+    _check_tolerances(context)
     _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
         path = context.draft.path("expect", index)
@@ -105,7 +105,7 @@ def _conflict(first: AxisSpec | None, second: AxisSpec | None) -> bool:
 def _check_twice(context: Context) -> None:
     document = context.document
     places: dict[str, Place] = {}
-    paths = [(name, ("effects", name)) for name in document.mapping("effects")]
+    paths = [(name, ("effects", name)) for name in _switched(document)]
     for name, path in [*context.swept(), *paths]:
         place = document.key(path)
         if name in places:
@@ -116,6 +116,11 @@ def _check_twice(context: Context) -> None:
     note_conflicts(context, places)
 
 
+def _switched(document: Document) -> list[str]:
+    """Return the effects that the file switches by name; `base` is for the others."""
+    return [name for name in document.mapping("effects") if name != "base"]
+
+
 def _swept(document: Document) -> Iterator[tuple[str, Path]]:
     for name in document.mapping("axes"):
         yield name, ("axes", name)
@@ -123,6 +128,18 @@ def _swept(document: Document) -> Iterator[tuple[str, Path]]:
     for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
         for name in document.mapping("zip", index):
             yield name, ("zip", index, name)
+
+
+def _check_tolerances(context: Context) -> None:
+    document, known = context.document, (*context.vocabulary.metrics, *ERRORS)
+    _check_known(document, "metric", known, ("tolerances",))
+    if context.sweep.accuracy is not None:
+        return
+    for name in document.mapping("tolerances"):
+        if name in ERRORS:
+            message = f"'{name}' is measured only where a sweep asks for it"
+            place = document.key(("tolerances", name))
+            document.add("not-asked", place, message, "add accuracy: {}")
 
 
 def _check_known(document: Document, kind: str, known: object, path: Path) -> None:

@@ -11,7 +11,7 @@ from contactlab.plan.document import Document, Path, read_argument
 from contactlab.plan.names import Context
 from contactlab.schema import FORMS, Sweep
 
-_ENTRIES = ("sample", "effects", "tolerances", "thresholds")
+_ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
 _CALL = re.compile(r"(\w+)\((.*)\)")
 
 

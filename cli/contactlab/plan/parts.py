@@ -8,7 +8,7 @@ from contactlab.plan.blocks import read_blocks
 from contactlab.plan.conditions import read_condition, read_rows
 from contactlab.plan.names import Context
 from contactlab.plan.rows import Block, Match, Row
-from contactlab.schema import Condition, Expectation
+from contactlab.schema import Condition, Expectation, switches
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ def read_parts(context: Context, folder: Path) -> Parts:
     blocks, added = read_blocks(context), read_rows(context, folder)
     base = {
         name: context.canonical(name, value, context.document.value(("effects", name)))
-        for name, value in sweep.effects.items()
+        for name, value in switches(sweep.effects).items()
     }
     product = tuple(dict.fromkeys([*(name for name, _ in context.swept()), *base]))
     names = tuple(dict.fromkeys([*product, *(name for row in added for name in row)]))

@@ -52,7 +52,7 @@ def read_sweep(
             data) it or the options hold mistakes.
     """
     path = source if isinstance(source, Path) else None
-    text = _text(path) if path else str(source)
+    text = read_text(path) if path else str(source)
     document = read_document(text, str(path) if path else "sweep")
     if document.found and document.data is None:
         raise SweepMistakesError(document.found)
@@ -65,7 +65,12 @@ def read_sweep(
     return SweepFile(path, text, draft.sweep, plan)
 
 
-def _text(path: Path) -> str:
+def read_text(path: Path) -> str:
+    """Return a file's text.
+
+    Raises:
+        SweepFileError: it cannot be read, or is not UTF-8.
+    """
     try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:

@@ -8,6 +8,7 @@ import numpy as np
 
 from contactlab.errors import SceneError
 from contactlab.scene.effective import explicit_pair
+from contactlab.scene.effects import EFFECTS
 from contactlab.scene.fields import is_field, write_field
 from contactlab.scene.flags import FLAGS, write_flags
 from contactlab.scene.pairs import Pair
@@ -71,6 +72,10 @@ def apply(model: mujoco.MjModel, changed: Mapping[str, object], targets: Targets
         elif name == "mass":
             _write_mass(model, float(str(value)), targets)
             derived = True
+        elif name in EFFECTS and name not in FLAGS:
+            turn = EFFECTS[name].turn
+            assert turn is not None
+            turn(model, bool(value))
         elif is_field(model, name):
             derived |= write_field(model, name, value)
     if derived:

@@ -1,8 +1,8 @@
 """A scene's model, compiled once for each structure, with the sensors that record a run."""
 
 import copy
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -11,7 +11,24 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.apply import Targets, apply, edited, find_targets, varied
 from contactlab.scene.compile import compile_model
 from contactlab.scene.effective import effective
+from contactlab.scene.effects import (
+    Choice,
+    Facts,
+    Situation,
+    Wishes,
+    choose,
+    find_facts,
+    leave_out,
+    remove,
+)
 from contactlab.scene.flags import read_flags
+from contactlab.scene.hold import Holding, find_holding
+from contactlab.scene.keyframes import (
+    OWN_START,
+    keyframe_names,
+    place_mocap,
+    usual_keyframe,
+)
 from contactlab.scene.pairs import Pair, declared_pairs, found_pairs
 from contactlab.scene.sensors import Layout, add_sensors, find_layout
 from contactlab.scene.settings import base_settings
@@ -32,6 +49,8 @@ class Base:
         targets: where contact and mass settings go.
         varied: contact settings that not every target has as `settings` says.
         free: whether no static body, actuator or field outside acts on it.
+        holding: what is held by what, if the manifest says.
+        facts: what it decides about its effects.
     """
 
     model: mujoco.MjModel
@@ -42,15 +61,37 @@ class Base:
     targets: Targets
     varied: frozenset[str]
     free: bool
+    holding: Holding | None
+    facts: Facts
 
-    def prepare(self, edits: Mapping[str, object]) -> "Prepared":
-        """Return a copy of the model with the edits written, and what came of them."""
+    @property
+    def size(self) -> int:
+        """Memory of its model, and of each that is made from it [bytes]; mostly meshes."""
+        return int(mujoco.mj_sizeModel(self.model))
+
+    def prepare(
+        self, edits: Mapping[str, object], wishes: Wishes | None = None, *, straight: bool = False
+    ) -> "Prepared":
+        """Return a copy of the model with the edits written, and what came of them.
+
+        Args:
+            edits: settings and effects to write.
+            wishes: decide the other effects; they stay as they are if None.
+            straight: whether the run starts without turning or moving sideways.
+        """
         model = copy.copy(self.model)
+        place_mocap(model, str({**self.settings, **edits}.get("keyframe", OWN_START)))
         apply(model, edits, self.targets)
+        effects: dict[str, Choice] = {}
+        if wishes is not None:
+            run = Situation(model, self.facts, straight)
+            effects = choose(run, wishes)
+            leave_out(run, effects)
         return Prepared(
             model=model,
             pairs={pair.name: effective(model, pair) for pair in self.pairs},
             edited_geoms=tuple(model.geom(index).name for index in edited(edits, self.targets)),
+            effects=effects,
         )
 
 
@@ -62,15 +103,24 @@ class Prepared:
         model: the compiled model with a run's settings.
         pairs: the effective contact parameters of every graded pair.
         edited_geoms: the geoms whose contact parameters were set.
+        effects: every effect, on or off, with the reason; empty if that was not decided.
     """
 
     model: mujoco.MjModel
     pairs: Mapping[str, PairRecord]
     edited_geoms: tuple[str, ...]
+    effects: Mapping[str, Choice] = field(default_factory=dict[str, Choice])
 
 
-def compile_base(source: SceneSource, structure: Mapping[str, object]) -> Base:
+def compile_base(
+    source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
+) -> Base:
     """Compile one structure of a scene.
+
+    Args:
+        source: the scene.
+        structure: its structure values.
+        without: effects to compile it without.
 
     Raises:
         SceneError: the model does not compile, or the manifest names what it does not have.
@@ -80,19 +130,32 @@ def compile_base(source: SceneSource, structure: Mapping[str, object]) -> Base:
     with source.blamed():
         subject = _subject(plain, source.manifest)
         declared = declared_pairs(plain, source.manifest.pairs) if source.manifest else ()
-        pairs = declared or found_pairs(plain)
-    model = compile_model(source, structure, lambda spec: add_sensors(spec, pairs, free=free))
+        keyframe = usual_keyframe(plain, source.manifest)
+        pairs = declared or found_pairs(plain, keyframe)
+        holding = find_holding(plain, source.manifest, subject)
+
+    energy = "energy" not in without
+
+    def record(spec: mujoco.MjSpec) -> None:
+        remove(spec, without)
+        add_sensors(spec, pairs, holding, free=free, energy=energy)
+
+    model = compile_model(source, structure, record)
     settings = base_settings(model, pairs, subject)
+    if keyframe_names(model):
+        settings["keyframe"] = keyframe
     targets = find_targets(model, pairs, subject)
     return Base(
         model=model,
         pairs=pairs,
-        layout=find_layout(model, pairs, free=free),
+        layout=find_layout(model, pairs, holding, free=free, energy=energy),
         settings=settings,
         flags=read_flags(model),
         targets=targets,
         varied=varied(model, settings, targets),
         free=free,
+        holding=holding,
+        facts=find_facts(model, energy=energy),
     )
 
 

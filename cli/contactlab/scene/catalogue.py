@@ -1,26 +1,29 @@
 """Every axis that one scene offers."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 
 from contactlab.errors import SceneError
 from contactlab.scene.base import Base
+from contactlab.scene.capabilities import accepting, newer_switch, refusing
+from contactlab.scene.effects import EFFECTS
 from contactlab.scene.fields import field_axis
-from contactlab.scene.flags import FLAGS
+from contactlab.scene.keyframes import OWN_START, keyframe_names
 from contactlab.scene.parameters import CONTACT_SETTINGS, PARAMETERS
 from contactlab.scene.settings import ENGINES
 from contactlab.scene.values import choice, integer, number, switch
-from contactlab.schema import AxisSpec, SceneManifest
+from contactlab.schema import AxisSpec, Catalogue, SceneManifest, StructureValue
 
 
 class SceneCatalogue:
-    """The axes of a scene: its own initial and structure values, parameters, engine switches.
+    """The axes of a scene: its own initial and structure values, parameters, effects.
 
     Model fields such as `dof_damping[hinge]` are found, though not listed.
     """
 
     def __init__(self, base: Base, manifest: SceneManifest | None) -> None:
         self._model = base.model
-        self._axes = {axis.name: axis for axis in _axes(base, manifest)}
+        self._axes = {axis.name: refusing(axis) for axis in _axes(base, manifest)}
 
     @property
     def names(self) -> Sequence[str]:
@@ -30,9 +33,27 @@ class SceneCatalogue:
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
         try:
-            return self._axes.get(name) or field_axis(self._model, name)
+            known = self._axes.get(name) or newer_switch(name)
+            return known or field_axis(self._model, name)
         except ValueError:
             return None
+
+
+class LenientCatalogue:
+    """The axes of a catalogue, with values that only newer versions of the engine have."""
+
+    def __init__(self, own: Catalogue) -> None:
+        self._own = own
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names to list and to suggest."""
+        return self._own.names
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None."""
+        axis = self._own.find(name)
+        return axis and accepting(axis)
 
 
 def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
@@ -46,10 +67,16 @@ def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
     if base.targets.subject is not None:
         body = base.model.body(base.targets.subject).name
         axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))
-    switches = [name for name in FLAGS if name not in PARAMETERS]
-    axes += [AxisSpec(name, "", "engine switch", switch) for name in switches]
+    axes += [
+        AxisSpec(name, "", f"effect: {effect.what}", switch)
+        for name, effect in EFFECTS.items()
+        if name not in PARAMETERS
+    ]
+    if starts := keyframe_names(base.model):
+        words = (*starts, OWN_START)
+        axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
     own = _own_axes(manifest) if manifest else []
-    taken = {"mass", "seed", *PARAMETERS, *FLAGS}
+    taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
     for name in (axis.name for axis in own):
         if name in taken:
             raise SceneError(f"'{name}' names something else already; give the value another name")
@@ -63,9 +90,13 @@ def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:
         for name, entry in manifest.initial.items()
     ]
     structure = [
-        AxisSpec(
-            name, entry.unit, entry.description, integer(1) if entry.integer else number(above=0)
-        )
+        AxisSpec(name, entry.unit, entry.description, _structure_parser(entry))
         for name, entry in manifest.structure.items()
     ]
     return initial + structure
+
+
+def _structure_parser(entry: StructureValue) -> Callable[[object], object]:
+    if entry.integer:
+        return integer(1 if entry.least is None else math.ceil(entry.least))
+    return number(above=0) if entry.least is None else number(least=entry.least)

@@ -1,16 +1,23 @@
 """Compile a scene's model with its structure values written and every geom named."""
 
+import re
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Generator, Mapping
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import mujoco
 
 from contactlab.errors import SceneError
+from contactlab.plan import Expression, ExpressionError
+from contactlab.scene.packages import find_resource, is_resource
 from contactlab.scene.references import parse
+from contactlab.scene.refusal import refusal
 from contactlab.scene.source import MODEL_SUFFIXES, SceneSource
+
+_PLACE = re.compile(r"\{([^{}]*)\}")
 
 
 def compile_model(
@@ -24,12 +31,12 @@ def compile_model(
     with _model_file(source, structure) as path:
         try:
             spec = mujoco.MjSpec.from_file(str(path))
+            _find_packages(spec, path.parent)
             _name_geoms(spec)
             edit(spec)
             return spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            message = str(error).strip().replace(str(path), str(source.model)).replace("\n", "\n  ")
-            raise SceneError(f"{source.model}: does not compile\n  {message}") from error
+            raise refusal(source.model, path, error) from error
 
 
 @contextmanager
@@ -58,9 +65,25 @@ def _write_structure(folder: Path, source: SceneSource, structure: Mapping[str, 
         if not elements:
             raise SceneError(f"structure '{name}' finds no {entry.element} in the model")
         for element in elements:
-            element.set(entry.attribute, repr(value))
+            element.set(entry.attribute, _PLACE.sub(partial(_filled, name, value), entry.text))
     for file, root in roots.items():
         ET.ElementTree(root).write(file)
+
+
+def _filled(name: str, value: object, place: re.Match[str]) -> str:
+    """Return what a place in a structure's text comes to: the value itself if it is empty."""
+    if not place[1]:
+        return repr(value)
+    try:
+        return repr(Expression(place[1]).evaluate({name: value}))
+    except ExpressionError as error:
+        raise SceneError(f"structure '{name}' writes {place[0]}: {error}") from error
+
+
+def _find_packages(spec: mujoco.MjSpec, folder: Path) -> None:
+    for mesh in spec.meshes:
+        if is_resource(mesh.file) and (found := find_resource(mesh.file, folder)).is_file():
+            mesh.file = str(found.absolute())
 
 
 def _name_geoms(spec: mujoco.MjSpec) -> None:

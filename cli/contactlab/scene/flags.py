@@ -1,4 +1,7 @@
-"""Engine switches by name: MuJoCo's disable and enable bits, whichever this version has."""
+"""Engine switches by name: MuJoCo's disable and enable bits, whichever this version has.
+
+Each is an effect of the same name.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,10 +30,14 @@ FLAGS = tuple(sorted((_DISABLE.keys() | _ENABLE.keys()) - _FIXED.keys() - _UNSUP
 
 def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
     """Return every switch of a model; True means that the effect is on."""
-    off, on = int(model.opt.disableflags), int(model.opt.enableflags)
-    states = {name: not off & bit for name, bit in _DISABLE.items()}
-    states |= {name: bool(on & bit) for name, bit in _ENABLE.items()}
-    return {name: bool(states[name]) for name in sorted(states)} | _FIXED
+    return {name: read_flag(model, name) for name in sorted(_DISABLE | _ENABLE)} | _FIXED
+
+
+def read_flag(model: mujoco.MjModel, name: str) -> bool:
+    """Return one switch of a model; True means that the effect is on."""
+    if name in _DISABLE:
+        return not int(model.opt.disableflags) & _DISABLE[name]
+    return bool(int(model.opt.enableflags) & _ENABLE[name])
 
 
 def unusual(states: Mapping[str, bool]) -> dict[str, bool]:

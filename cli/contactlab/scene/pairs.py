@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.keyframes import OWN_START, start_data
 from contactlab.scene.quiet import quiet
 from contactlab.schema import PairEntry
 
@@ -52,11 +53,15 @@ def declared_pairs(model: mujoco.MjModel, entries: tuple[PairEntry, ...]) -> tup
     return pairs
 
 
-def found_pairs(model: mujoco.MjModel) -> tuple[Pair, ...]:
-    """Return the geom pairs that can touch; if there are over 64, those that do in a short run."""
+def found_pairs(model: mujoco.MjModel, keyframe: str = OWN_START) -> tuple[Pair, ...]:
+    """Return the geom pairs that can touch; if there are over 64, those that do in short runs.
+
+    These go from the model's own start and from a keyframe, where one is given: postures differ in
+    what touches, such as fingers that are open or closed.
+    """
     pairs = [each for each in combinations(range(model.ngeom), 2) if _may_touch(model, *each)]
     if len(pairs) > MOST_PAIRS:
-        pairs = _touching(model)[:MOST_PAIRS]
+        pairs = _touching(model, {OWN_START, keyframe})[:MOST_PAIRS]
     return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
 
 
@@ -124,9 +129,17 @@ def _usual_slots(first: int, second: int) -> int:
 
 def can_collide(model: mujoco.MjModel, pair: Pair) -> bool:
     """Say whether the engine's filters let any geoms of a pair touch."""
-    return any(
-        _may_touch(model, first, second) for first in pair.geoms[0] for second in pair.geoms[1]
-    )
+    return bool(colliding(model, pair))
+
+
+def colliding(model: mujoco.MjModel, pair: Pair) -> list[tuple[int, int]]:
+    """Return the geoms of a pair, one of each side, that the engine's filters let touch."""
+    return [
+        (first, second)
+        for first in pair.geoms[0]
+        for second in pair.geoms[1]
+        if _may_touch(model, first, second)
+    ]
 
 
 def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
@@ -160,17 +173,24 @@ def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
     return bool(filtered and 0 not in (weld1, weld2) and (weld1 == parent2 or weld2 == parent1))
 
 
-def _touching(model: mujoco.MjModel) -> list[tuple[int, int]]:
-    """Return the geom pairs that touch in a short run from the start state, most often first."""
+def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:
+    """Return the geom pairs that touch in a short run from each start, most often first."""
     quiet()
     counts: Counter[tuple[int, int]] = Counter()
-    data = mujoco.MjData(model)
     try:
-        for _ in range(_SEARCH_STEPS):
-            mujoco.mj_step(model, data)
-            touching = np.sort(data.contact.geom, axis=1).tolist()
-            # A flex has no geom.
-            counts.update((first, second) for first, second in touching if first >= 0)
+        for keyframe in keyframes:
+            counts += _touches(model, start_data(model, keyframe))
     except mujoco.FatalError as error:
         raise SceneError(f"the search for contact pairs failed: {error}") from error
     return sorted(counts, key=lambda pair: (-counts[pair], pair))
+
+
+def _touches(model: mujoco.MjModel, data: mujoco.MjData) -> Counter[tuple[int, int]]:
+    """Return in how many contacts of a short run each geom pair is."""
+    counts: Counter[tuple[int, int]] = Counter()
+    for _ in range(_SEARCH_STEPS):
+        mujoco.mj_step(model, data)
+        touching = np.sort(data.contact.geom, axis=1).tolist()
+        # A flex has no geom.
+        counts.update((first, second) for first, second in touching if first >= 0)
+    return counts

@@ -21,7 +21,7 @@ from contactlab.scene.updates import (
     standard,
     whole,
 )
-from contactlab.scene.values import Parser, choice, integer, number, numbers
+from contactlab.scene.values import Parser, choice, integer, number, numbers, or_off
 from contactlab.schema import AxisSpec
 
 
@@ -153,10 +153,12 @@ _OPTION = [
     _parameter("noslip_tolerance", "1", "noslip's tolerance", number(least=0)),
     _parameter("ccd_iterations", "1", "limit of collision iterations", integer(1)),
     _parameter("ccd_tolerance", "m", "collision's tolerance", number(least=0)),
-    _parameter("impratio", "1", "frictional over normal impedance", _POSITIVE),
+    _parameter("impratio", "1", "frictional over normal impedance", or_off(1.0, _POSITIVE)),
     _parameter("density", "kg/m^3", "density of the medium", number(least=0)),
     _parameter("viscosity", "Pa s", "viscosity of the medium", number(least=0)),
-    _parameter("gravity", "m/s^2", "magnitude, or vector", _gravity_value, update=gravity),
+    _parameter(
+        "gravity", "m/s^2", "magnitude, or vector", or_off(0.0, _gravity_value), update=gravity
+    ),
 ]
 
 _SOLREF_AXES = [

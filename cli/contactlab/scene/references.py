@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from contactlab.errors import SceneError
+from contactlab.scene.packages import find_resource, is_resource
 
 _ASSET_FOLDERS = {
     "mesh": "meshdir",
@@ -67,7 +68,10 @@ def _assets(element: ET.Element, base: Path, compiler: Mapping[str, str]) -> Ite
     strip = compiler.get("strippath", "").lower() == "true"
     for key in _FILE_KEYS:
         if name := element.get(key):
-            yield base / folder / (Path(name).name if strip else name)
+            if is_resource(name) and not strip:
+                yield find_resource(name, base)
+            else:
+                yield base / folder / (Path(name).name if strip else name)
 
 
 def parse(path: Path) -> ET.Element:

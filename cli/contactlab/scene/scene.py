@@ -1,19 +1,27 @@
 """A scene ready for its runs: from a run's values to settings, model and start state."""
 
+import copy
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from contactlab.scene.base import Base, compile_base
+from contactlab.scene.base import Base, Prepared, compile_base
+from contactlab.scene.capabilities import lacking_switches
 from contactlab.scene.catalogue import SceneCatalogue
+from contactlab.scene.effects import EFFECTS, Situation, Wishes, is_straight, left_uncompiled
 from contactlab.scene.fields import is_as_written
 from contactlab.scene.flags import FLAGS, unusual
+from contactlab.scene.keyframes import OWN_START
 from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.settings import ENGINES
 from contactlab.scene.source import SceneSource, find_scene
-from contactlab.scene.start import Starts, StartState, nudged_states, start_states
+from contactlab.scene.start import StartState, nudged_states, start_states
+from contactlab.scene.starts import Starts
+from contactlab.scene.switching import is_auto, own_switches, switch_effect
 from contactlab.schema import InitialValue
 
 _RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
@@ -31,6 +39,8 @@ class Resolved:
         initial: the scene's initial values.
         seed: what perturbs the start state.
         duration: simulated time [s].
+        wishes: what is asked of its effects.
+        without: effects that its model is compiled without.
     """
 
     structure: Mapping[str, object]
@@ -40,11 +50,18 @@ class Resolved:
     initial: Mapping[str, float]
     seed: int
     duration: float
+    wishes: Wishes
+    without: frozenset[str]
 
     @property
     def timestep(self) -> float:
         """Length of a step [s]."""
         return float(str(self.settings["timestep"]))
+
+    @property
+    def keyframe(self) -> str:
+        """The keyframe to start from, or `OWN_START`."""
+        return str(self.settings.get("keyframe", OWN_START))
 
     @property
     def steps(self) -> int:
@@ -62,8 +79,14 @@ class Resolved:
         names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
         edits = {name: self.settings[name] for name in names}
         # Gravity is a setting, though there is a switch of that name too.
-        switched = sorted(self.changed & set(self.flags) - set(self.settings))
-        return edits | {name: self.flags[name] for name in switched}
+        switched = sorted(self.changed & set(FLAGS) - set(self.settings))
+        edits |= {name: self.flags[name] for name in switched}
+        return edits | {name: self.wishes.asked[name] for name in self._written()}
+
+    def _written(self) -> list[str]:
+        """Return the effects asked for that are neither switches nor settings."""
+        asked = self.wishes.asked.keys() - set(FLAGS) - self.without
+        return sorted(name for name in asked if EFFECTS[name].turn and name in self.changed)
 
 
 class Scene:
@@ -71,11 +94,14 @@ class Scene:
 
     def __init__(self, source: SceneSource) -> None:
         self.source = source
-        self._bases: dict[str, Base] = {}
+        self.auto = is_auto(source.manifest)
+        self._bases: dict[tuple[str, frozenset[str]], Base] = {}
         self._starts: dict[str, StartState] = {}
         base = self.base({})
+        self._lacking = lacking_switches()
         with source.blamed():
             self.catalogue = SceneCatalogue(base, source.manifest)
+            self._switches = own_switches(source.manifest, self.catalogue)
         self.starts([self.resolve({}, 0, None)])
 
     @classmethod
@@ -97,13 +123,50 @@ class Scene:
         """Hash of the scene's files."""
         return self.source.content.hash
 
-    def base(self, structure: Mapping[str, object]) -> Base:
-        """Return the compiled base of the given structure values, over the scene's defaults."""
+    def with_effects(self, rest: str | None) -> "Scene":
+        """Return the scene with another rule for effects that nobody asks for by name.
+
+        Args:
+            rest: `auto` leaves out what provably changes nothing, `all` nothing; None for the
+                scene's own rule.
+        """
+        if rest is None or (rest == "auto") == self.auto:
+            return self
+        scene = copy.copy(self)
+        scene.auto = rest == "auto"
+        return scene
+
+    def base(self, structure: Mapping[str, object], without: frozenset[str] = frozenset()) -> Base:
+        """Return the compiled base of the given structure values, over the scene's defaults.
+
+        Args:
+            structure: structure values.
+            without: effects that it is compiled without.
+        """
         full = self._structure(structure)
-        key = json.dumps(full, sort_keys=True)
+        key = json.dumps(full, sort_keys=True), without
         if key not in self._bases:
-            self._bases[key] = compile_base(self.source, full)
+            self._bases[key] = compile_base(self.source, full, without)
         return self._bases[key]
+
+    def base_of(self, run: Resolved) -> Base:
+        """Return the compiled base that a run's model is made from."""
+        return self.base(run.structure, run.without)
+
+    def prepare(self, run: Resolved, start: Starts) -> Prepared:
+        """Return a run's model, without the effects that it does not call for.
+
+        Args:
+            run: the run.
+            start: its start state, n being 1.
+        """
+        base = self.base_of(run)
+        return base.prepare(run.edits(), run.wishes, straight=is_straight(base.model, start))
+
+    def model_key(self, run: Resolved, start: Starts) -> str:
+        """Return what two runs have in common if their models are the same."""
+        straight = is_straight(self.base_of(run).model, start)
+        return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
 
     def resolve(self, values: Mapping[str, object], seed: int, duration: float | None) -> Resolved:
         """Return everything that decides a run, from the values its sweep gives it.
@@ -113,17 +176,20 @@ class Scene:
             seed: the run's seed.
             duration: simulated time [s]; the scene's own if None.
         """
+        # What an engine has no switch for it does as it is by default; it was asked for no other.
+        values = _without({**self._switches, **values}, self._lacking)
         structure = self._structure(values)
         base = self.base(structure)
         settings, flags = dict(base.settings), dict(base.flags)
         changed: set[str] = set()
+        asked: dict[str, bool] = {}
         for name in sorted(values, key=lambda name: _RANK.get(name, len(_RANK))):
             if name in PARAMETERS:
                 PARAMETERS[name].update(settings, values[name])
                 changed.add(PARAMETERS[name].sets)
-            elif name in FLAGS:
-                flags[name] = bool(values[name])
-                changed.add(name)
+            elif name in EFFECTS:
+                asked[name] = bool(values[name])
+                changed |= switch_effect(name, asked[name], settings, flags)
             elif name not in structure and name not in self._initial():
                 settings[name] = values[name]
                 changed.add(name)
@@ -131,6 +197,8 @@ class Scene:
             name: float(str(values.get(name, entry.default)))
             for name, entry in self._initial().items()
         }
+        auto = self.auto and settings["engine"] == ENGINES[0]
+        wishes = Wishes(asked, frozenset(changed), auto)
         return Resolved(
             structure=structure,
             settings=settings,
@@ -139,6 +207,8 @@ class Scene:
             initial=initial,
             seed=seed,
             duration=self.duration if duration is None else duration,
+            wishes=wishes,
+            without=left_uncompiled(base.facts, wishes),
         )
 
     @property
@@ -160,7 +230,7 @@ class Scene:
                 if name in base.settings or not is_as_written(base.model, name, value)
             },
             "written_over": sorted(run.changed & base.varied),
-            "flags": unusual(run.flags),
+            "flags": unusual(run.flags) | _others(base, run),
             "seed": run.seed,
             "duration": run.duration,
         }
@@ -169,21 +239,41 @@ class Scene:
 
     def starts(self, runs: Sequence[Resolved]) -> Starts:
         """Return the start states of runs of one structure."""
-        start = self._start(runs[0].structure)
+        groups = [list(group) for _, group in groupby(runs, lambda run: run.keyframe)]
         with self.source.blamed():
-            return start_states(start, [(run.initial, run.seed) for run in runs])
+            return Starts.joined(
+                [
+                    start_states(self._start(group[0]), [(run.initial, run.seed) for run in group])
+                    for group in groups
+                ]
+            )
+
+    def check(self, run: Resolved) -> None:
+        """Compute what depends on time in a run, so that mistakes show before anything runs.
+
+        Raises:
+            SceneError: times of its control decrease, or its hold is no stretch of time.
+        """
+        manifest = self.source.manifest
+        if manifest is None or not (manifest.control or manifest.hold):
+            return
+        self.starts([run])
+        holding = self.base(run.structure).holding
+        with self.source.blamed():
+            if holding is not None:
+                holding.window(run.initial)
 
     def nudged(self, starts: Starts, runs: Sequence[Resolved]) -> Starts:
         """Return starts with every place moved by up to 1e-6 m or rad, as each run's seed says."""
-        start = self._start(runs[0].structure)
+        start = self._start(runs[0])
         return nudged_states(start, starts, [run.seed for run in runs])
 
-    def _start(self, structure: Mapping[str, object]) -> StartState:
-        key = json.dumps(structure, sort_keys=True)
+    def _start(self, run: Resolved) -> StartState:
+        key = json.dumps([run.structure, run.keyframe], sort_keys=True)
         if key not in self._starts:
-            model = self.base(structure).model
+            model, manifest = self.base(run.structure).model, self.source.manifest
             with self.source.blamed():
-                self._starts[key] = StartState.of(model, self.source.manifest)
+                self._starts[key] = StartState.of(model, manifest, run.keyframe)
         return self._starts[key]
 
     def _structure(self, values: Mapping[str, object]) -> dict[str, object]:
@@ -197,6 +287,24 @@ class Scene:
 
     def _initial(self) -> Mapping[str, InitialValue]:
         return self.source.manifest.initial if self.source.manifest else {}
+
+
+def _without(values: Mapping[str, object], names: frozenset[str]) -> dict[str, object]:
+    return {name: value for name, value in values.items() if name not in names}
+
+
+def _others(base: Base, run: Resolved) -> dict[str, bool]:
+    """Return the effects asked for that no switch or setting holds, if that changes anything.
+
+    What is left out because it provably changes nothing is no part of what a run is.
+    """
+    written = Situation(base.model, base.facts, straight=False)
+    names = run.wishes.asked.keys() & run.changed - set(FLAGS) - run.settings.keys()
+    return {
+        name: run.wishes.asked[name]
+        for name in sorted(names)
+        if "condim" in run.changed or EFFECTS[name].is_on(written) != run.wishes.asked[name]
+    }
 
 
 def _rounded(value: object) -> object:

@@ -6,13 +6,14 @@ from dataclasses import dataclass
 import mujoco
 from mujoco._specs import MjsSensor
 
+from contactlab.scene.capabilities import has_contact_sensors
+from contactlab.scene.hold import Holding
 from contactlab.scene.pairs import Pair
 from contactlab.trace import SLOT_WIDTH
 
-_PREFIX = "contactlab/"
+PREFIX = "contactlab/"
 _ALL_FIELDS = (1 << 9) - 1
-_FOUND = 1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND)
-_DIST = 1 << int(mujoco.mjtConDataField.mjCONDATA_DIST)
+_FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
 _FIRST = 0
 _NEAREST = 1
 
@@ -25,33 +26,41 @@ class Layout:
         size: length of `sensordata`.
         pairs: where each graded pair's slots start.
         contacts: address of the count of all contacts, followed by the least distance.
-        kinetic: address of the kinetic energy.
-        potential: address of the potential energy.
+        kinetic: address of the kinetic energy, or None.
+        potential: address of the potential energy, or None.
         momentum: address of the velocity of the centre of mass, or None.
         spin: address of the angular momentum, or None.
+        held: address of the held body's place, followed by its holder's rotation, or None.
     """
 
     size: int
     pairs: tuple[int, ...]
     contacts: int
-    kinetic: int
-    potential: int
+    kinetic: int | None
+    potential: int | None
     momentum: int | None
     spin: int | None
+    held: int | None
 
 
-def add_sensors(spec: mujoco.MjSpec, pairs: Sequence[Pair], *, free: bool) -> None:
+def add_sensors(
+    spec: mujoco.MjSpec,
+    pairs: Sequence[Pair],
+    holding: Holding | None,
+    *,
+    free: bool,
+    energy: bool,
+) -> None:
     """Add what a run records: contacts of each graded pair, all contacts, energies, momenta."""
     for pair in pairs:
         kind = mujoco.mjtObj.mjOBJ_BODY if pair.bodies else mujoco.mjtObj.mjOBJ_GEOM
-        sensor = _add(spec, pair.name, mujoco.mjtSensor.mjSENS_CONTACT)
+        sensor = _add_contacts(spec, pair.name, (_ALL_FIELDS, _FIRST, pair.slots), SLOT_WIDTH)
         sensor.objtype = sensor.reftype = kind
         sensor.objname, sensor.refname = pair.sides
-        sensor.intprm[:3] = [_ALL_FIELDS, _FIRST, pair.slots]
-    everything = _add(spec, "contacts", mujoco.mjtSensor.mjSENS_CONTACT)
-    everything.intprm[:3] = [_FOUND | _DIST, _NEAREST, 1]
-    _add(spec, "kinetic", mujoco.mjtSensor.mjSENS_E_KINETIC)
-    _add(spec, "potential", mujoco.mjtSensor.mjSENS_E_POTENTIAL)
+    _add_contacts(spec, "contacts", (_FOUND_AND_DISTANCE, _NEAREST, 1), 2)
+    if energy:
+        _add(spec, "kinetic", mujoco.mjtSensor.mjSENS_E_KINETIC)
+        _add(spec, "potential", mujoco.mjtSensor.mjSENS_E_POTENTIAL)
     if free:
         for name, kind in (
             ("momentum", mujoco.mjtSensor.mjSENS_SUBTREELINVEL),
@@ -59,26 +68,60 @@ def add_sensors(spec: mujoco.MjSpec, pairs: Sequence[Pair], *, free: bool) -> No
         ):
             sensor = _add(spec, name, kind)
             sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_BODY, "world"
+    if holding:
+        _add_holding(spec, holding)
 
 
-def find_layout(model: mujoco.MjModel, pairs: Sequence[Pair], *, free: bool) -> Layout:
+def _add_contacts(
+    spec: mujoco.MjSpec, name: str, asked: tuple[int, int, int], width: int
+) -> MjsSensor:
+    """Add a contact sensor; where the engine has none, room for what `sim` finds instead."""
+    if has_contact_sensors():
+        sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_CONTACT)
+        sensor.intprm[:3] = asked
+        return sensor
+    sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_USER)
+    sensor.dim = width * asked[2]
+    sensor.needstage = mujoco.mjtStage.mjSTAGE_ACC
+    sensor.datatype = mujoco.mjtDataType.mjDATATYPE_REAL
+    return sensor
+
+
+def _add_holding(spec: mujoco.MjSpec, holding: Holding) -> None:
+    frame = mujoco.mjtObj.mjOBJ_XBODY
+    place = _add(spec, "held", mujoco.mjtSensor.mjSENS_FRAMEPOS)
+    place.objtype, place.objname = frame, holding.subject
+    place.reftype, place.refname = frame, holding.holder
+    turn = _add(spec, "holder", mujoco.mjtSensor.mjSENS_FRAMEQUAT)
+    turn.objtype, turn.objname = frame, holding.holder
+
+
+def find_layout(
+    model: mujoco.MjModel,
+    pairs: Sequence[Pair],
+    holding: Holding | None,
+    *,
+    free: bool,
+    energy: bool,
+) -> Layout:
     """Return where the added sensors' numbers lie in a compiled model's `sensordata`."""
 
     def address(name: str) -> int:
-        return int(model.sensor(_PREFIX + name).adr[0])
+        return int(model.sensor(PREFIX + name).adr[0])
 
     for pair in pairs:
-        assert int(model.sensor(_PREFIX + pair.name).dim[0]) == pair.slots * SLOT_WIDTH
+        assert int(model.sensor(PREFIX + pair.name).dim[0]) == pair.slots * SLOT_WIDTH
     return Layout(
         size=model.nsensordata,
         pairs=tuple(address(pair.name) for pair in pairs),
         contacts=address("contacts"),
-        kinetic=address("kinetic"),
-        potential=address("potential"),
+        kinetic=address("kinetic") if energy else None,
+        potential=address("potential") if energy else None,
         momentum=address("momentum") if free else None,
         spin=address("spin") if free else None,
+        held=address("held") if holding else None,
     )
 
 
 def _add(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtSensor) -> MjsSensor:
-    return spec.add_sensor(name=_PREFIX + name, type=kind)
+    return spec.add_sensor(name=PREFIX + name, type=kind)

@@ -7,11 +7,12 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.base import Base
-from contactlab.scene.pairs import Pair
+from contactlab.scene.hold import Holding
+from contactlab.scene.pairs import Pair, colliding
 from contactlab.scene.scene import Resolved
 from contactlab.scene.start import quaternions
 from contactlab.schema import SceneManifest
-from contactlab.trace import Barrier, FreeBody, Setup
+from contactlab.trace import Barrier, FreeBody, Hold, Setup
 
 _GEOM = mujoco.mjtGeom
 _PUSH = re.compile(r"\.[ft][xyz]$")
@@ -55,7 +56,13 @@ def make_setup(
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
+        hold=base.holding and _hold(base.holding, runs),
     )
+
+
+def _hold(holding: Holding, runs: Sequence[Resolved]) -> Hold:
+    windows = np.array([holding.window(run.initial) for run in runs])
+    return Hold(windows[:, 0], windows[:, 1])
 
 
 def _gravity(model: mujoco.MjModel) -> np.ndarray:
@@ -69,9 +76,11 @@ def _is_passive(model: mujoco.MjModel) -> bool:
 
 
 def _is_pushed(manifest: SceneManifest | None) -> bool:
-    """Say whether the scene's initial values push bodies, in any of its runs."""
-    entries = manifest.initial.values() if manifest else ()
-    return any(_PUSH.search(name) for entry in entries for name in entry.sets)
+    """Say whether the scene pushes bodies, in any of its runs."""
+    if manifest is None:
+        return False
+    pushed = any(_PUSH.search(name) for each in manifest.initial.values() for name in each.sets)
+    return pushed or bool(manifest.control)
 
 
 def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
@@ -119,8 +128,9 @@ def _barrier(
 
 
 def _thickness(model: mujoco.MjModel, pair: Pair) -> float:
-    """Return half the smallest extent of the pair's thinnest geom [m]."""
-    return min(_half_extent(model, geom) for side in pair.geoms for geom in side)
+    """Return half the smallest extent of the pair's thinnest geom [m], of those that can touch."""
+    touching = {geom for both in colliding(model, pair) for geom in both}
+    return min((_half_extent(model, geom) for geom in touching), default=np.inf)
 
 
 def _half_extent(model: mujoco.MjModel, geom: int) -> float:

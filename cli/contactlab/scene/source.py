@@ -12,6 +12,7 @@ from ruamel.yaml.error import YAMLError
 from contactlab import shipped
 from contactlab.errors import SceneError
 from contactlab.scene.content import Content, collect
+from contactlab.scene.menagerie import is_menagerie, menagerie_model, menagerie_name
 from contactlab.schema import SceneManifest
 
 MANIFEST = "scene.yaml"
@@ -23,7 +24,7 @@ class SceneSource:
     """A scene as it lies on disk.
 
     Attributes:
-        name: the shipped name, or the folder's or file's stem.
+        name: the shipped name, the folder's or file's stem, or robot and entry.
         path: the manifest, or the model file where there is none.
         manifest: what is asked of the model; None for a bare model file.
         content: its files and their hash.
@@ -49,7 +50,7 @@ class SceneSource:
 
 
 def find_scene(reference: str, base: Path | None = None) -> SceneSource:
-    """Return the scene of a shipped name, a folder with a manifest, or an .xml or .urdf file.
+    """Return the scene of a name, a folder with a manifest, an .xml or .urdf file, or a robot.
 
     Args:
         reference: what the sweep says after `scene:`.
@@ -58,6 +59,8 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
     Raises:
         SceneError: there is no such scene, or its manifest is wrong.
     """
+    if is_menagerie(reference):
+        return _bare_model(menagerie_model(reference), menagerie_name(reference))
     path = (base or Path()) / Path(reference).expanduser()
     if path.suffix in MODEL_SUFFIXES:
         return _bare_model(path, path.stem)

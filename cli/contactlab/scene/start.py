@@ -2,14 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from contactlab.errors import SceneError, did_you_mean
-from contactlab.plan import Expression, ExpressionError
+from contactlab.plan import Expression
+from contactlab.scene.control import Programme, drawn, read_programmes
 from contactlab.scene.coordinates import match
+from contactlab.scene.formula import computed, read_formula
+from contactlab.scene.keyframes import start_data
+from contactlab.scene.starts import Starts
 from contactlab.schema import SceneManifest
 from contactlab.trace import Floats
 
@@ -19,44 +21,15 @@ _NUDGE = 1e-6
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
-class Starts(NamedTuple):
-    """Start states of n runs.
-
-    Attributes:
-        qpos: (n, nq) configuration.
-        qvel: (n, nv) velocity.
-        ctrl: (n, nu) control, constant over the run.
-        applied: (n, 6 nbody) force [N] and torque [N m] on each body, world frame, constant.
-    """
-
-    qpos: Floats
-    qvel: Floats
-    ctrl: Floats
-    applied: Floats
-
-    def pick(self, run: int) -> "Starts":
-        """Return the start state of one run, n being 1."""
-        return self.rows([run])
-
-    def rows(self, runs: Sequence[int]) -> "Starts":
-        """Return the start states of some runs."""
-        return Starts(*(array[list(runs)] for array in self))
-
-    @classmethod
-    def joined(cls, starts: Sequence["Starts"]) -> "Starts":
-        """Return the start states of several, one after the other."""
-        return cls(*(np.concatenate(arrays) for arrays in zip(*starts, strict=True)))
-
-
 @dataclass(frozen=True)
 class StartState:
     """How the start states of one structure are made.
 
     Attributes:
-        state: (nq + nv + nu + 6 nbody,) qpos, qvel, ctrl and xfrc_applied, the model's own or its
-            keyframe's.
-        ends: where each of the four ends.
+        state: qpos, qvel, ctrl, xfrc_applied and act, the model's own or a keyframe's.
+        ends: where each of them ends.
         formulas: expressions over the initial values, and the indices that each one sets.
+        programmes: what inputs do over time.
         perturbed: indices that a seed changes, by at most `scale`.
         scale: m, rad, m/s or rad/s.
         quaternions: where unit quaternions start.
@@ -65,23 +38,27 @@ class StartState:
     state: Floats
     ends: tuple[int, ...]
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
+    programmes: tuple[Programme, ...]
     perturbed: tuple[int, ...]
     scale: float
     quaternions: tuple[int, ...]
 
     @classmethod
-    def of(cls, model: mujoco.MjModel, manifest: SceneManifest | None) -> "StartState":
-        """Return how a model's start states are made.
+    def of(
+        cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
+    ) -> "StartState":
+        """Return how a model's start states are made, from a keyframe or `OWN_START`.
 
         Raises:
-            SceneError: the manifest names a keyframe or a coordinate that the model lacks.
+            SceneError: the manifest names a coordinate that the model lacks.
         """
         coordinates, scale = _perturbed_coordinates(model, manifest)
         offset = _offsets(model)
         return cls(
-            state=_own_state(model, manifest.keyframe if manifest else None),
+            state=_state(model, keyframe),
             ends=tuple(np.cumsum(list(_sizes(model).values())).tolist()),
             formulas=tuple(_formulas(model, manifest)) if manifest else (),
+            programmes=read_programmes(model, manifest),
             perturbed=tuple(offset[field] + index for field, index in coordinates),
             scale=scale,
             quaternions=quaternions(model),
@@ -93,23 +70,25 @@ def start_states(start: StartState, runs: Sequence[tuple[Mapping[str, float], in
     states = np.tile(start.state, (len(runs), 1))
     for row, (initial, seed) in zip(states, runs, strict=True):
         for formula, indices in start.formulas:
-            row[list(indices)] = _computed(formula, initial)
+            row[list(indices)] = computed(formula, initial)
         if start.perturbed:
             offsets = np.random.default_rng(seed).uniform(-1, 1, len(start.perturbed))
             row[list(start.perturbed)] += start.scale * offsets
     if start.formulas or start.perturbed:
         _normalise(states, start)
-    return Starts(*np.split(states, start.ends[:-1], axis=1))
+    qpos, qvel, ctrl, applied, act = np.split(states, start.ends[:-1], axis=1)
+    lines = drawn(start.programmes, [initial for initial, _ in runs])
+    return _driven(Starts(qpos, qvel, ctrl, applied, *lines, act))
 
 
-def _computed(formula: Expression, initial: Mapping[str, float]) -> float:
-    try:
-        result = formula.evaluate(initial)
-    except ExpressionError as error:
-        raise SceneError(f"cannot compute '{formula.text}' for {dict(initial)}: {error}") from error
-    if not isinstance(result, float):
-        raise SceneError(f"'{formula.text}' is {result!r}, not a number")
-    return result
+def _driven(starts: Starts) -> Starts:
+    """Return starts whose driven inputs are what they are at the start."""
+    if not starts.driven.size:
+        return starts
+    controls = starts.ctrl.shape[1]
+    first = np.zeros(1, np.intp)
+    inputs = np.concatenate([starts.inputs(run, 0.0, first) for run in range(len(starts.ctrl))])
+    return starts._replace(ctrl=inputs[:, :controls], applied=inputs[:, controls:])
 
 
 def nudged_states(start: StartState, states: Starts, seeds: Sequence[int]) -> Starts:
@@ -133,21 +112,19 @@ def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
     )
 
 
-def _own_state(model: mujoco.MjModel, keyframe: str | None) -> Floats:
-    data = mujoco.MjData(model)
-    if keyframe is not None:
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_KEY, keyframe)
-        if index < 0:
-            known = [model.key(each).name for each in range(model.nkey)]
-            raise SceneError(
-                f"no keyframe '{keyframe}' in the model{did_you_mean(keyframe, known)}"
-            )
-        mujoco.mj_resetDataKeyframe(model, data, index)
+def _state(model: mujoco.MjModel, keyframe: str) -> Floats:
+    data = start_data(model, keyframe)
     return np.concatenate([getattr(data, field).ravel() for field in _sizes(model)])
 
 
 def _sizes(model: mujoco.MjModel) -> dict[str, int]:
-    return {"qpos": model.nq, "qvel": model.nv, "ctrl": model.nu, "xfrc_applied": 6 * model.nbody}
+    return {
+        "qpos": model.nq,
+        "qvel": model.nv,
+        "ctrl": model.nu,
+        "xfrc_applied": 6 * model.nbody,
+        "act": model.na,
+    }
 
 
 def _offsets(model: mujoco.MjModel) -> dict[str, int]:
@@ -162,22 +139,10 @@ def _formulas(
     formulas: list[tuple[Expression, tuple[int, ...]]] = []
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
-            expression = _expression(text, f"initial value '{name}' sets {pattern}", manifest)
+            expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
             indices = tuple(offset[each.field] + each.index for each in match(model, pattern))
             formulas.append((expression, indices))
     return formulas
-
-
-def _expression(text: str, where: str, manifest: SceneManifest) -> Expression:
-    try:
-        expression = Expression(text)
-    except ExpressionError as error:
-        raise SceneError(f"{where} to '{text}': {error}") from error
-    unknown = ", ".join(sorted(set(expression.names) - set(manifest.initial)))
-    if unknown:
-        known = ", ".join(manifest.initial)
-        raise SceneError(f"{where} from unknown {unknown}; write one of {known}")
-    return expression
 
 
 def _normalise(states: Floats, start: StartState) -> None:

@@ -26,6 +26,11 @@ def number(
     return parse
 
 
+def or_off(off: float, parse: Parser) -> Parser:
+    """Return a parser that takes `false` for the value that leaves an effect out."""
+    return lambda value: off if value is False else parse(value)
+
+
 def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
     """Return a parser of whole numbers within bounds, by default what the engine can hold."""
     inner = number(least=least, most=most)

@@ -7,20 +7,31 @@ from typing import cast
 
 from pydantic import BaseModel
 
+from contactlab.schema.check import CheckReport, Reference
+from contactlab.schema.comparison import ComparisonReport
+from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.policy import ComparePolicy
 from contactlab.schema.record import EvidenceRecord
 from contactlab.schema.scene import SceneManifest
 from contactlab.schema.store import StoreManifest
 from contactlab.schema.sweep import Sweep
+from contactlab.schema.tradeoff import TradeoffReport
 
 # Files that people write, for editors; a key without a value is left out of these.
 WRITTEN: Mapping[str, type[BaseModel]] = {
     "sweep.schema.json": Sweep,
     "scene.schema.json": SceneManifest,
+    "policy.schema.json": ComparePolicy,
 }
 # Files that contactlab writes, for programs; null says that something does not apply.
 EMITTED: Mapping[str, type[BaseModel]] = {
     "record.schema.json": EvidenceRecord,
     "manifest.schema.json": StoreManifest,
+    "tradeoff.schema.json": TradeoffReport,
+    "comparison.schema.json": ComparisonReport,
+    "check.schema.json": CheckReport,
+    "reference.schema.json": Reference,
+    "effects.schema.json": EffectsReport,
 }
 
 Node = dict[str, object]

@@ -4,9 +4,10 @@ from typing import Literal
 
 from pydantic import Field
 
+from contactlab.schema.accuracy import Accuracy, Timing
 from contactlab.schema.model import Model
 
-RECORD_VERSION = 1
+RECORD_VERSION = 2
 
 Scalar = bool | int | float | str
 Setting = Scalar | tuple[float, ...] | None
@@ -46,9 +47,12 @@ class InitialState(Model):
 
     qpos: tuple[float, ...]
     qvel: tuple[float, ...]
-    ctrl: tuple[float, ...] = Field(default=(), description="Constant control.")
+    ctrl: tuple[float, ...] = Field(
+        default=(), description="Control at the start; it stays, unless the scene drives it."
+    )
     applied: tuple[float, ...] = Field(
-        default=(), description="Constant force and torque on each body [N, N m]; empty if none."
+        default=(),
+        description="Force and torque on each body at the start [N, N m]; empty if none.",
     )
 
 
@@ -94,7 +98,7 @@ class Provenance(Model):
 class EvidenceRecord(Model):
     """All that is known of one run, but for its trace. Units are SI; `units` names them."""
 
-    schema_version: Literal[1] = RECORD_VERSION
+    schema_version: Literal[2] = RECORD_VERSION
     run_id: str
     index: int = Field(description="The run's place in the plan.")
     sweep: str
@@ -103,7 +107,15 @@ class EvidenceRecord(Model):
     engine: Engine
     axes: dict[str, Setting] = Field(description="The swept values, as the sweep names them.")
     settings: dict[str, Setting] = Field(description="Every resolved setting, defaults included.")
-    effects: dict[str, bool] = Field(description="Engine switches, on or off.")
+    effects: dict[str, bool] = Field(description="Every effect, on or off.")
+    effect_reasons: dict[str, str] = Field(
+        default_factory=dict, description="Why each effect is on or off."
+    )
+    effects_missed: dict[str, str] = Field(
+        default_factory=dict,
+        description="Effects that are off although what the bodies did called for them, with what "
+        "was seen.",
+    )
     pairs: dict[str, PairRecord]
     edited_geoms: tuple[str, ...] = Field(description="Geoms whose contact parameters were set.")
     seed: int
@@ -131,6 +143,8 @@ class EvidenceRecord(Model):
     )
     provenance: Provenance
     cost: Cost | None = None
+    accuracy: Accuracy | None = Field(default=None, description="Null if the sweep asks for none.")
+    timing: Timing | None = Field(default=None, description="Null if the sweep asks for none.")
     trace: TraceFile | None = None
     started: str | None = Field(default=None, description="UTC, ISO 8601.")
     finished: str | None = Field(default=None, description="UTC, ISO 8601.")

@@ -1,10 +1,14 @@
 """A scene's manifest: what is asked of its model."""
 
-from typing import Literal
+from typing import Literal, Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
-from contactlab.schema.model import Model
+from contactlab.schema.effects import Effects
+from contactlab.schema.model import Model, Number, Word
+
+# A number, or an expression over the scene's initial values.
+Term = Number | Word
 
 
 class InitialValue(Model):
@@ -30,6 +34,46 @@ class StructureValue(Model):
     element: str = Field(description="Path of the element, as xml.etree understands it.")
     attribute: str
     integer: bool = False
+    least: float | None = Field(
+        default=None, description="Least value; any above 0, or whole ones from 1, if not given."
+    )
+    text: str = Field(
+        default="{}",
+        description="What is written, with the value for {} and what it comes to for an "
+        "expression over its name: `-{} {}` is a range, `0 {width / 2} 0` a place.",
+    )
+
+
+class ControlEntry(Model):
+    """What a control, or a force on a body, does over time: straight lines between knots.
+
+    Before the first knot it has the first value, after the last the last. Two knots of one time
+    are a jump, at which the later value holds.
+    """
+
+    at: tuple[Term, ...] = Field(
+        min_length=1, description="Times of the knots [s]; each a number or an expression."
+    )
+    to: tuple[Term, ...] = Field(
+        min_length=1, description="Values at the knots; each a number or an expression."
+    )
+
+    @model_validator(mode="after")
+    def _as_many(self) -> Self:
+        if len(self.at) != len(self.to):
+            message = f"{len(self.at)} times and {len(self.to)} values; give each time one value"
+            raise ValueError(message)
+        return self
+
+
+class HoldEntry(Model):
+    """When, and by what, the scene's subject is held."""
+
+    start: Term = Field(alias="from", description="When it should be held from [s].")
+    stop: Term = Field(alias="to", description="When it should be held to [s].")
+    relative_to: str | None = Field(
+        default=None, description="The body that holds it; the world if not given."
+    )
 
 
 class PairEntry(Model):
@@ -80,8 +124,19 @@ class SceneManifest(Model):
     pairs: tuple[PairEntry, ...] = ()
     initial: dict[str, InitialValue] = Field(default_factory=dict)
     structure: dict[str, StructureValue] = Field(default_factory=dict)
+    control: dict[str, ControlEntry] = Field(
+        default_factory=dict,
+        description="Coordinates ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz, to what they "
+        "do over time; expressions are over initial values.",
+    )
+    hold: HoldEntry | None = None
     perturb: Perturbation | None = None
     modes: ExpectedModes = ExpectedModes()
     oracle: OracleEntry | None = None
+    effects: Effects = Field(
+        default_factory=dict,
+        description="`auto` (the default) leaves out what provably changes nothing, `all` leaves "
+        "out nothing; or effect name to true or false, with `base` for the others.",
+    )
     tolerances: dict[str, float] = Field(default_factory=dict)
     thresholds: dict[str, float] = Field(default_factory=dict)

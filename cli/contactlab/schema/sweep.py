@@ -5,7 +5,9 @@ from typing import Annotated, Literal, Self
 from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
+from contactlab.schema.accuracy import AccuracyAsk, TimingAsk
 from contactlab.schema.axes import Axis
+from contactlab.schema.effects import Effects
 from contactlab.schema.model import (
     Model,
     Number,
@@ -144,8 +146,10 @@ class Sweep(Model):
     include: Include = Field(
         default=(), description="rows to add after `exclude`, or {file: runs.csv}"
     )
-    effects: dict[str, Annotated[bool, Field(strict=True)]] = Field(
-        default={}, description="effect name to true or false, for every run"
+    effects: Effects = Field(
+        default={},
+        description="auto: leave out what provably changes nothing; all: leave out nothing; or "
+        "effect name to true or false, with `base: auto` or `base: all` for the others",
     )
     tolerances: dict[str, Tolerance] = Field(
         default={}, description="metric name to what is accurate enough: a number, or 1%"
@@ -168,6 +172,12 @@ class Sweep(Model):
         default=False,
         description="whether to run each run once more from a start 1e-6 away, to see whether "
         "its label survives",
+    )
+    accuracy: AccuracyAsk | None = Field(
+        default=None, description="how far each run is from a reference; not asked if left out"
+    )
+    timing: TimingAsk | None = Field(
+        default=None, description="what each run takes by itself; not asked if left out"
     )
     latency_budget: Positive | None = Field(
         default=None, description="wall time a step may take [s]"

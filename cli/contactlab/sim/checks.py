@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.scene import Base, Pair, Prepared, Starts, can_collide
-from contactlab.sim.rollout import STATE, start_batch
+from contactlab.sim.rollout import STATE, driven, start_batch
 from contactlab.trace import Checks, Floats, Trace
 
 _JACOBIAN_SAMPLES = 16
@@ -65,7 +65,9 @@ def _again(model: mujoco.MjModel, start: Starts, steps: int) -> _Again:
     checked = copy.copy(model)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
     fields = [int(STATE), "solver_fwdinv", "qfrc_constraint"]
-    out = start_batch([checked], start).rollout(steps, record=fields)
+    out = start_batch([checked], start).rollout(
+        steps, record=fields, **driven(checked, start, 0, steps)
+    )
     return _Again(*(out[field][0] for field in fields))
 
 
@@ -108,10 +110,11 @@ def _accelerations(
     model.opt.tolerance = _TIGHT
     model.opt.iterations = _MOST_ITERATIONS
     data = mujoco.MjData(model)
-    data.ctrl[:] = starts.ctrl[run]
-    data.xfrc_applied[:] = starts.applied[run].reshape(-1, 6)
     found: list[Floats] = []
-    for step in steps:
+    acting = starts.inputs(run, model.opt.timestep, steps)
+    for step, inputs in zip(steps, acting, strict=True):
+        data.ctrl[:] = inputs[: model.nu]
+        data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
         data.qpos[:], data.qvel[:] = trace.qpos[run, step], trace.qvel[run, step]
         data.qacc_warmstart[:] = 0
         mujoco.mj_forward(model, data)

@@ -81,8 +81,10 @@ def roll_out_by_impulse(
     """Return rollouts of a point mass by the impulse law, laid out as the engine's.
 
     Raises:
-        SceneError: the scene is not a sphere above a plane.
+        SceneError: the scene is not a sphere above a plane, or something pushes it.
     """
+    if starts.applied.any() or starts.driven.size:
+        raise SceneError("the impulse engine knows no forces but gravity; write engine: mujoco")
     count = len(prepared)
     arrays = buffers.arrays(base.model, count, steps)
     arrays.state[:], arrays.sensors[:], arrays.iterations[:] = 0.0, 0.0, 0
@@ -139,8 +141,10 @@ def _step(mass: _Mass, now: _Step, timestep: float) -> _Step:
 def _record(base: Base, mass: _Mass, row: Floats, now: _Step, step: _Step) -> None:
     """Fill a sensor row: the state before a step, and the impulse within it."""
     layout = base.layout
-    row[layout.kinetic] = 0.5 * mass.weight * now.velocity @ now.velocity
-    row[layout.potential] = -mass.weight * mass.gravity @ (mass.origin + now.place)
+    if layout.kinetic is not None:
+        row[layout.kinetic] = 0.5 * mass.weight * now.velocity @ now.velocity
+    if layout.potential is not None:
+        row[layout.potential] = -mass.weight * mass.gravity @ (mass.origin + now.place)
     if not step.impulse.any():
         return
     tangent = _tangent(mass.normal)

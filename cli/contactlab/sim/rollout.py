@@ -7,10 +7,10 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from mujoco.batch import Batch, SimulationError
 
-from contactlab.scene import Starts
+from contactlab.scene import Starts, has_batch
 from contactlab.sim.buffers import Arrays, Buffers
+from contactlab.sim.stepping import Batch, SimulationError
 from contactlab.trace import Floats
 
 STATE = (
@@ -19,7 +19,11 @@ STATE = (
     | mujoco.mjtState.mjSTATE_QVEL
     | mujoco.mjtState.mjSTATE_ACT
 )
-_PERSISTENT = mujoco.mjtEnableBit.mjENBL_SLEEP | mujoco.mjtEnableBit.mjENBL_IPC
+_CONTROL = mujoco.mjtState.mjSTATE_CTRL.value
+_APPLIED = mujoco.mjtState.mjSTATE_XFRC_APPLIED.value
+_PERSISTENT = sum(
+    int(getattr(mujoco.mjtEnableBit, name, 0)) for name in ("mjENBL_SLEEP", "mjENBL_IPC")
+)
 # A warning's record is where it was last raised and how often.
 _COUNT = 1
 
@@ -33,7 +37,7 @@ class Rollout:
         sensors: (n, N, nsensordata) row k belongs to step k.
         iterations: (n, N, islands) solver iterations.
         steps: steps that each run really made.
-        cost: (n,) thread CPU time of the stepping [s].
+        cost: (n,) thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
         warnings: engine warnings of each run by name, with their counts.
         errors: the engine's error of each run, or None.
     """
@@ -58,7 +62,20 @@ def start_batch(models: Sequence[mujoco.MjModel], starts: Starts) -> Batch:
     batch.bind("qvel")[:] = starts.qvel
     batch.bind("ctrl")[:] = starts.ctrl
     batch.bind("xfrc_applied")[:] = starts.applied.reshape(len(models), -1, 6)
+    batch.bind("act")[:] = starts.act
     return batch
+
+
+def driven(
+    model: mujoco.MjModel, starts: Starts, run: int, steps: int, first: float = 0
+) -> dict[str, Any]:
+    """Return what a batch's rollout is told of inputs that change; nothing if none does."""
+    if not starts.driven.size:
+        return {}
+    inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps))
+    if starts.driven.max() < model.nu:
+        return {"control": inputs[None, :, : model.nu], "control_spec": _CONTROL}
+    return {"control": inputs[None], "control_spec": _CONTROL | _APPLIED}
 
 
 def roll_out(
@@ -85,7 +102,9 @@ def roll_out(
     velocity = 1 + models[0].nq
     arrays.state[:, 0] = 0.0
     arrays.state[:, 0, 1:velocity] = starts.qpos
-    arrays.state[:, 0, velocity : velocity + models[0].nv] = starts.qvel
+    activation = velocity + models[0].nv
+    arrays.state[:, 0, velocity:activation] = starts.qvel
+    arrays.state[:, 0, activation:] = starts.act
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
     for run in range(count):
@@ -94,25 +113,42 @@ def roll_out(
             "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
         }
+        programme = driven(models[run], starts, run, steps)
         watch()
         start = time.thread_time()
         try:
-            batch.rollout(steps, record=list(out), ids=[run], out=out)
+            batch.rollout(steps, record=list(out), ids=[run], out=out, **programme)
         except SimulationError:
             errors[run] = batch.error(run)
             _blank(arrays, run)
         cost[run] = time.thread_time() - start
+    made = tuple(
+        0 if errors[run] else _valid_steps(arrays.state[run, :, 0]) for run in range(count)
+    )
+    if not has_batch():
+        cost = np.array([_native_cost(models[run], starts, run, made[run]) for run in range(count)])
     return Rollout(
         state=arrays.state,
         sensors=arrays.sensors,
         iterations=arrays.iterations,
-        steps=tuple(
-            0 if errors[run] else _valid_steps(arrays.state[run, :, 0]) for run in range(count)
-        ),
+        steps=made,
         cost=cost,
         warnings=tuple(_warnings(batch.warning[run, :, _COUNT]) for run in range(count)),
         errors=tuple(errors),
     )
+
+
+def _native_cost(model: mujoco.MjModel, starts: Starts, run: int, steps: int) -> float:
+    """Return what a run's steps take without Python between them: made again, unrecorded."""
+    if starts.driven.size:
+        return np.nan
+    data = mujoco.MjData(model)
+    data.qpos[:], data.qvel[:], data.ctrl[:] = starts.qpos[run], starts.qvel[run], starts.ctrl[run]
+    data.xfrc_applied[:], data.act[:] = starts.applied[run].reshape(-1, 6), starts.act[run]
+    begin = time.thread_time()
+    if steps:
+        mujoco.mj_step(model, data, nstep=steps)
+    return time.thread_time() - begin
 
 
 def _blank(arrays: Arrays, run: int) -> None:

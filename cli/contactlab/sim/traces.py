@@ -7,7 +7,7 @@ import numpy as np
 
 from contactlab.scene import Base, Prepared
 from contactlab.sim.rollout import Rollout
-from contactlab.trace import SLOT_WIDTH, Floats, PairTrace, Trace
+from contactlab.trace import SLOT_WIDTH, Floats, Held, PairTrace, Trace
 
 
 def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trace:
@@ -26,8 +26,8 @@ def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trac
         time=rollout.state[:, :, 0],
         qpos=rollout.state[:, :, 1:velocity],
         qvel=rollout.state[:, :, velocity : velocity + model.nv],
-        kinetic=sensors[:, :, layout.kinetic],
-        potential=sensors[:, :, layout.potential],
+        kinetic=_number(sensors, layout.kinetic),
+        potential=_number(sensors, layout.potential),
         contacts=sensors[:, :, layout.contacts].astype(np.int32),
         least_distance=sensors[:, :, layout.contacts + 1],
         iterations=iterations.sum(axis=2, dtype=np.int32),
@@ -36,6 +36,7 @@ def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trac
         spin=_vector(sensors, layout.spin, np.ones((1, 1, 1))),
         pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
         warnings=rollout.warnings,
+        held=_held(sensors, layout.held),
     )
 
 
@@ -45,8 +46,19 @@ def trajectory_hash(rollout: Rollout, run: int) -> str:
     return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
 
 
+def _number(sensors: Floats, address: int | None) -> Floats:
+    """Return what a sensor measured, NaN if it is not there."""
+    return np.full(sensors.shape[:2], np.nan) if address is None else sensors[:, :, address]
+
+
 def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | None:
     return None if address is None else sensors[:, :, address : address + 3] * factor
+
+
+def _held(sensors: Floats, address: int | None) -> Held | None:
+    if address is None:
+        return None
+    return Held(sensors[:, :, address : address + 3], sensors[:, :, address + 3 : address + 7])
 
 
 def _pair_trace(base: Base, models: Sequence[Prepared], sensors: Floats, index: int) -> PairTrace:

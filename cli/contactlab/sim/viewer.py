@@ -4,6 +4,7 @@ import time
 import warnings
 
 import mujoco
+import numpy as np
 
 from contactlab.errors import SceneError
 from contactlab.scene import Starts
@@ -22,6 +23,7 @@ def view(model: mujoco.MjModel, start: Starts) -> None:
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = start.qpos[0], start.qvel[0], start.ctrl[0]
     data.xfrc_applied[:] = start.applied[0].reshape(-1, 6)
+    data.act[:] = start.act[0]
     try:
         window = mujoco.viewer.launch_passive(model, data)
     except (RuntimeError, OSError) as error:
@@ -29,9 +31,21 @@ def view(model: mujoco.MjModel, start: Starts) -> None:
     with window:
         while window.is_running():
             tick = time.perf_counter()
+            _drive(model, data, start)
             mujoco.mj_step(model, data)
             window.sync()
             time.sleep(max(0.0, model.opt.timestep - (time.perf_counter() - tick)))
+
+
+def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: Starts) -> None:
+    """Set the inputs that change over time, and leave the others to the viewer's user."""
+    step = np.array([round(data.time / model.opt.timestep)])
+    inputs = start.inputs(0, model.opt.timestep, step)[0]
+    for place in start.driven[0]:
+        if place < model.nu:
+            data.ctrl[place] = inputs[place]
+        else:
+            data.xfrc_applied.flat[place - model.nu] = inputs[place]
 
 
 def _has_display() -> bool:

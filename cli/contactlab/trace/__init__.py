@@ -12,13 +12,17 @@ from contactlab.trace.arrays import (
     TANGENT,
     TORQUE,
     Floats,
+    Held,
     Integers,
     PairTrace,
     Trace,
 )
 from contactlab.trace.checks import Checks
+from contactlab.trace.invariants import Invariants
+from contactlab.trace.joints import Joints
+from contactlab.trace.motion import MODE_COLOURS, ContactForces, Form, Motion, Shape
 from contactlab.trace.series import NO_CONTACT, SLIDE, STICK, PairSeries
-from contactlab.trace.setup import Barrier, FreeBody, Mode, Setup
+from contactlab.trace.setup import Barrier, FreeBody, Hold, Mode, Setup
 
 __all__ = [
     "ANGULAR_VELOCITY",
@@ -26,6 +30,7 @@ __all__ = [
     "FORCE",
     "FOUND",
     "LINEAR_VELOCITY",
+    "MODE_COLOURS",
     "NORMAL",
     "NO_CONTACT",
     "POSITION",
@@ -36,12 +41,20 @@ __all__ = [
     "TORQUE",
     "Barrier",
     "Checks",
+    "ContactForces",
     "Floats",
+    "Form",
     "FreeBody",
+    "Held",
+    "Hold",
     "Integers",
+    "Invariants",
+    "Joints",
     "Mode",
+    "Motion",
     "PairSeries",
     "PairTrace",
     "Setup",
+    "Shape",
     "Trace",
 ]

@@ -69,6 +69,23 @@ class PairTrace:
 
 
 @dataclass(frozen=True)
+class Held:
+    """Where a scene's subject is, seen from the body that holds it, for n runs of N steps.
+
+    Attributes:
+        place: (n, N, 3) the origin of the subject's frame [m], in the holder's frame.
+        turn: (n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z.
+    """
+
+    place: Floats
+    turn: Floats
+
+    def pick(self, runs: slice | list[int], steps: int) -> "Held":
+        """Return the given runs, cut to their first `steps` steps."""
+        return Held(self.place[runs, :steps], self.turn[runs, :steps])
+
+
+@dataclass(frozen=True)
 class Trace:
     """What n runs did over N steps.
 
@@ -78,7 +95,7 @@ class Trace:
         time: (n, N + 1) simulated time [s].
         qpos: (n, N + 1, nq) configuration.
         qvel: (n, N + 1, nv) velocity.
-        kinetic: (n, N) kinetic energy [J].
+        kinetic: (n, N) kinetic energy [J]; NaN, like the next, where it was not recorded.
         potential: (n, N) potential energy [J] of gravity and springs.
         contacts: (n, N) contacts in the whole model, graded or not.
         least_distance: (n, N) smallest signed distance of any contact [m]; 0 where none.
@@ -88,6 +105,7 @@ class Trace:
         spin: (n, N, 3) angular momentum about the centre of mass [kg m^2/s], or None likewise.
         pairs: the graded contact pairs.
         warnings: for each run, engine warnings by name with their counts.
+        held: the subject seen from its holder, or None where nothing is said to be held.
     """
 
     timestep: Floats
@@ -105,6 +123,7 @@ class Trace:
     spin: Floats | None
     pairs: tuple[PairTrace, ...]
     warnings: tuple[dict[str, int], ...]
+    held: Held | None = None
 
     @property
     def runs(self) -> int:
@@ -115,6 +134,11 @@ class Trace:
     def steps(self) -> int:
         """Number of recorded steps N."""
         return self.contacts.shape[1]
+
+    @property
+    def has_energy(self) -> bool:
+        """Whether energies were recorded."""
+        return not np.isnan(self.kinetic[:, :1]).all()
 
     @property
     def energy(self) -> Floats:
@@ -151,6 +175,7 @@ class Trace:
                 for pair in self.pairs
             ),
             warnings=tuple(self.warnings[run] for run in runs),
+            held=self.held and self.held.pick(index, steps),
         )
 
 

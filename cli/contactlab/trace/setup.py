@@ -50,6 +50,19 @@ class Barrier:
 
 
 @dataclass(frozen=True)
+class Hold:
+    """When n runs should hold their scene's subject.
+
+    Attributes:
+        start: (n,) from when [s].
+        stop: (n,) to when [s]; more than `start`.
+    """
+
+    start: Floats
+    stop: Floats
+
+
+@dataclass(frozen=True)
 class Setup:
     """What is known of n runs beside their trace.
 
@@ -72,6 +85,7 @@ class Setup:
         thresholds: label thresholds by name, over the defaults.
         speculative: (n,) whether the engine makes contacts ahead of touch, whose distance is then
             no depth; None where no run does.
+        hold: when the subject should be held; None where the scene does not say.
     """
 
     settings: Mapping[str, Sequence[object]]
@@ -91,6 +105,7 @@ class Setup:
     oracle_tolerance: float = np.inf
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
     speculative: NDArray[np.bool_] | None = None
+    hold: Hold | None = None
 
     def pick(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""
@@ -106,6 +121,7 @@ class Setup:
             gravity=self.gravity[rows],
             duration=self.duration[rows],
             speculative=None if self.speculative is None else self.speculative[rows],
+            hold=self.hold and Hold(self.hold.start[rows], self.hold.stop[rows]),
             free_bodies=tuple(bodies.values()),
             barriers=tuple(replace(each, body=bodies[each.body.name]) for each in self.barriers),
         )

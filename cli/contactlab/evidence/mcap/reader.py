@@ -48,7 +48,7 @@ def _decode(data: bytes) -> StoredTrace:
     summary = reader.get_summary()
     assert summary is not None, "damage() finds a missing summary"
     _check_schemas(summary)
-    messages = _messages(data, summary)
+    messages = channel_messages(data, summary)
     channels = {channel.topic: channel for channel in summary.channels.values()}
     sizes = channels[STATE_TOPIC].metadata
     state = messages[channels[STATE_TOPIC].id]
@@ -73,7 +73,7 @@ def _check_schemas(summary: Summary) -> None:
             raise ValueError(f"its schema of {message.name} is another one")
 
 
-def _messages(data: bytes, summary: Summary) -> dict[int, Messages]:
+def channel_messages(data: bytes, summary: Summary) -> dict[int, Messages]:
     """Return the messages by channel id, in the order of the chunks, which is that of time."""
     offsets: dict[int, list[Offsets]] = {channel: [] for channel in summary.channels}
     contents: list[bytes] = []

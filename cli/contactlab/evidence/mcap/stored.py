@@ -6,7 +6,31 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.errors import StoreError, did_you_mean
 from contactlab.trace import Floats, Integers
+
+_PAIR_UNITS = {
+    "contacts": "1",
+    "found": "1",
+    "normal": "N",
+    "tangential": "N",
+    "usage": "1",
+    "slip": "m/s",
+    "distance": "m",
+}
+_UNITS = {
+    "time": "s",
+    "qpos": "m, rad",
+    "qvel": "m/s, rad/s",
+    "kinetic": "J",
+    "potential": "J",
+    "contacts": "1",
+    "least_distance": "m",
+    "iterations": "1",
+    "iterations_most": "1",
+    "momentum": "kg m/s",
+    "spin": "kg m^2/s",
+}
 
 
 @dataclass(frozen=True)
@@ -39,6 +63,11 @@ class StoredPair:
     slip: Floats
     distance: Floats
     points: Floats
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each array of measured values."""
+        return _PAIR_UNITS
 
     @property
     def point_steps(self) -> Integers:
@@ -83,3 +112,21 @@ class StoredTrace:
     record_json: bytes
     metadata: Mapping[str, str]
     model_xml: bytes
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each array; of coordinates that of sliding and that of turning joints."""
+        return _UNITS
+
+    def pair(self, name: str) -> StoredPair:
+        """Return a pair by its name.
+
+        Raises:
+            StoreError: no graded pair has it.
+        """
+        for pair in self.pairs:
+            if pair.name == name:
+                return pair
+        known = [pair.name for pair in self.pairs]
+        hint = did_you_mean(name, known) or f"; there is {', '.join(known) or 'none'}"
+        raise StoreError(f"no pair '{name}' was recorded{hint}")

@@ -4,6 +4,9 @@ from urllib.parse import quote, unquote
 
 STATE_TOPIC = "/state"
 EVIDENCE_TOPIC = "/evidence"
+SCENE_TOPIC = "/scene"
+TRANSFORMS_TOPIC = "/tf"
+FORCES_TOPIC = "/contact_forces"
 _CONTACTS = "/contacts/"
 
 

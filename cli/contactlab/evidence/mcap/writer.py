@@ -85,8 +85,22 @@ def write_trace(
         OutputError: the file cannot be written, or the run's time does not strictly increase.
     """
     times = _log_times(path, trace.time[run])
-    start = _head(trace, extras)
     groups = list(_groups(trace, run, series, extras))
+    return write_messages(path, _head(trace, extras), groups, times)
+
+
+def write_messages(path: Path, start: Head, groups: Sequence[Group], times: Times) -> TraceSummary:
+    """Write messages as an MCAP file.
+
+    Args:
+        path: the file; one that is there is replaced as a whole. Its folder must exist.
+        start: the start of the file, with its channels.
+        groups: the messages.
+        times: (rows,) log time [ns].
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
     stream = interleave(groups, len(start.channels), times)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
     digest, size = _save(path, _parts(start, stream, counts))

@@ -7,6 +7,7 @@ from contactlab.measure.oracles.braking_angle import BRAKING_ANGLE
 from contactlab.measure.oracles.conserved_energy import CONSERVED_ENERGY
 from contactlab.measure.oracles.dry_friction import INCLINE, PUSHED_BOX
 from contactlab.measure.oracles.flip_time import FLIP_TIME
+from contactlab.measure.oracles.foot_depth import FOOT_DEPTH
 from contactlab.measure.oracles.free_fall import FREE_FALL
 from contactlab.measure.oracles.impact_depth import IMPACT_DEPTH
 from contactlab.measure.oracles.ladder import LADDER
@@ -55,6 +56,7 @@ ORACLES = {
         PAIR_RESTITUTION,
         THROW,
         TIP_TRAVEL,
+        FOOT_DEPTH,
     )
 }
 

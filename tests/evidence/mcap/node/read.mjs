@@ -32,7 +32,7 @@ for (const [id, schema] of reader.schemasById) {
 const decode = (schemaId, data) => {
   const type = types.get(schemaId);
   if (type === undefined) return JSON.parse(new TextDecoder().decode(data));
-  return type.toObject(type.decode(data), { defaults: true, enums: String });
+  return type.toObject(type.decode(data), { defaults: true, enums: String, longs: Number });
 };
 
 const messages = [];

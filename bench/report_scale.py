@@ -1,0 +1,207 @@
+"""What a report costs: made-up stores of 10,000 and of 1,000,000 runs.
+
+Run: python -m bench.report_scale [runs]...
+
+The stores have every column of a real one: seven axes, labels, and the metrics of a small real
+sweep, each times a random number of its own, so that what is null or zero there is so here, and
+nothing else repeats. Each report is written by a process of its own;
+memory is the process's peak. Where Chromium and Playwright are found, the page is opened from its
+file: the time to first paint is the browser's own, and the time until it answers ends when the
+script has drawn its maps.
+"""
+
+import json
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from contactlab.evidence import Store, sha256_of
+from contactlab.measure import METRICS
+from contactlab.report import write_page
+from contactlab.schema import StoreManifest
+from contactlab.trace import Floats
+
+# Values of timestep, integrator, cone, solref, friction.slide, direction and seed.
+GRIDS = {10_000: (10, 2, 2, 5, 5, 5, 2), 1_000_000: (20, 2, 2, 10, 10, 5, 25)}
+LABELS = ("tunneling", "chatter", "oracle_miss", "stable")
+CHROMIUM = Path("/usr/bin/chromium")
+SWEEP = """
+version: 1
+scene: box_slide
+axes:
+  timestep: [1.0e-3, 2.0e-3]
+  integrator: [Euler, RK4]
+  cone: [pyramidal, elliptic]
+  solref: ["0.02 1", "0.01 1"]
+  friction.slide: [0.3, 0.5]
+  direction: {values: [0, 45], role: scenario}
+tolerances: {oracle_error: 100.0, penetration_max: 1.0}
+duration: 0.01
+trace: none
+checks: none
+"""
+_CHUNK = 100_000
+Rows = NDArray[np.int64]
+
+
+def main() -> None:
+    """Make stores and measure each size in a process of its own, or be that process."""
+    if sys.argv[1:2] == ["--one"]:
+        measure(Path(sys.argv[2]), Path(sys.argv[3]))
+        return
+    sizes = [int(each) for each in sys.argv[1:]] or list(GRIDS)
+    head = ("runs", "page [MB]", "build [s]", "peak [MB]", "paint [s]", "ready [s]")
+    print("  ".join(f"{name:>10}" for name in head))
+    for runs in sizes:
+        with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
+            store = make_store(Path(name) / "store", GRIDS[runs], real_store(Path(name) / "real"))
+            page = Path(name) / "page.html"
+            command = [sys.executable, "-m", "bench.report_scale", "--one", str(store), str(page)]
+            done = subprocess.run(command, capture_output=True, text=True, check=True)
+            wall, peak = json.loads(done.stdout)
+            told = (page.stat().st_size / 1e6, wall, peak / 1e6, *opened(page))
+            print("  ".join([f"{runs:>10,}", *(f"{value:10.2f}" for value in told)]))
+
+
+def measure(store: Path, page: Path) -> None:
+    """Write a page and print wall time [s] and peak memory [B]."""
+    start = time.perf_counter()
+    write_page(Store.open(store), page)
+    spent = time.perf_counter() - start
+    print(json.dumps([spent, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024]))
+
+
+def opened(page: Path) -> tuple[float, float]:
+    """Return when a browser has painted a page, and when the page answers [s]; the best of three.
+
+    NaN without a browser.
+    """
+    if not CHROMIUM.exists() or find_spec("playwright") is None:
+        return np.nan, np.nan
+    from playwright.sync_api import sync_playwright  # noqa: PLC0415 - only where it is
+
+    times: list[tuple[float, float]] = []
+    with sync_playwright() as driver:
+        browser = driver.chromium.launch(
+            executable_path=str(CHROMIUM), args=["--no-sandbox", "--disable-gpu"]
+        )
+        for _ in range(3):
+            tab = browser.new_page()
+            tab.goto(page.as_uri())
+            tab.wait_for_selector("body[data-ready]", timeout=120_000)
+            paint = tab.evaluate(
+                "performance.getEntriesByName('first-contentful-paint')[0].startTime"
+            )
+            times.append((paint / 1e3, tab.evaluate("performance.now()") / 1e3))
+            tab.close()
+        browser.close()
+    return min(paint for paint, _ in times), min(ready for _, ready in times)
+
+
+def real_store(folder: Path) -> Store:
+    """Return a store of a real sweep, whose schema the made-up ones have."""
+    sweep = folder.with_suffix(".yaml")
+    sweep.write_text(SWEEP)
+    program = str(Path(sys.executable).with_name("contactlab"))
+    command = [program, "sweep", str(sweep), "-o", str(folder), "--workers", "0"]
+    subprocess.run(command, capture_output=True, check=True)
+    return Store.open(folder)
+
+
+def make_store(path: Path, grid: Sequence[int], template: Store) -> Path:
+    """Write a store of made-up runs over a grid."""
+    path.mkdir()
+    runs = int(np.prod(grid))
+    with pq.ParquetWriter(path / "runs.parquet", template.table.schema) as writer:
+        for chunk in chunks(runs, grid, template):
+            writer.write_table(chunk)
+    identity = template.manifest.sweep.model_copy(update={"runs_asked": runs})
+    (path / "sweep.json").write_text(identity.model_dump_json())
+    labels = pq.read_table(path / "runs.parquet", columns=["label"])["label"].value_counts()
+    now = datetime.now(UTC).isoformat()
+    manifest = StoreManifest(
+        sweep=identity,
+        provenance=template.manifest.provenance,
+        runs=runs,
+        labels={each["values"]: each["counts"] for each in labels.to_pylist()},
+        statuses={"ok": runs},
+        traces=0,
+        expectations={"none": runs},
+        files={name: sha256_of(path / name) for name in ("runs.parquet", "sweep.json")},
+        started=now,
+        finished=now,
+    )
+    (path / "manifest.json").write_text(manifest.model_dump_json())
+    return path
+
+
+def chunks(runs: int, grid: Sequence[int], template: Store) -> Iterator[pa.Table]:
+    """Yield the table of made-up runs in parts."""
+    first = template.table.slice(0, 1)
+    known = {name: template.columns.numbers(name).values for name in METRICS}
+    for start in range(0, runs, _CHUNK):
+        size = min(_CHUNK, runs - start)
+        made = made_up(np.arange(start, start + size), grid, np.random.default_rng(start), known)
+        columns = [
+            made[name]
+            if name in made
+            else pa.chunked_array([[value[0].as_py()] * size], value.type)
+            for name, value in zip(first.column_names, first.columns, strict=True)
+        ]
+        yield pa.Table.from_arrays(
+            [column.cast(field.type) for column, field in zip(columns, first.schema, strict=True)],
+            schema=first.schema,
+        )
+
+
+def made_up(
+    index: Rows, grid: Sequence[int], rng: np.random.Generator, known: Mapping[str, Floats]
+) -> dict[str, pa.Array]:
+    """Return the columns of runs (n,) that differ from run to run.
+
+    Args:
+        index: places in the grid.
+        grid: its sizes.
+        rng: where chance is from.
+        known: metric to its values in a real sweep.
+    """
+    ids = [f"{number * 0x9E3779B97F4A7C15 % 2**64:016x}" for number in index.tolist()]
+    step, integrator, cone, solref, friction, direction, seed = np.unravel_index(index, grid)
+    # Long steps fail, and stiff contacts fail first.
+    worse = rng.random(len(index)) < 0.7 * (step / grid[0]) * (0.5 + solref / grid[3])
+    labels = np.where(worse, rng.choice(LABELS[:3], len(index)), "stable").tolist()
+    made: dict[str, pa.Array] = {
+        "run_id": pa.array(ids),
+        "index": pa.array(index),
+        "seed": pa.array(seed),
+        "timestep": pa.array(1e-4 * 1.3**step),
+        "integrator": pa.array(np.array(["Euler", "RK4"])[integrator]),
+        "cone": pa.array(np.array(["pyramidal", "elliptic"])[cone]),
+        "solref": pa.array([f"{0.02 / (1 + code):.4g} 1" for code in solref.tolist()]),
+        "friction.slide": pa.array(0.1 * (1 + friction)),
+        "direction": pa.array(9.0 * direction),
+        "label": pa.array(labels),
+        "labels": pa.array([[label] if label != "stable" else [] for label in labels]),
+        "label_reasons": pa.array([["why"] if label != "stable" else [] for label in labels]),
+        "label_steps": pa.array([[1] if label != "stable" else [] for label in labels]),
+        "cost_cpu_per_sim_s": pa.array(np.exp(rng.normal(size=len(index)) * 0.1) / (1 + step)),
+    }
+    for name, values in known.items():
+        noisy = values[index % len(values)] * np.exp(0.5 * rng.normal(size=len(index)))
+        made[name] = pa.array(noisy, mask=np.isnan(noisy))
+    return made
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,168 @@
+"""What `contactlab tradeoff` prints."""
+
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
+
+import typer
+
+from contactlab.commands.output import print_table
+
+if TYPE_CHECKING:
+    from contactlab.schema import (
+        Configuration,
+        FrontPoint,
+        Method,
+        Recommendation,
+        Settings,
+        TradeoffReport,
+    )
+
+_MOST_METHODS = 12
+_MOST_RATES = 40
+
+
+def print_tradeoff(report: "TradeoffReport") -> None:
+    """Print a report: the front, the methods, and what to use."""
+    typer.echo("\n".join(_head(report)))
+    _print_front(report)
+    if len(report.methods) < len(report.configurations):
+        _print_methods(report.methods)
+    if report.chaotic:
+        _print_rates(report)
+    for line in _answer(report):
+        typer.echo(line)
+    for note in report.notes:
+        typer.echo(f"note: {note}")
+
+
+def _head(report: "TradeoffReport") -> Iterator[str]:
+    feasible = sum(each.feasible for each in report.configurations)
+    unit = f" [{report.error.unit}]" if report.error.unit not in {"", "any"} else ""
+    source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
+    yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
+    yield f"  runs of each  {report.cases} (scenarios {', '.join(report.scenarios) or 'one'})"
+    kind = f"{report.error.kind}, {report.error.against}" if report.error.against else ""
+    kind = kind or report.error.kind
+    yield f"  error         {report.error.name}{unit}, the worst of its runs ({kind})"
+    yield f"  time          CPU seconds per simulated second, the mean of its runs, of {source}"
+    limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
+    yield f"  tolerances    {limits or 'none'}"
+    yield f"  feasible      {feasible}"
+
+
+def _print_front(report: "TradeoffReport") -> None:
+    line, what = report.front, "front of the feasible configurations"
+    if not line:
+        line, what = report.unconstrained_front, "front, none of which is feasible"
+    typer.echo(f"\n{what}")
+    varying = _varying(report.configurations)
+    header = [*varying, "error", "CPU s per s", "x real time"]
+    print_table(header, [_front_row(each, varying) for each in line])
+
+
+def _front_row(each: "FrontPoint", varying: Sequence[str]) -> list[object]:
+    values = [each.configuration[name] for name in varying]
+    return [*values, f"{each.error:.3g}", f"{each.time:.3g}", f"{each.real_time_factor:,.0f}"]
+
+
+def _print_methods(methods: "Sequence[Method]") -> None:
+    telling = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
+    rows = [(each.name, _order(each), _floor(each)) for each in telling]
+    typer.echo("\nhow the error falls with the timestep")
+    print_table(("method", "order", "floor"), rows[:_MOST_METHODS])
+    if len(rows) > _MOST_METHODS:
+        typer.echo(f"and {len(rows) - _MOST_METHODS} more methods, see --format json")
+
+
+def _order(method: "Method") -> str:
+    order = method.order
+    if order.slope is None or order.standard_error is None:
+        return f"none: {order.reason}"
+    return f"{order.slope:.2f} +- {order.standard_error:.2f} over {order.points} timesteps"
+
+
+def _floor(method: "Method") -> str:
+    if method.floor is None:
+        return "-"
+    return f"{method.floor.error:.3g} up to {method.floor.timestep:g} s"
+
+
+def _print_rates(report: "TradeoffReport") -> None:
+    typer.echo("\nchaotic: what holds is how often a run is as wanted, with its 95 % interval")
+    varying = _varying(report.configurations)
+    rows = [
+        (
+            *(each.configuration[name] for name in varying),
+            f"{each.outcomes.good}/{each.outcomes.runs}",
+            f"{each.outcomes.low:.0%} to {each.outcomes.high:.0%}",
+        )
+        for each in report.configurations
+    ]
+    print_table((*varying, "as wanted", "rate"), rows[:_MOST_RATES])
+    if len(rows) > _MOST_RATES:
+        typer.echo(f"and {len(rows) - _MOST_RATES} more configurations, see --format json")
+
+
+def _answer(report: "TradeoffReport") -> Iterator[str]:
+    chosen, robust = report.recommendation, report.robust
+    if chosen is None:
+        yield from _nothing(report)
+        return
+    yield "\nrecommended"
+    yield from _described(report, chosen)
+    if robust is None:
+        yield "with a margin of 1.25 on every tolerance: none"
+    elif robust.configuration == chosen.configuration:
+        yield "with a margin of 1.25 on every tolerance: the same"
+    else:
+        cost = f"{robust.time / chosen.time:.2g}x the time"
+        yield f"with a margin of 1.25 on every tolerance, {cost}"
+        yield from _described(report, robust)
+    yield _next(report)
+    yield "\nin the model"
+    yield from (f"  {line}" for line in chosen.mjcf)
+    yield from (f"  <!-- {name}: {value} -->" for name, value in chosen.other.items())
+
+
+def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[str]:
+    yield f"  {_values(chosen.configuration, _varying(report.configurations))}"
+    error = "unknown" if chosen.error is None else f"{chosen.error:.3g}"
+    speed = f"{chosen.time:.3g} CPU s per s, {chosen.real_time_factor:,.0f} times real time"
+    yield f"  error {error}; {speed}"
+    if chosen.margins:
+        yield f"  margins: {', '.join(_margin(*each) for each in chosen.margins.items())}"
+    if chosen.equally_fast:
+        yield f"  as fast, within 5 %, and no more accurate: {len(chosen.equally_fast)} others"
+    yield f"  look closer: contactlab show {report.store} {chosen.run_id[:8]}"
+
+
+def _margin(name: str, value: float | None) -> str:
+    return f"{name} untouched" if value is None else f"{name} {value:.3g}"
+
+
+def _next(report: "TradeoffReport") -> str:
+    after = report.next_step
+    if after is None:
+        return "next step: nothing that was tried is more accurate and within tolerance"
+    gain = "without error" if after.error_ratio is None else f"{after.error_ratio:.3g}x less error"
+    values = _values(after.configuration, _varying(report.configurations))
+    return f"next step: {after.time_ratio:.3g}x the time buys {gain}: {values}"
+
+
+def _nothing(report: "TradeoffReport") -> Iterator[str]:
+    yield "\nnothing is feasible"
+    for each in report.blockers:
+        best = "" if each.best is None else f", the best has {each.best:.3g}"
+        yield f"  {each.kind} {each.name}: {each.configurations} configurations{best}"
+
+
+def _values(configuration: "Settings", varying: Sequence[str]) -> str:
+    values = [(name, configuration[name]) for name in varying]
+    told = [f"{name} {value}" for name, value in values if value is not None]
+    return ", ".join(told) or "as the scene has it"
+
+
+def _varying(configurations: "Sequence[Configuration]") -> list[str]:
+    """Return the knobs that differ between configurations."""
+    values = [each.configuration for each in configurations]
+    return [name for name in values[0] if len({each[name] for each in values}) > 1]

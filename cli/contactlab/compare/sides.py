@@ -1,0 +1,89 @@
+"""The two stores, opened and checked."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from contactlab.errors import PolicyError, StoreError
+from contactlab.evidence import RunColumns, Store, verify
+from contactlab.schema import ComparedStore, StoreManifest
+
+_MOST_PROBLEMS = 3
+
+
+@dataclass(frozen=True)
+class Side:
+    """One of the two stores.
+
+    Attributes:
+        role: baseline or candidate.
+        store: the store.
+    """
+
+    role: str
+    store: Store
+
+    @property
+    def manifest(self) -> StoreManifest:
+        """What the store holds."""
+        return self.store.manifest
+
+    @property
+    def columns(self) -> RunColumns:
+        """Its table."""
+        return self.store.columns
+
+    def described(self) -> ComparedStore:
+        """Return what a report says of it."""
+        manifest, origin = self.manifest, self.manifest.provenance
+        engine = manifest.sweep.engine
+        return ComparedStore(
+            store=str(self.store.path),
+            sweep=manifest.sweep.name,
+            runs=manifest.runs,
+            engine=f"{engine.name} {engine.version}",
+            contactlab=origin.contactlab,
+            git_revision=origin.git_revision,
+            cpu_model=origin.host.cpu_model,
+            finished=manifest.finished,
+        )
+
+
+def open_sides(baseline: Path, candidate: Path, *, thorough: bool) -> tuple[Side, Side]:
+    """Open two stores.
+
+    Args:
+        baseline: folder of what is known.
+        candidate: folder of what is judged.
+        thorough: whether to check every record and the bytes of every trace.
+
+    Raises:
+        PolicyError: both are the same folder.
+        StoreError: one of them is missing, damaged, empty, unfinished or of another version.
+    """
+    if baseline.exists() and candidate.exists() and baseline.samefile(candidate):
+        raise PolicyError(
+            f"{baseline} and {candidate} are the same store, which says nothing; "
+            "compare the stores of two sweeps"
+        )
+    return (
+        _opened("baseline", baseline, thorough=thorough),
+        _opened("candidate", candidate, thorough=thorough),
+    )
+
+
+def _opened(role: str, path: Path, *, thorough: bool) -> Side:
+    try:
+        problems = verify(path, thorough=thorough)
+    except StoreError as error:
+        raise StoreError(f"the {role} cannot be read: {error}") from error
+    if problems:
+        shown = "; ".join(problems[:_MOST_PROBLEMS])
+        more = len(problems) - _MOST_PROBLEMS
+        rest = f"; and {more} more problems" if more > 0 else ""
+        raise StoreError(
+            f"the {role} {path} is not sound: {shown}{rest} (see `contactlab verify {path}`)"
+        )
+    side = Side(role, Store.open(path))
+    if side.manifest.runs == 0:
+        raise StoreError(f"the {role} {path} is empty: it holds no runs")
+    return side

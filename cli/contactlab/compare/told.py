@@ -1,0 +1,149 @@
+"""What a comparison has to tell, the worst first, in short words for any kind of output."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from contactlab.compare.rules import REMEASURED
+from contactlab.compare.wording import change, number, settings, some
+from contactlab.schema import Check, ComparedStore, ComparisonReport, Outcome, RunPair
+
+WORDS: dict[Outcome, str] = {
+    "failed": "FAIL",
+    "skipped": "SKIP",
+    "warned": "WARN",
+    "noted": "note",
+    "passed": "ok",
+}
+
+
+class Line(NamedTuple):
+    """One thing that is told.
+
+    Attributes:
+        outcome: what it means for the job.
+        name: of the check, with its group.
+        found: what was found.
+        worst: what was found of the worst pair, or empty.
+        where: its axis values and run, or empty.
+        urgent: whether the job fails by it, or it is a warning.
+    """
+
+    outcome: Outcome
+    name: str
+    found: str
+    worst: str
+    where: str
+    urgent: bool = False
+
+
+def told(report: ComparisonReport) -> list[Line]:
+    """Return all that is to be told; checks that passed are not, but for what was asked for."""
+    checks = [
+        check
+        for check in report.checks
+        if check.outcome != "passed" or check.name.startswith(REMEASURED)
+    ]
+    lines = [_line(check) for check in checks if check.outcome != "skipped"]
+    lines += _skipped([check for check in checks if check.outcome == "skipped"])
+    order = list(WORDS)
+    return sorted(lines, key=lambda line: order.index(line.outcome))
+
+
+def name(check: Check) -> str:
+    """Return a check's name with its group."""
+    return f"{check.name} ({check.group})" if check.group else check.name
+
+
+def found(check: Check) -> str:
+    """Return what a check found, and why that is accepted."""
+    return f"{check.message}; accepted: {check.accepted}" if check.accepted else check.message
+
+
+def values(check: Check, pair: RunPair) -> str:
+    """Return what was found of a pair: `stable -> tunneling`, or numbers and their ratio."""
+    before, after = pair.baseline, pair.candidate
+    if before is None and after is None:
+        return ""
+    if before is None or after is None or isinstance(before, str) or isinstance(after, str):
+        return f"{_value(before)} -> {_value(after)}"
+    return change(before, after, check.unit)
+
+
+def where(pair: RunPair) -> str:
+    """Return the axis values of a pair, and the start of its id."""
+    run = (pair.candidate_run or pair.baseline_run or "")[:8]
+    return f"{settings(pair.axes)} [{run}]".lstrip()
+
+
+def passed(report: ComparisonReport) -> str:
+    """Return how many checks of which kind passed."""
+    fine = [check.kind for check in report.checks if check.outcome == "passed"]
+    kinds = ", ".join(f"{kind} {fine.count(kind)}" for kind in dict.fromkeys(fine))
+    return f"{some(len(fine), 'check')} passed{f' ({kinds})' if kinds else ''}"
+
+
+def runs(report: ComparisonReport) -> str:
+    """Return how many runs there are, and what became of them."""
+    pairs = report.pairs
+    parts = [f"{pairs.paired:,} paired by {report.match}"]
+    equal = "all" if pairs.bitwise_equal == pairs.paired else f"{pairs.bitwise_equal:,}"
+    parts.append(f"{equal} bitwise equal")
+    parts += [f"{pairs.missing:,} missing"] if pairs.missing else []
+    parts += [f"{pairs.new:,} new"] if pairs.new else []
+    if pairs.knife_edge:
+        flipped = f" ({pairs.knife_edge_flipped:,} with another label now)"
+        parts.append(f"{pairs.knife_edge:,} knife-edge{flipped}")
+    return ", ".join(parts)
+
+
+def labels(report: ComparisonReport) -> list[str]:
+    """Return how many runs went from which worst label to which."""
+    return [
+        f"{each.baseline} -> {each.candidate}: {some(each.runs)}" for each in report.transitions
+    ]
+
+
+def side(store: ComparedStore) -> str:
+    """Return what a store is, in one line."""
+    revision = f", {store.git_revision[:12]}" if store.git_revision else ""
+    return (
+        f"{store.store}: {store.sweep}, {some(store.runs)}, {store.engine}, "
+        f"contactlab {store.contactlab}, {store.finished[:16].replace('T', ' ')}{revision}"
+    )
+
+
+def _line(check: Check) -> Line:
+    pair = check.worst[0] if check.worst else None
+    return Line(
+        check.outcome,
+        name(check),
+        found(check),
+        values(check, pair) if pair else "",
+        where(pair) if pair else "",
+        check.outcome in {"failed", "warned"},
+    )
+
+
+def _skipped(checks: Sequence[Check]) -> list[Line]:
+    """Return checks that could not be made, those of one reason and level in one line."""
+    reasons: dict[tuple[str, str], list[Check]] = {}
+    for check in checks:
+        reasons.setdefault((check.level, check.message), []).append(check)
+    return [
+        Line("skipped", *_named(of_it), level == "gate") for (level, _), of_it in reasons.items()
+    ]
+
+
+def _named(checks: Sequence[Check]) -> tuple[str, str, str, str]:
+    reason = checks[0].message
+    if len(checks) == 1:
+        return name(checks[0]), reason, "", ""
+    names = list(dict.fromkeys(check.name.split()[0] for check in checks))
+    shown = ", ".join(names[:3])
+    return some(len(checks), "check"), reason, "", shown if len(names) <= 3 else f"{shown}, ..."
+
+
+def _value(value: float | str | None) -> str:
+    if value is None:
+        return "none"
+    return value if isinstance(value, str) else number(value)

@@ -1,0 +1,82 @@
+"""How far two configurations are from each other, and what a run's distances amount to."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from contactlab.trace import Floats, Invariants, Joints
+
+_LENGTH = 1e-3
+
+
+class Discrepancy(NamedTuple):
+    """Distances over time, summed up.
+
+    Attributes:
+        final: at the last time.
+        mean: over time.
+        peak: largest.
+    """
+
+    final: float
+    mean: float
+    peak: float
+
+    @classmethod
+    def of(cls, distances: Floats) -> "Discrepancy":
+        """Sum up (T,) distances."""
+        return cls(float(distances[-1]), float(distances.mean()), float(distances.max()))
+
+
+def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
+    """Return (T,) how far configurations are apart [m]: the largest distance of any joint.
+
+    Slides and free positions count in metres. A hinge counts its angle times the length of its
+    degree of freedom. A rotation counts the angle of the one that leads from the first to the
+    second, the norm of the quaternion's logarithm, times that length; q and -q are the same.
+
+    Args:
+        joints: of the model.
+        first: (T, nq) configurations.
+        second: (T, nq) the others.
+    """
+    scalars = list(joints.scalars)
+    parts = [np.abs(first[:, scalars] - second[:, scalars]) * joints.lengths]
+    for place in joints.points:
+        apart = first[:, place : place + 3] - second[:, place : place + 3]
+        parts.append(np.linalg.norm(apart, axis=1)[:, None])
+    for place, reach in zip(joints.rotations, joints.reaches, strict=True):
+        turn = angles(first[:, place : place + 4], second[:, place : place + 4])
+        parts.append((turn * reach)[:, None])
+    return np.concatenate(parts, axis=1).max(axis=1, initial=0.0)
+
+
+def angles(first: Floats, second: Floats) -> Floats:
+    """Return (T,) angles [rad], at most pi, between rotations (T, 4) given as w x y z.
+
+    The angle comes from both parts of conj(first) * second, so that neither tiny angles nor norms
+    that are not quite 1 cost digits.
+    """
+    scalar, vector = first[:, 0], first[:, 1:]
+    other_scalar, other = second[:, 0], second[:, 1:]
+    along = scalar * other_scalar + (vector * other).sum(axis=1)
+    across = scalar[:, None] * other - other_scalar[:, None] * vector - np.cross(vector, other)
+    return 2 * np.arctan2(np.linalg.norm(across, axis=1), np.abs(along))
+
+
+def drifts(run: Invariants, reference: Invariants) -> Floats:
+    """Return (T,) how far a run's energy and momenta are from the reference's, the largest of them.
+
+    Energy is taken as a share of the reference's peak kinetic energy K, which counts as at least
+    what lifts everything by 1 mm; momentum as a share of sqrt(2 m K); angular momentum as a share
+    of its largest magnitude, which counts as at least 1 mm times sqrt(2 m K).
+    """
+    scale = max(float(reference.kinetic.max()), reference.lift, float(np.finfo(float).tiny))
+    parts = [np.abs(run.energy - reference.energy) / scale]
+    push = np.sqrt(2 * reference.mass * scale)
+    if run.momentum is not None and reference.momentum is not None:
+        parts.append(np.linalg.norm(run.momentum - reference.momentum, axis=1) / push)
+    if run.spin is not None and reference.spin is not None:
+        most = float(np.linalg.norm(reference.spin, axis=1).max())
+        parts.append(np.linalg.norm(run.spin - reference.spin, axis=1) / max(most, _LENGTH * push))
+    return np.maximum.reduce(parts)

@@ -1,0 +1,54 @@
+"""Where the engine's safety of solref silently changes a model with the timestep."""
+
+from collections.abc import Iterable, Mapping, Sequence
+
+from contactlab.scene import Resolved
+from contactlab.schema import SolrefRule
+
+_EQUAL = 1e-9
+
+
+def is_clamped(run: Resolved, solrefs: Iterable[Sequence[float]]) -> bool:
+    """Return whether refsafe raises any of these time constants to two timesteps.
+
+    Args:
+        run: the run; its switch refsafe decides.
+        solrefs: in either form; one in direct form has no time constant.
+    """
+    if not run.flags["refsafe"]:
+        return False
+    return any(0 < solref[0] < 2 * run.timestep for solref in solrefs)
+
+
+def solref_rules(runs: Mapping[str, Resolved]) -> dict[str, SolrefRule | None]:
+    """Return, for each run, how solref goes with the timestep among runs that else are equal.
+
+    It is tied where the time constant is one multiple of every timestep, else absolute; None where
+    the timestep does not vary.
+    """
+    groups: dict[str, list[str]] = {}
+    for name, run in runs.items():
+        groups.setdefault(_beside_contact(run), []).append(name)
+    found: dict[str, SolrefRule | None] = {}
+    for names in groups.values():
+        found |= dict.fromkeys(names, _rule(runs, names))
+    return found
+
+
+def _beside_contact(run: Resolved) -> str:
+    values = {name: each for name, each in run.values.items() if name not in ("timestep", "solref")}
+    return repr((sorted(values.items()), sorted(run.flags.items()), run.seed, run.duration))
+
+
+def _rule(runs: Mapping[str, Resolved], names: Sequence[str]) -> SolrefRule | None:
+    timesteps = {runs[name].timestep for name in names}
+    if len(timesteps) == 1:
+        return None
+    multiples = [_time_constant(runs[name]) / runs[name].timestep for name in names]
+    least, most = min(multiples), max(multiples)
+    return "tied" if least > 0 and most - least <= _EQUAL * most else "absolute"
+
+
+def _time_constant(run: Resolved) -> float:
+    solref = run.settings.get("solref")
+    return float(solref[0]) if isinstance(solref, tuple) else 0.0

@@ -1,0 +1,95 @@
+"""The bars as a Vega-Lite specification: change in tolerances, and time saved."""
+
+from typing import Any
+
+import altair as alt
+
+from contactlab.schema import EffectFinding, EffectsReport, MetricChange
+
+# Bars end here: a label that changes, or a metric that appears, is beyond any tolerance.
+_MOST = 1e3
+_LEAST = 1e-3
+# Colours of Petroff's sequence of six; each bar has its word too.
+_COLOURS = {
+    "needed": "#e42536",
+    "absent": "#964a8b",
+    "free": "#5790fc",
+    "saves": "#f89c20",
+    "idle": "#9c9ca1",
+}
+
+
+def specification(report: EffectsReport) -> alt.TopLevelMixin:
+    """Return the chart of a report."""
+    rows = [_row(each) for each in report.effects if each.need != "unused"]
+    order = [row["effect"] for row in rows]
+    return (
+        alt.hconcat(_changes(rows, order), _costs(rows, order))
+        .properties(title=_title(report))
+        .configure(background="white", font="sans-serif")
+        .configure_axis(gridColor="#eeeeee", labelFontSize=11, titleFontSize=12, labelLimit=240)
+    )
+
+
+def _row(finding: EffectFinding) -> dict[str, Any]:
+    cost = finding.cost
+    state = "on" if finding.on else "off"
+    return {
+        "effect": f"{finding.effect} ({state})",
+        "need": finding.need,
+        "times": min(max(_times(finding), _LEAST), _MOST),
+        "left": _LEAST,
+        "ratio": cost and cost.ratio,
+        "low": cost and cost.low,
+        "high": cost and cost.high,
+        "one": 1.0,
+    }
+
+
+def _times(finding: EffectFinding) -> float:
+    if finding.labels:
+        return _MOST
+    return max((_size(each) for each in finding.changes), default=0.0)
+
+
+def _size(change: MetricChange) -> float:
+    return _MOST if change.times is None else change.times
+
+
+def _changes(rows: list[dict[str, Any]], order: list[str]) -> alt.LayerChart | alt.FacetChart:
+    x = alt.X("left:Q").scale(type="log", domain=[_LEAST, _MOST])
+    x = x.axis(title="largest change when switched, in tolerances", format="~g")
+    y = alt.Y("effect:N").sort(order).axis(title=None)
+    colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
+    colour = colour.legend(None)
+    bars = _chart(rows).mark_bar().encode(x, alt.X2("times:Q"), y, colour)
+    words = (
+        _chart(rows)
+        .mark_text(align="left", dx=4, fontSize=11)
+        .encode(alt.X("times:Q"), y, alt.Text("need:N"))
+    )
+    rule = _chart([{"limit": 1}]).mark_rule(strokeDash=[4, 3]).encode(alt.X("limit:Q"))
+    return alt.layer(bars, words, rule).properties(width=320)
+
+
+def _costs(rows: list[dict[str, Any]], order: list[str]) -> alt.LayerChart | alt.FacetChart:
+    timed = [row for row in rows if row["ratio"]]
+    x = alt.X("one:Q").scale(zero=False).axis(title="CPU time switched over base", format="~g")
+    y = alt.Y("effect:N").sort(order).axis(labels=False, title=None)
+    colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
+    bars = _chart(timed).mark_bar().encode(x, alt.X2("ratio:Q"), y, colour.legend(None))
+    spans = _chart(timed).mark_rule().encode(alt.X("low:Q"), alt.X2("high:Q"), y)
+    return alt.layer(bars, spans).properties(width=320)
+
+
+def _chart(rows: list[dict[str, Any]]) -> alt.Chart:
+    return alt.Chart(alt.Data(values=rows))
+
+
+def _title(report: EffectsReport) -> alt.TitleParams:
+    saving = report.saving
+    told = "" if saving is None else f"; the smallest set takes {saving.ratio:.2f} of the time"
+    count = len(report.scenarios) * len(report.seeds)
+    return alt.TitleParams(
+        f"Effects of {report.scene}", subtitle=f"each changed alone, over {count} runs{told}"
+    )

@@ -1,0 +1,93 @@
+"""Columns of numbers as text that a page unpacks: shuffled bytes, gzip, base64."""
+
+import base64
+import gzip
+import json
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.trace import Floats
+
+_TYPES = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
+_LEVEL = 9
+_MANTISSA = 23
+
+
+def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """Return columns as data for JSON.
+
+    The bytes of a column lie by significance, all first bytes first: neighbours are alike, which
+    gzip makes use of. The same columns give the same text.
+
+    Args:
+        columns: name to values, of a type that a typed array in a browser has.
+    """
+    kinds = {name: column.dtype.str[1:] for name, column in columns.items()}
+    stream = b"".join(_shuffled(column, kinds[name]) for name, column in columns.items())
+    packed = gzip.compress(stream, _LEVEL, mtime=0)
+    return {
+        "columns": [[name, kinds[name], column.size] for name, column in columns.items()],
+        "bytes": base64.b64encode(packed).decode(),
+    }
+
+
+def packed_text(text: str) -> str:
+    """Return text as gzip in base64; the same text gives the same."""
+    return base64.b64encode(gzip.compress(text.encode(), _LEVEL, mtime=0)).decode()
+
+
+def _shuffled(column: NDArray[Any], kind: str) -> bytes:
+    values = np.ascontiguousarray(column, dtype=_TYPES[kind])
+    return values.view(np.uint8).reshape(-1, values.itemsize).T.tobytes()
+
+
+def whole(values: NDArray[Any]) -> NDArray[Any]:
+    """Return whole numbers from 0 up in as few bytes as they need."""
+    most = int(values.max()) if values.size else 0
+    return values.astype("u1" if most < 1 << 8 else "u2" if most < 1 << 16 else "u4")
+
+
+def real(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]:
+    """Return numbers in single precision, rounded to some bits of mantissa.
+
+    What is rounded away is zero, and costs nothing once compressed. The relative error is at most
+    2^-(bits + 1).
+    """
+    with np.errstate(over="ignore"):
+        single = values.astype(np.float32)
+    if bits >= _MANTISSA:
+        return single
+    drop = _MANTISSA - bits
+    raw = single.view(np.uint32)
+    rounded = (raw + np.uint32(1 << (drop - 1))) & ~np.uint32((1 << drop) - 1)
+    return np.where(np.isfinite(single), rounded.view(np.float32), single)
+
+
+def ids(run_ids: NDArray[np.bytes_]) -> NDArray[np.uint32]:
+    """Return (2 n,) the halves of run ids of 16 hexadecimal digits."""
+    numbers = np.array([int(run, 16) for run in run_ids.tolist()], dtype=np.uint64)
+    return (
+        np.stack([numbers >> np.uint64(32), numbers & np.uint64(0xFFFFFFFF)], 1)
+        .ravel()
+        .astype("u4")
+    )
+
+
+def as_json(data: Any) -> str:  # noqa: ANN401 - anything that JSON holds
+    """Return data as JSON that cannot end the script that holds it; what is no number is null."""
+    text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _plain(data: Any) -> Any:  # noqa: ANN401
+    if isinstance(data, float):
+        return data if math.isfinite(data) else None
+    if isinstance(data, dict):
+        return {str(key): _plain(value) for key, value in data.items()}
+    if isinstance(data, list | tuple):
+        return [_plain(each) for each in data]
+    return data

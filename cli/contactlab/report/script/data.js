@@ -1,0 +1,77 @@
+// What the page holds: words as JSON, numbers as packed columns.
+
+const held = (id) => document.getElementById(id).textContent;
+
+const ARRAYS = {
+  u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array, f8: Float64Array,
+};
+
+function bytesOf(text) {
+  if (Uint8Array.fromBase64) return Uint8Array.fromBase64(text);
+  return Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+}
+
+async function inflated(text) {
+  const stream = new Blob([bytesOf(text)]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+const text = async (id) => new TextDecoder().decode(await inflated(held(id)));
+const words = JSON.parse(await text("words"));
+
+// Each column's bytes lie by significance: all first bytes, then all second ones, ...
+async function unpacked(packed) {
+  const bytes = await inflated(packed.bytes);
+  const columns = {};
+  let start = 0;
+  for (const [name, kind, length] of packed.columns) {
+    const array = new ARRAYS[kind](length);
+    const width = array.BYTES_PER_ELEMENT;
+    const raw = new Uint8Array(array.buffer);
+    for (let place = 0; place < width; place++) {
+      const from = start + place * length;
+      for (let index = 0; index < length; index++) raw[index * width + place] = bytes[from + index];
+    }
+    columns[name] = array;
+    start += width * length;
+  }
+  return columns;
+}
+
+// The library that draws charts is unpacked once the page is painted.
+async function drawing() {
+  const code = await text("bundle");
+  await new Promise((resolve, reject) => {
+    window.addEventListener("drawing", resolve, { once: true });
+    const script = document.createElement("script");
+    script.type = "module";
+    script.textContent = `${code}\nwindow.dispatchEvent(new Event("drawing"));`;
+    script.onerror = reject;
+    document.head.append(script);
+  });
+}
+
+async function draw(target, spec) {
+  const box = document.createElement("div");
+  const { view } = await window.vegaEmbed(box, spec, { actions: false, renderer: "svg", tooltip: false });
+  target.replaceChildren(box);
+  return view;
+}
+
+const NARROW = 560;
+
+// Where there is little room, legends lie below.
+function legendBelow(spec, room) {
+  if (room < NARROW) spec.config.legend = { ...spec.config.legend, orient: "bottom", columns: 1 };
+  return spec;
+}
+
+function fitted(spec, room) {
+  spec.width = Math.min(spec.width, room < NARROW ? room - 90 : room - 300);
+  return legendBelow(spec, room);
+}
+
+const number = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(4))) : "-");
+const axisOf = (name) => words.axes.find((axis) => axis.name === name);
+const quantityOf = (name) => words.quantities.find((each) => each[0] === name);
+const titled = (name, unit) => (["", "1", "any"].includes(unit) ? name : `${name} [${unit}]`);

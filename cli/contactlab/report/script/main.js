@@ -1,0 +1,281 @@
+// Joins the parts: what is shown follows the state, and the state follows what is clicked.
+
+const MOST_FIRST = 12;
+const find = (id) => document.getElementById(id);
+
+async function start() {
+  const columns = await unpacked(JSON.parse(held("columns")));
+  const packed = JSON.parse(held("series"));
+  const series = { runs: packed.runs, columns: await unpacked(packed.packed) };
+  await drawing();
+  const page = { columns, series, state: readState(), panels: [], focus: null, view: null };
+  document.body.classList.add("live");
+  if (find("map")) await startMap(page);
+  if (find("tolerances")) await startWeighing(page);
+  for (const each of document.querySelectorAll("code[data-run]")) {
+    each.replaceWith(element("button", { class: "plain", onclick: () => openRun(page, rowOf(columns, each.dataset.run)) }, each.dataset.run));
+  }
+  if (!page.state.cell) showFirst(page);
+  if (page.state.run) openRun(page, rowOf(columns, page.state.run), false);
+  document.body.dataset.ready = "yes";
+}
+
+function save(page) {
+  writeState(page.state);
+}
+
+// The map.
+
+async function startMap(page) {
+  const picture = find("map-picture");
+  picture.tabIndex = 0;
+  picture.setAttribute("role", "application");
+  picture.setAttribute("aria-label", "Map of runs; arrow keys move between cells, Enter opens one");
+  picture.addEventListener("keydown", (event) => onKey(page, event));
+  find("map-data").addEventListener("toggle", () => showMapTable(page));
+  showControls(page);
+  await showMap(page);
+  if (page.state.cell) openCell(page, page.state.cell, false);
+}
+
+function showControls(page) {
+  const { state } = page;
+  const change = (key) => (value) => {
+    state[key] = value || null;
+    if (key === "x" && state.y === state.x) state.y = null;
+    if (state.facet === state.x || state.facet === state.y) state.facet = null;
+    state.cell = null;
+    showControls(page);
+    showMap(page);
+  };
+  const names = (without) => words.axes.filter((axis) => !without.includes(axis.name)).map((axis) => [axis.name, axis.title]);
+  const none = [["", "none"]];
+  const others = words.axes.filter((axis) => !words.summed && ![state.x, state.y, state.facet].includes(axis.name));
+  const focused = document.activeElement?.closest?.("#map-controls label")?.dataset.key;
+  const made = {
+    what: choice("shown", [["label", "labels by share"], ...words.quantities.map(([name, unit]) => [name, titled(name, unit)])], state.what, change("what")),
+    stat: state.what === "label" ? null : choice("of a cell's runs", [["worst", "worst"], ["median", "median"], ["mean", "mean"]], state.stat, change("stat")),
+    x: choice("across", names([]), state.x, change("x")),
+    y: words.axes.length > 1 ? choice("upwards", [...none, ...names([state.x])], state.y, change("y")) : null,
+    facet: words.axes.length > 2 && !words.summed ? choice("one map for each", [...none, ...names([state.x, state.y])], state.facet, change("facet")) : null,
+  };
+  for (const axis of others) {
+    made[`only.${axis.name}`] = slider(axis, state.only[axis.name] ?? -1, (place) => {
+      if (place < 0) delete state.only[axis.name];
+      else state.only[axis.name] = place;
+      showMap(page);
+    });
+  }
+  const shown = Object.entries(made).filter(([, each]) => each);
+  for (const [key, each] of shown) each.dataset.key = key;
+  find("map-controls").replaceChildren(...shown.map(([, each]) => each));
+  if (focused) find("map-controls").querySelector(`[data-key="${CSS.escape(focused)}"] :is(select, input)`)?.focus();
+}
+
+async function showMap(page) {
+  const picture = find("map-picture");
+  const { spec, panels } = mapSpec(page.columns, page.state, picture.clientWidth - (picture.clientWidth < NARROW ? 0 : 160));
+  page.panels = panels;
+  page.focus = null;
+  page.view = await draw(picture, legendBelow(spec, picture.clientWidth));
+  page.view.addEventListener("click", (_, item) => onCell(page, item, (cell) => openCell(page, cell)));
+  page.view.addEventListener("mouseover", (_, item) => onCell(page, item, (cell) => focusCell(page, cell)));
+  showMapTable(page);
+  save(page);
+}
+
+function showMapTable(page) {
+  if (find("map-data").open && page.panels.length) {
+    find("map-data").querySelector(".scroll").replaceChildren(...mapTable(page.state, page.panels));
+  }
+}
+
+function onCell(page, item, then) {
+  const datum = item?.datum;
+  if (datum?.x === undefined || datum.y === undefined) return;
+  const name = item.mark?.group?.context ? item : item;
+  const panel = page.panels.length === 1 ? 0 : panelOfItem(page, name);
+  then([panel, Math.floor(datum.x), Math.floor(datum.y)]);
+}
+
+// Which of several maps a mark lies in: that of its topmost group below the page.
+function panelOfItem(page, item) {
+  let group = item.mark.group;
+  while (group && !/^concat_\d+_group$/.test(group.mark?.name ?? "")) group = group.mark?.group;
+  return group ? Number(group.mark.name.match(/\d+/)[0]) : 0;
+}
+
+function focusCell(page, cell) {
+  const [at, x, y] = cell;
+  const panel = page.panels[at];
+  page.focus = cell;
+  for (const each of page.panels) {
+    const ring = each === panel ? [{ x, x2: x + 1, y, y2: y + 1 }] : [];
+    page.view.data(`ring${each.facet ?? ""}`, ring);
+  }
+  page.view.runAsync();
+  find("map-cell").textContent = cellWords(page.state, panel, y * panel.across + x);
+}
+
+function onKey(page, event) {
+  const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
+  if (event.target.id !== "map-picture") return;
+  if (event.key === "Enter" && page.focus) {
+    openCell(page, page.focus);
+  } else if (event.key in moves) {
+    focusCell(page, page.focus ? moved(page, moves[event.key]) : [0, 0, 0]);
+  } else {
+    return;
+  }
+  event.preventDefault();
+}
+
+// Beyond the side of a map lies the next map.
+function moved(page, [right, up]) {
+  const [at, x, y] = page.focus;
+  const { across, up: height } = page.panels[at];
+  const next = x + right;
+  const row = Math.min(Math.max(y + up, 0), height - 1);
+  if (next < 0) return at > 0 ? [at - 1, across - 1, row] : [at, 0, row];
+  if (next >= across) return at + 1 < page.panels.length ? [at + 1, 0, row] : [at, across - 1, row];
+  return [at, next, row];
+}
+
+function openCell(page, cell, move = true) {
+  const [at, x, y] = cell;
+  const panel = page.panels[at];
+  const rows = panel?.cells[y * panel.across + x]?.rows;
+  if (!rows) return;
+  page.state.cell = cell;
+  focusCell(page, cell);
+  showRuns(page, rows, cellWords(page.state, panel, y * panel.across + x));
+  if (rows.length === 1) openRun(page, rows[0], move);
+  else {
+    closeRun(page);
+    if (move) find("run-list").querySelector("button")?.focus();
+  }
+}
+
+// Runs.
+
+function showRuns(page, rows, title) {
+  const list = listOf(page.columns, page.state, rows, (row) => openRun(page, row));
+  const few = words.summed ? element("p", { class: "caption" }, `${rows.length} of these are on this page.`) : null;
+  find("run-list").replaceChildren(...[element("h3", {}, title), few, ...list].filter(Boolean));
+}
+
+// Before anything is picked: a few runs, those with the worst labels first.
+function showFirst(page) {
+  const rows = Array.from({ length: words.runs }, (_, row) => row);
+  const worst = rows.sort((a, b) => page.columns.label[a] - page.columns.label[b] || a - b).slice(0, MOST_FIRST);
+  showRuns(page, worst, worst.length < words.runs ? `The worst ${worst.length} of ${words.total} runs` : "All runs");
+}
+
+function closeRun(page) {
+  page.state.run = null;
+  find("run").replaceChildren();
+  save(page);
+}
+
+function openRun(page, row, move = true) {
+  if (row < 0) return;
+  page.state.run = idOf(page.columns, row);
+  find("run").replaceChildren(...runPanel(page.columns, row));
+  showTimeline(page.series, row);
+  save(page);
+  if (move) {
+    find("run").focus({ preventScroll: true });
+    find("run").scrollIntoView({ block: "start", behavior: "instant" });
+  }
+}
+
+// Accuracy against time.
+
+async function startWeighing(page) {
+  const body = find("tolerances").querySelector("tbody");
+  for (const row of body.querySelectorAll("tr[data-name]")) makeLimit(page, row);
+  addLimits(page, body);
+  await showWeighed(page, Object.keys(page.state.limits).length > 0);
+}
+
+function makeLimit(page, row) {
+  const { name } = row.dataset;
+  const given = page.state.limits[name] ?? words.tradeoff.tolerances[name];
+  const input = element("input", { class: "limit", value: given ?? "", inputmode: "decimal", "aria-label": `limit of ${name}` });
+  input.addEventListener("input", () => {
+    const text = input.value.trim();
+    const limit = text.endsWith("%") ? Number(text.slice(0, -1)) / 100 : Number(text);
+    const wrong = text === "" || !Number.isFinite(limit) || limit < 0;
+    input.classList.toggle("wrong", wrong);
+    input.setAttribute("aria-invalid", wrong);
+    if (wrong) return;
+    if (limit === words.tradeoff.tolerances[name]) delete page.state.limits[name];
+    else page.state.limits[name] = limit;
+    showWeighed(page, true);
+  });
+  row.querySelector(".limit").replaceChildren(input);
+}
+
+// A tolerance of any other metric can be added; one from the address is there from the start.
+function addLimits(page, body) {
+  const known = Object.keys(page.columns).filter((name) => name.startsWith("worst:")).map((name) => name.slice(6));
+  const present = () => [...body.querySelectorAll("tr[data-name]")].map((row) => row.dataset.name);
+  const add = (name) => {
+    const cells = ["limit", "worst", "margin"].map((kind) => element("td", { class: `number ${kind}` }));
+    const row = element("tr", { "data-name": name }, element("th", { scope: "row" }, name), ...cells);
+    body.querySelector(".none")?.remove();
+    body.append(row);
+    makeLimit(page, row);
+    return row;
+  };
+  for (const name of Object.keys(page.state.limits)) {
+    if (!known.includes(name)) delete page.state.limits[name];
+    else if (!present().includes(name)) add(name);
+  }
+  const options = () => [["", "add a tolerance"], ...known.filter((name) => !present().includes(name)).map((name) => [name, name])];
+  const list = element("select", { "aria-label": "add a tolerance" });
+  const refill = () => list.replaceChildren(...options().map(([value, text]) => element("option", { value }, text)));
+  list.addEventListener("change", () => {
+    if (list.value) add(list.value).querySelector("input").focus();
+    refill();
+  });
+  refill();
+  find("weigh-command").before(list);
+}
+
+async function showWeighed(page, edited) {
+  const limits = limitsOf(page.state);
+  const weighed = weigh(page.columns, limits);
+  for (const row of find("tolerances").querySelectorAll("tr[data-name]")) showMargin(page, row, weighed.chosen, limits);
+  if (edited) find("advice").replaceChildren(...adviceOf(page.columns, weighed, limits));
+  const changed = Object.entries(page.state.limits).map(([name, limit]) => ` --tolerance ${name}=${limit}`);
+  find("weigh-command").textContent = `contactlab tradeoff ${words.store}${changed.join("")}`;
+  if (words.specs.tradeoff) {
+    const picture = find("chart-picture");
+    const view = await draw(picture, fitted(chartSpec(page.columns, weighed, limits), picture.clientWidth));
+    view.addEventListener("click", (_, item) => onPoint(page, item?.datum));
+  }
+  save(page);
+}
+
+function showMargin(page, row, place, limits) {
+  const { name } = row.dataset;
+  const known = place !== null && name in limits;
+  const margin = known ? marginOf(page.columns, name, place, limits[name]) : null;
+  row.querySelector(".worst").textContent = known ? number(page.columns[`worst:${name}`][place]) : "-";
+  row.querySelector(".margin").textContent = margin === null ? "-" : `x ${Number(margin.toPrecision(3))}`;
+}
+
+function onPoint(page, datum) {
+  if (datum?.place === undefined) return;
+  const rows = [];
+  page.columns.place.forEach((place, row) => { if (place === datum.place) rows.push(row); });
+  const title = configuration(datum.place).map(([name, value]) => `${name} ${value}`).join(", ");
+  showRuns(page, rows, title || "All runs");
+  closeRun(page);
+  find("run-list").scrollIntoView({ block: "start", behavior: "instant" });
+  find("run-list").querySelector("button")?.focus({ preventScroll: true });
+}
+
+// Without what script needs, the page stays as it was printed.
+start().catch((error) => console.warn(`this page stays without interaction: ${error.message}`));

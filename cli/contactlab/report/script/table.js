@@ -1,0 +1,47 @@
+// Elements; text goes in as text, never as markup.
+
+function element(tag, given = {}, ...inner) {
+  const made = document.createElement(tag);
+  for (const [key, value] of Object.entries(given)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value === true) made.setAttribute(key, "");
+    else if (value !== null && value !== false && value !== undefined) made.setAttribute(key, value);
+  }
+  made.append(...inner.filter((each) => each !== null && each !== undefined));
+  return made;
+}
+
+function table(header, rows) {
+  const heads = header.map((name) => element("th", { scope: "col" }, name));
+  const lines = rows.map(([first, ...rest]) =>
+    element("tr", {}, element("th", { scope: "row" }, first), ...rest.map((cell) => element("td", {}, cell))));
+  return element("table", {}, element("thead", {}, element("tr", {}, ...heads)), element("tbody", {}, ...lines));
+}
+
+function pairsOf(rows) {
+  return element("dl", { class: "pairs" }, ...rows.map(([name, value, title]) =>
+    element("div", {}, element("dt", { title }, name), element("dd", {}, value))));
+}
+
+function choice(name, options, chosen, onchange) {
+  const list = element("select", { onchange: (event) => onchange(event.target.value) },
+    ...options.map(([value, text]) => element("option", { value, selected: value === (chosen ?? "") }, text)));
+  return element("label", {}, name, list);
+}
+
+// A slider over the values of an axis; at its left end it stands for all of them.
+function slider(axis, place, oninput) {
+  const shown = (at) => (at < 0 ? "all" : axis.words[at]);
+  const output = element("output", {}, shown(place));
+  const range = element("input", {
+    type: "range", min: -1, max: axis.words.length - 1, value: place, "aria-label": axis.title,
+    "aria-valuetext": shown(place),
+    oninput: (event) => {
+      const at = Number(event.target.value);
+      output.textContent = shown(at);
+      event.target.setAttribute("aria-valuetext", shown(at));
+      oninput(at);
+    },
+  });
+  return element("label", {}, axis.title, element("span", {}, range, " ", output));
+}

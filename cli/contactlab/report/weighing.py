@@ -1,0 +1,86 @@
+"""The trade-off of a store, and the numbers that a page weighs it by again."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.errors import StoreError
+from contactlab.evidence import Store
+from contactlab.report.grid import Codes
+from contactlab.report.quantities import Quantity
+from contactlab.schema import TradeoffReport
+from contactlab.trace import Floats
+from contactlab.tradeoff import ESTIMATES, Question, tradeoff
+
+
+@dataclass(frozen=True)
+class Weighing:
+    """A trade-off over c configurations of n runs.
+
+    Attributes:
+        report: what `contactlab tradeoff` says.
+        places: (n,) the configuration of each run.
+        worst: metric to (c,) largest size over a configuration's runs, NaN if a run has none.
+        sound: (c,) whether a configuration is feasible but for its tolerances.
+    """
+
+    report: TradeoffReport
+    places: Codes
+    worst: dict[str, Floats]
+    sound: NDArray[np.bool_]
+
+
+def weigh_store(store: Store, question: Question) -> tuple[TradeoffReport | None, str]:
+    """Return the trade-off of a store; without one, why there is none."""
+    try:
+        return tradeoff(store, question), ""
+    except StoreError as error:
+        if question.error is not None:
+            raise
+        return None, str(error)
+
+
+def weighing(store: Store, report: TradeoffReport, quantities: tuple[Quantity, ...]) -> Weighing:
+    """Return the largest size of every quantity in every configuration, as a trade-off has it."""
+    places = _places(store, report.knobs)
+    count = len(report.configurations)
+    cases = _places(store, (*report.scenarios, "seed"))
+    pairs = np.unique(np.stack([places, cases], 1), axis=0)
+    full = np.bincount(pairs[:, 0], minlength=count) == len(np.unique(cases))
+    stable = np.array([set(each.outcomes.labels) == {"stable"} for each in report.configurations])
+    timed = np.array([each.time is not None for each in report.configurations])
+    order = np.argsort(places, kind="stable")
+    starts = np.searchsorted(places[order], np.arange(count))
+    sizes = {each.name: _sizes(store, each) for each in quantities}
+    unknown = [name for name in report.tolerances if name not in sizes]
+    sizes |= {name: np.abs(store.columns.numbers(name).values) for name in unknown}
+    worst = {name: np.maximum.reduceat(each[order], starts) for name, each in sizes.items()}
+    return Weighing(report, places, worst, full & stable & timed)
+
+
+def _sizes(store: Store, quantity: Quantity) -> Floats:
+    """Return sizes as tolerances are held against them.
+
+    An error is at least what its reference may be off by.
+    """
+    sizes = np.abs(quantity.values)
+    estimate = ESTIMATES.get(quantity.name)
+    if estimate is None or estimate not in store.columns.schema.names:
+        return sizes
+    return np.maximum(sizes, np.nan_to_num(store.columns.numbers(estimate).values))
+
+
+def _places(store: Store, names: tuple[str, ...]) -> Codes:
+    """Return (n,) which combination of values each run has, numbered as they first occur."""
+    codes = np.zeros(store.columns.runs, dtype=np.int64)
+    for name in names:
+        if store.columns.is_number(name):
+            _, own = np.unique(store.columns.numbers(name).values, return_inverse=True)
+        else:
+            own = store.columns.words(name).codes + 1
+        _, codes = np.unique(codes * (int(own.max()) + 1) + own, return_inverse=True)
+    _, firsts, inverse = np.unique(codes, return_index=True, return_inverse=True)
+    ranks = np.empty(len(firsts), dtype=np.int64)
+    ranks[np.argsort(firsts)] = np.arange(len(firsts))
+    return ranks[inverse]

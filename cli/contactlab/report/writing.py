@@ -1,0 +1,85 @@
+"""Write a store's page or figures; the libraries for it are an extra."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from contactlab.errors import OutputError
+from contactlab.evidence import Store, replacing
+from contactlab.report.asking import PageAsk, Written
+from contactlab.report.drawing import FORMATS, check_libraries, rendered
+from contactlab.tradeoff import Question
+
+_EVERYTHING = PageAsk()
+_NOTHING = Question()
+
+
+def write_page(store: Store, target: Path, ask: PageAsk = _EVERYTHING) -> Written:
+    """Write everything of a store into one page that needs nothing else.
+
+    The same store gives the same bytes.
+
+    Args:
+        store: a finished store.
+        target: the HTML file.
+        ask: what it should hold.
+
+    Raises:
+        OutputError: libraries for it are missing, or it cannot be written.
+        SweepFileError: a tolerance is of something that the store does not measure.
+        StoreError: the store cannot be read.
+    """
+    check_libraries()
+    from contactlab.report.page import page  # noqa: PLC0415 - needs the extra
+
+    text, notes = page(store, ask)
+    data = text.encode()
+    with replacing(target) as temporary:
+        temporary.write_bytes(data)
+    return Written(len(data), notes)
+
+
+def write_figures(
+    store: Store, folder: Path, formats: Sequence[str], question: Question = _NOTHING
+) -> list[Path]:
+    """Write every figure that a store holds what it needs for.
+
+    The same store gives the same bytes.
+
+    Args:
+        store: a finished store.
+        folder: where they go; it is made if it is missing.
+        formats: of png, svg and pdf.
+        question: which error stands for accuracy, and tolerances over those of the sweep.
+
+    Returns:
+        The files.
+
+    Raises:
+        OutputError: a format is not known, libraries are missing, or a file cannot be written.
+        SweepFileError: a tolerance is of something that the store does not measure.
+        StoreError: the store cannot be read.
+    """
+    for form in formats:
+        if form not in FORMATS:
+            raise OutputError(f"no format '{form}'; write some of {', '.join(FORMATS)}")
+    check_libraries()
+    from contactlab.report.figures import figures  # noqa: PLC0415 - needs the extra
+    from contactlab.report.gathering import gather  # noqa: PLC0415
+
+    gathered = gather(store, question)
+    _make(folder)
+    written: list[Path] = []
+    for name, spec in figures(gathered):
+        for form in formats:
+            path = folder / f"{name}.{form}"
+            with replacing(path) as temporary:
+                temporary.write_bytes(rendered(spec, form))
+            written.append(path)
+    return written
+
+
+def _make(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make {folder}: {error.strerror}") from error

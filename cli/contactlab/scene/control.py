@@ -1,0 +1,128 @@
+"""Controls and forces that change over time, as a manifest writes them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError
+from contactlab.plan import Expression
+from contactlab.scene.coordinates import match
+from contactlab.scene.formula import computed, read_formula
+from contactlab.schema import SceneManifest, Term
+from contactlab.trace import Floats
+
+_INPUTS = "ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz"
+
+
+@dataclass(frozen=True)
+class Programme:
+    """What inputs of one pattern do over time.
+
+    Attributes:
+        name: the pattern, for messages.
+        inputs: places among the controls followed by the forces on bodies.
+        times: of its knots [s].
+        levels: at its knots.
+    """
+
+    name: str
+    inputs: tuple[int, ...]
+    times: tuple[Expression, ...]
+    levels: tuple[Expression, ...]
+
+
+class Lines(NamedTuple):
+    """Programmes computed for n runs; see `Starts`."""
+
+    driven: np.ndarray
+    knots: Floats
+    levels: Floats
+
+
+def read_programmes(model: mujoco.MjModel, manifest: SceneManifest | None) -> tuple[Programme, ...]:
+    """Return what a manifest's `control` says.
+
+    Raises:
+        SceneError: it names what the model lacks or what is no input, or one input twice, or
+            holds what cannot be computed.
+    """
+    if manifest is None:
+        return ()
+    found = [_programme(model, manifest, name) for name in manifest.control]
+    taken: dict[int, str] = _set_at_start(model, manifest)
+    for programme in found:
+        for place in programme.inputs:
+            if place in taken:
+                raise SceneError(
+                    f"control {programme.name}: {taken[place]} sets the same; keep one of them"
+                )
+            taken[place] = f"control {programme.name}"
+    return tuple(found)
+
+
+def drawn(programmes: Sequence[Programme], runs: Sequence[Mapping[str, float]]) -> Lines:
+    """Return the lines that programmes draw for each run's initial values.
+
+    Raises:
+        SceneError: a knot cannot be computed, or times decrease.
+    """
+    most = max((len(each.times) for each in programmes), default=0)
+    driven = [place for each in programmes for place in each.inputs]
+    shape = (len(runs), len(driven), most)
+    lines = Lines(np.tile(np.array(driven, np.intp), (len(runs), 1)), *np.zeros((2, *shape)))
+    for run, initial in enumerate(runs):
+        rows = [_knots(each, initial, most) for each in programmes for _ in each.inputs]
+        for place, (times, levels) in enumerate(rows):
+            lines.knots[run, place], lines.levels[run, place] = times, levels
+    return lines
+
+
+def _programme(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> Programme:
+    entry = manifest.control[name]
+
+    def formulas(terms: Sequence[Term], part: str) -> tuple[Expression, ...]:
+        return tuple(
+            read_formula(term, f"control {name} sets its {part}", manifest) for term in terms
+        )
+
+    return Programme(
+        name, _inputs(model, name), formulas(entry.at, "times"), formulas(entry.to, "values")
+    )
+
+
+def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
+    offsets = {"ctrl": 0, "xfrc_applied": model.nu}
+    found = match(model, pattern)
+    if any(each.field not in offsets for each in found):
+        raise SceneError(f"control '{pattern}' is no input, but part of the state; write {_INPUTS}")
+    return tuple(offsets[each.field] + each.index for each in found)
+
+
+def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
+    """Return the inputs that initial values set already, and which does."""
+    offsets = {"ctrl": 0, "xfrc_applied": model.nu}
+    return {
+        offsets[each.field] + each.index: f"initial value '{name}'"
+        for name, entry in manifest.initial.items()
+        for pattern in entry.sets
+        for each in match(model, pattern)
+        if each.field in offsets
+    }
+
+
+def _knots(
+    programme: Programme, initial: Mapping[str, float], most: int
+) -> tuple[list[float], list[float]]:
+    """Return a programme's knots, the last one repeated to fill up."""
+    times = [computed(each, initial) for each in programme.times]
+    if times != sorted(times):
+        raise SceneError(
+            f"control {programme.name}: times must not decrease, but are "
+            f"{', '.join(f'{time:g}' for time in times)} s for {dict(initial)}"
+        )
+    levels = [computed(each, initial) for each in programme.levels]
+    rest = most - len(times)
+    return times + times[-1:] * rest, levels + levels[-1:] * rest

@@ -1,0 +1,125 @@
+"""What a compiled structure decides about its effects; found once."""
+
+import mujoco
+import numpy as np
+
+from contactlab.scene.effects.effect import Facts
+from contactlab.scene.effects.unused import tendons_act
+from contactlab.scene.sensors import PREFIX
+
+_GEOM = mujoco.mjtGeom
+_JOINT = mujoco.mjtJoint
+_OBJECT = mujoco.mjtObj
+# Beyond it, which geoms can touch is not looked up: the table of all pairs would be too large.
+_MOST_GEOMS = 2000
+
+
+def find_facts(model: mujoco.MjModel, *, energy: bool) -> Facts:
+    """Return the facts of a compiled model, recording sensors included."""
+    touch = _touching(model)
+    return Facts(
+        kinds=_kinds(model, touch),
+        level=touch is not None and _is_level(model, touch),
+        turning=touch is None or _can_turn(model, touch),
+        crowded=bool(model.nflex or (np.asarray(model.body_geomnum) > 1).any()),
+        sensors=len(spare_sensors(model)),
+        tendons=int(model.ntendon),
+        idle_tendons=_are_idle(model),
+        energy=energy,
+    )
+
+
+def spare_sensors(model: mujoco.MjModel) -> list[int]:
+    """Return the ids of sensors that do not record the run; those of plugins are left alone."""
+    return [
+        index
+        for index in range(model.nsensor)
+        if not model.sensor(index).name.startswith(PREFIX)
+        and model.sensor_type[index] != mujoco.mjtSensor.mjSENS_PLUGIN
+    ]
+
+
+def _touching(model: mujoco.MjModel) -> np.ndarray | None:
+    """Return (n, 2) pairs of geoms that could touch, or None if there are too many to say.
+
+    A superset of what the engine lets touch: its filter of parents and children, and its
+    exclusions, are left out.
+    """
+    if model.nflex or model.nplugin or model.ngeom > _MOST_GEOMS:
+        return None
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        return None
+    kind, affinity = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    weld = np.asarray(model.body_weldid)[model.geom_bodyid]
+    bits = (kind[:, None] & affinity[None, :]) | (kind[None, :] & affinity[:, None])
+    possible = (bits != 0) & (weld[:, None] != weld[None, :])
+    found = np.argwhere(np.triu(possible, 1))
+    listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
+    return np.concatenate([found, listed]).astype(np.intp)
+
+
+def _kinds(model: mujoco.MjModel, touch: np.ndarray | None) -> frozenset[tuple[int, int]] | None:
+    if touch is None:
+        return None
+    types = np.sort(np.asarray(model.geom_type)[touch], axis=1)
+    flat = {int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD)}
+    pairs = {(int(first), int(second)) for first, second in types}
+    return frozenset(pair for pair in pairs if not set(pair) <= flat)
+
+
+def _is_level(model: mujoco.MjModel, touch: np.ndarray) -> bool:
+    if model.nu or model.neq or model.ntendon or model.nplugin or model.nmocap:
+        return False
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    return bool(len(touch)) and all(_is_level_pair(model, data, *pair) for pair in touch)
+
+
+def _is_level_pair(model: mujoco.MjModel, data: mujoco.MjData, first: int, second: int) -> bool:
+    plane, sphere = sorted((first, second), key=lambda geom: int(model.geom_type[geom]))
+    types = (int(model.geom_type[plane]), int(model.geom_type[sphere]))
+    if types != (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_SPHERE):
+        return False
+    body = int(model.geom_bodyid[sphere])
+    normal = np.asarray(data.geom_xmat[plane]).reshape(3, 3)[:, 2]
+    still = int(model.body_weldid[model.geom_bodyid[plane]]) == 0
+    return bool(still and not normal[:2].any() and _is_loose(model, body, sphere))
+
+
+def _is_loose(model: mujoco.MjModel, body: int, geom: int) -> bool:
+    """Say whether a body is free, alone, and has its centre of mass in a geom's centre."""
+    free = model.body_jntnum[body] == 1 and (
+        model.jnt_type[model.body_jntadr[body]] == _JOINT.mjJNT_FREE
+    )
+    alone = model.body_parentid[body] == 0 and not (np.asarray(model.body_parentid) == body).any()
+    centred = np.array_equal(model.geom_pos[geom], model.body_ipos[body])
+    return bool(free and alone and centred)
+
+
+def _can_turn(model: mujoco.MjModel, touch: np.ndarray) -> bool:
+    bodies = np.unique(np.asarray(model.geom_bodyid)[touch.ravel()])
+    return any(_turns(model, int(body)) for body in bodies) or bool(model.nmocap)
+
+
+def _turns(model: mujoco.MjModel, body: int) -> bool:
+    """Say whether a joint between a body and the world can turn it."""
+    while body:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        if any(model.jnt_type[first : first + count] != _JOINT.mjJNT_SLIDE):
+            return True
+        body = int(model.body_parentid[body])
+    return False
+
+
+def _are_idle(model: mujoco.MjModel) -> bool:
+    """Say whether no tendon acts or is used by anything but sensors that can be left out."""
+    if not model.ntendon:
+        return True
+    driven = (np.asarray(model.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON).any()
+    tied = (np.asarray(model.eq_type) == mujoco.mjtEq.mjEQ_TENDON).any()
+    spare = set(spare_sensors(model))
+    measured = any(
+        index not in spare and kind == _OBJECT.mjOBJ_TENDON
+        for index, kind in enumerate(model.sensor_objtype)
+    )
+    return not (tendons_act(model) or driven or tied or measured or model.nplugin)

@@ -1,0 +1,238 @@
+"""Proofs, in words, that nothing changes in a run without an effect; None where there is none.
+
+What a proof rests on is the engine's own code path: what is not there is not computed, and what
+acts with a force of exactly zero leaves the state as it is, to rounding.
+"""
+
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from contactlab.scene.effects.effect import Situation
+
+Proof = Callable[[Situation], str | None]
+
+_GEOM = mujoco.mjtGeom
+_ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
+_BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
+# Switches that not every engine version has.
+_SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+_TENDON_FORCES = (
+    "stiffness",
+    "stiffnesspoly",
+    "damping",
+    "dampingpoly",
+    "frictionloss",
+    "armature",
+    "limited",
+)
+# Pairs that have a collision function of their own; all else goes through the general one.
+_DIRECT = (
+    {(first, second) for first in _ROUND for second in _ROUND if first <= second}
+    | {(int(_GEOM.mjGEOM_PLANE), shape) for shape in (*_ROUND, _BOX, _CYLINDER)}
+    | {(shape, _BOX) for shape in (*_ROUND, _BOX)}
+    | {(int(_GEOM.mjGEOM_SPHERE), _CYLINDER)}
+)
+
+
+def never(_: Situation) -> str | None:
+    """Prove nothing."""
+    return None
+
+
+def no_contact(run: Situation) -> str | None:
+    """No two geoms can touch."""
+    return "no two geoms can touch" if run.facts.kinds == frozenset() else None
+
+
+def zero(reason: str, *fields: str) -> Proof:
+    """Return the proof that all coefficients in some fields of the model are zero."""
+
+    def prove(run: Situation) -> str | None:
+        acting = any(np.any(getattr(run.model, field, 0)) for field in fields)
+        return None if acting else reason
+
+    return prove
+
+
+def no_damping(run: Situation) -> str | None:
+    """No joint, tendon or flex is damped; with springs off too, air would go with it."""
+    found = zero(
+        "no joint or tendon is damped",
+        "dof_damping",
+        "dof_dampingpoly",
+        "actuator_damping",
+        "tendon_damping",
+        "flex_damping",
+        "flex_edgedamping",
+    )(run)
+    return None if _has_other_forces(run.model) else found
+
+
+def no_spring(run: Situation) -> str | None:
+    """No joint, tendon or flex is a spring; with damping off too, air would go with it."""
+    found = zero(
+        "no joint or tendon is a spring",
+        "jnt_stiffness",
+        "jnt_stiffnesspoly",
+        "tendon_stiffness",
+        "tendon_stiffnesspoly",
+        "flex_stiffness",
+        "flex_edgestiffness",
+    )(run)
+    return None if run.model.nflex or _has_other_forces(run.model) else found
+
+
+def _has_other_forces(model: mujoco.MjModel) -> bool:
+    """Say whether passive forces act that would go if both springs and damping were off."""
+    air = model.opt.density or model.opt.viscosity
+    return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
+
+
+def no_limit(run: Situation) -> str | None:
+    """No joint or tendon has a limit."""
+    return zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")(run)
+
+
+def no_gravity(run: Situation) -> str | None:
+    """Gravity is zero."""
+    return None if run.model.opt.gravity.any() else "gravity is zero"
+
+
+def no_air(run: Situation) -> str | None:
+    """Without density and viscosity there is no force of a medium, whatever the wind."""
+    option = run.model.opt
+    return None if option.density or option.viscosity else "the medium has no density or viscosity"
+
+
+def no_friction(run: Situation) -> str | None:
+    """No contact has friction, and no joint or tendon has friction loss."""
+    if found := no_contact(run):
+        return found
+    return None if has_friction(run.model) else "no contact has friction"
+
+
+def no_noslip(run: Situation) -> str | None:
+    """There is no friction that could slip, in contacts or in joints."""
+    lossless = zero("", "dof_frictionloss", "tendon_frictionloss")(run) is not None
+    return no_friction(run) if lossless else None
+
+
+def has_friction(model: mujoco.MjModel) -> bool:
+    """Say whether any contact could have friction."""
+    return most_condim(model) > 1
+
+
+def most_condim(model: mujoco.MjModel) -> int:
+    """Return the most dimensions that any contact of a model could have; 0 without geoms."""
+    solid = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
+    dims = np.concatenate([model.geom_condim[solid != 0], model.pair_dim, _flex(model)])
+    return int(dims.max(initial=0))
+
+
+def _flex(model: mujoco.MjModel) -> np.ndarray:
+    return np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
+
+
+def straight_drop(run: Situation) -> str | None:
+    """A sphere that falls straight on a level plane never moves sideways in its contact.
+
+    Its contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
+    by itself; of pyramids only those with a coefficient of 1 in three dimensions sum to the same
+    normal force.
+    """
+    if found := no_contact(run):
+        return found
+    gravity = np.asarray(run.model.opt.gravity)
+    if not run.straight or not run.facts.level or gravity[:2].any() or no_air(run) is None:
+        return None
+    if run.model.opt.wind.any() or not (_is_elliptic(run.model) or _is_unit_pyramid(run.model)):
+        return None
+    return "what falls does so straight, and its contacts never move sideways"
+
+
+def no_turning(run: Situation) -> str | None:
+    """Bodies that touch cannot turn, and an elliptic cone treats every direction by itself."""
+    if found := no_contact(run):
+        return found
+    if not run.facts.turning and _is_elliptic(run.model):
+        return "no body that can touch another can turn"
+    return straight_drop(run)
+
+
+def _is_elliptic(model: mujoco.MjModel) -> bool:
+    return bool(model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC)
+
+
+def _is_unit_pyramid(model: mujoco.MjModel) -> bool:
+    slides = np.concatenate([model.geom_friction[:, 0], model.pair_friction[:, :2].ravel()])
+    return most_condim(model) <= 3 and bool((slides == 1).all())
+
+
+def no_general_collision(run: Situation) -> str | None:
+    """Every pair of shapes has a collision function of its own; contacts ahead of touch do not."""
+    if found := no_contact(run):
+        return found
+    if run.model.opt.enableflags & _SPECULATIVE:
+        return None
+    if run.facts.kinds is None or not run.facts.kinds <= _DIRECT:
+        return None
+    return "all shapes that can touch have a collision function of their own"
+
+
+def no_crowd(run: Situation) -> str | None:
+    """There is no body whose geoms could be sorted."""
+    return no_contact(run) or (None if run.facts.crowded else "no body has more than one geom")
+
+
+def one_tree(run: Situation) -> str | None:
+    """One kinematic tree is one island; sleeping needs islands."""
+    if run.model.ntree > 1 or run.model.nflex or run.model.opt.enableflags & _SLEEP:
+        return None
+    return "a single tree of bodies is one island"
+
+
+def no_constraint(run: Situation) -> str | None:
+    """No contact, limit, equality or friction loss: nothing is solved."""
+    model = run.model
+    solved = model.neq or model.nflex or np.any(model.dof_frictionloss)
+    if solved or np.any(model.tendon_frictionloss) or no_contact(run) is None:
+        return None
+    return None if no_limit(run) is None else "there is nothing to solve"
+
+
+def no_equality(run: Situation) -> str | None:
+    """No equality constraint is there, or all are inactive."""
+    if not run.model.neq:
+        return "no equality constraint"
+    return None if np.any(run.model.eq_active0) else "no equality constraint is active"
+
+
+def no_actuator(run: Situation) -> str | None:
+    """There is no actuator."""
+    return None if run.model.nu else "no actuator"
+
+
+def no_ctrl_limit(run: Situation) -> str | None:
+    """No control is limited."""
+    if run.model.nu and np.any(run.model.actuator_ctrllimited):
+        return None
+    return "no control is limited"
+
+
+def idle_tendons(run: Situation) -> str | None:
+    """No tendon does anything."""
+    idle = run.facts.idle_tendons and not tendons_act(run.model)
+    return "no tendon exerts a force" if idle else None
+
+
+def tendons_act(model: mujoco.MjModel) -> bool:
+    """Say whether a tendon has a spring, damping, friction, a limit or inertia."""
+    return any(np.any(getattr(model, f"tendon_{each}", 0)) for each in _TENDON_FORCES)
+
+
+def spare_sensors(_: Situation) -> str | None:
+    """Sensors measure, and change nothing; no metric reads those of the model."""
+    return "no metric reads the model's own sensors"

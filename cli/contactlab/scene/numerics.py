@@ -1,0 +1,73 @@
+"""Which settings only discretise a model, and which are part of the model itself.
+
+What only discretises shares the limit of small timesteps, and so a reference; all other settings
+change what the limit is: contact parameters (solref, solimp, friction, condim, margin, gap), cone
+and impratio, gravity and the like, and what the manifest sets. Of settings that look numerical,
+these are part of the model:
+
+- noslip_iterations, noslip_tolerance: the pass takes slip away that the contact model has; what
+  is left depends on how far it goes, at any timestep.
+- refsafe: without it solref is what it says at any timestep; with it only where the timestep is
+  small enough, which is an error of the run, and is marked as `solref_clamped`.
+- multiccd, nativeccd, speculative, diagexact: these make other contacts, or other impedances.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from contactlab.scene.scene import Resolved
+
+
+@dataclass(frozen=True)
+class Numeric:
+    """A setting or a switch that only discretises.
+
+    Attributes:
+        reference: what a reference has; None for what each reference chooses.
+        reason: why its limit does not depend on it.
+    """
+
+    reference: object
+    reason: str
+
+
+_SOLVED = "the constraint problem is convex: solved to the end, every way gives one answer"
+_TOUCH = "how closely the distance of convex shapes is found"
+NUMERICS: Mapping[str, Numeric] = MappingProxyType(
+    {
+        "timestep": Numeric(None, "what goes to zero"),
+        "integrator": Numeric(None, "all are consistent: they differ by powers of the timestep"),
+        "solver": Numeric("Newton", _SOLVED),
+        "iterations": Numeric(200, _SOLVED),
+        "tolerance": Numeric(1e-12, _SOLVED),
+        "ls_iterations": Numeric(50, _SOLVED),
+        "ls_tolerance": Numeric(0.01, _SOLVED),
+        "jacobian": Numeric("auto", "how the same matrix is stored"),
+        "ccd_iterations": Numeric(200, _TOUCH),
+        "ccd_tolerance": Numeric(1e-9, _TOUCH),
+        "warmstart": Numeric(True, "where the solver starts; " + _SOLVED),
+        "island": Numeric(True, "bodies that do not touch are solved apart; " + _SOLVED),
+        "midphase": Numeric(True, "how pairs that are far apart are left out"),
+        "eulerdamp": Numeric(True, "damping taken at the end of a step or at its start"),
+        "sleep": Numeric(False, "leaves out bodies at rest, which should not move anyway"),
+    }
+)
+
+
+def as_reference(run: Resolved, integrator: str, timestep: float) -> Resolved:
+    """Return a run's model and start with the numerics of a reference.
+
+    Runs that differ in nothing but numerics give equal references.
+
+    Args:
+        run: the run.
+        integrator: of the reference.
+        timestep: of the reference [s].
+    """
+    chosen = {name: each.reference for name, each in NUMERICS.items()}
+    chosen |= {"integrator": integrator, "timestep": timestep}
+    settings = {name: chosen.get(name, value) for name, value in run.settings.items()}
+    flags = {name: bool(chosen.get(name, state)) for name, state in run.flags.items()}
+    written = {name for name in chosen if name in settings or name in flags}
+    return replace(run, settings=settings, flags=flags, changed=run.changed | written)

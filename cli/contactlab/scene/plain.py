@@ -1,0 +1,31 @@
+"""A run's model as it is written, without the sensors that record."""
+
+from dataclasses import replace
+
+import mujoco
+
+from contactlab.scene.compile import compile_model
+from contactlab.scene.effects import is_straight, remove
+from contactlab.scene.scene import Resolved, Scene
+from contactlab.scene.starts import Starts
+
+
+def compile_plain(scene: Scene, run: Resolved) -> mujoco.MjModel:
+    """Compile the structure of a run without the sensors that record."""
+    return compile_model(scene.source, run.structure, lambda spec: remove(spec, run.without))
+
+
+def prepare_plain(
+    scene: Scene, run: Resolved, start: Starts, compiled: mujoco.MjModel
+) -> mujoco.MjModel:
+    """Return a copy of a compiled structure with all that makes it the run's own model.
+
+    Args:
+        scene: the run's.
+        run: the run.
+        start: its start state, n being 1.
+        compiled: its structure, from `compile_plain`.
+    """
+    base = replace(scene.base_of(run), model=compiled)
+    straight = is_straight(compiled, start)
+    return base.prepare(run.edits(), run.wishes, straight=straight).model

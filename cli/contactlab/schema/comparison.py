@@ -1,0 +1,102 @@
+"""What `contactlab compare` finds: checks with their verdicts, as data."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from contactlab.schema.model import Model
+from contactlab.schema.policy import Level
+from contactlab.schema.record import Setting
+
+COMPARISON_VERSION = 1
+
+Verdict = Literal["better", "same", "worse", "changed", "missing", "not comparable"]
+Outcome = Literal["failed", "warned", "noted", "passed", "skipped"]
+CheckKind = Literal["evidence", "runs", "labels", "metrics", "time", "recommendation"]
+
+
+class ComparedStore(Model):
+    """One side of a comparison."""
+
+    store: str
+    sweep: str
+    runs: int
+    engine: str
+    contactlab: str
+    git_revision: str | None
+    cpu_model: str
+    finished: str
+
+
+class Difference(Model):
+    """Something that the stores do not have in common."""
+
+    what: str
+    baseline: str
+    candidate: str
+    required: bool = Field(description="Whether the policy requires it to be the same.")
+
+
+class RunPair(Model):
+    """Two runs that were compared, or one that has no other."""
+
+    baseline_run: str | None
+    candidate_run: str | None
+    axes: dict[str, Setting]
+    baseline: float | str | None
+    candidate: float | str | None
+
+
+class Check(Model):
+    """One thing that was judged; the same ones every time, whatever comes out."""
+
+    name: str
+    kind: CheckKind
+    group: str = Field(description="Axis values of its runs, such as cone=elliptic; or empty.")
+    level: Level
+    outcome: Outcome = Field(description="What it means for the job.")
+    verdict: Verdict = Field(description="What it means for the evidence.")
+    runs: int = Field(description="Runs, or groups of them, that were judged.")
+    failing: int = Field(description="How many of these fall short.")
+    counts: dict[Verdict, int] = Field(description="How many have which verdict.")
+    message: str = Field(description="What was found, in words.")
+    unit: str = ""
+    accepted: str | None = Field(default=None, description="Why the policy accepts it.")
+    worst: tuple[RunPair, ...] = Field(default=(), description="The worst few.")
+
+
+class Transition(Model):
+    """Runs whose worst label changed."""
+
+    baseline: str
+    candidate: str
+    runs: int
+    verdict: Verdict
+
+
+class PairCounts(Model):
+    """How many runs there are, and what became of them."""
+
+    paired: int
+    missing: int = Field(description="Only in the baseline.")
+    new: int = Field(description="Only in the candidate.")
+    bitwise_equal: int = Field(description="Every state of the trajectory is equal.")
+    knife_edge: int = Field(description="Set apart, since another label is 1e-6 away.")
+    knife_edge_flipped: int = Field(description="Of these, with another label now.")
+
+
+class ComparisonReport(Model):
+    """What came of comparing two stores."""
+
+    schema_version: Literal[1] = COMPARISON_VERSION
+    verdict: Verdict
+    exit_code: int
+    headline: str
+    baseline: ComparedStore | None = Field(description="Null if it cannot be read.")
+    candidate: ComparedStore | None = Field(description="Null if it cannot be read.")
+    match: Literal["id", "axes"]
+    pairs: PairCounts
+    differences: tuple[Difference, ...]
+    transitions: tuple[Transition, ...]
+    checks: tuple[Check, ...]
+    advice: tuple[str, ...] = Field(description="Commands that lead on from here.")

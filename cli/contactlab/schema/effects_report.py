@@ -1,0 +1,113 @@
+"""What `contactlab effects` finds: which effects a scene needs, and what each costs."""
+
+from typing import Literal
+
+from pydantic import Field
+
+from contactlab.schema.model import Model
+from contactlab.schema.record import Engine, Provenance, Setting
+
+EFFECTS_VERSION = 1
+
+Need = Literal["needed", "free", "unused", "absent", "saves", "idle"]
+
+
+class Ratio(Model):
+    """A ratio of CPU times, from runs timed in turns."""
+
+    ratio: float = Field(description="Median over matched pairs of runs.")
+    low: float = Field(description="Least of the pairs.")
+    high: float = Field(description="Largest of the pairs.")
+    pairs: int
+
+
+class MetricChange(Model):
+    """How far one effect moves one metric, in the scenario where it moves most."""
+
+    metric: str
+    unit: str
+    change: float | None = Field(
+        description="Mean over matched pairs; null where it can be measured in one case only."
+    )
+    tolerance: float
+    times: float | None = Field(description="The change over the tolerance; null likewise.")
+    spread: float = Field(description="Range over seeds without the change: the scene's own.")
+    scenario: dict[str, Setting]
+    matters: bool = Field(description="Whether it is beyond both tolerance and spread.")
+
+
+class EffectFinding(Model):
+    """One effect: changed alone, around the base configuration."""
+
+    effect: str
+    kind: str
+    what: str
+    on: bool = Field(description="In the base configuration.")
+    need: Need = Field(
+        description="needed: on, and off changes results; free: on, and off changes nothing; "
+        "unused: free by proof; absent: off, and on changes results; saves: off, and on takes "
+        "less time and changes nothing; idle: off, and on changes nothing."
+    )
+    reason: str
+    settings: dict[str, Setting] = Field(description="What was changed, as axes of a sweep.")
+    changes: tuple[MetricChange, ...] = Field(description="Largest first, in tolerances.")
+    within_spread: tuple[str, ...] = Field(
+        description="Metrics beyond tolerance, but by less than the scene's own spread."
+    )
+    labels: dict[str, int] = Field(description="Label changes, as `stable -> tunneling`, by runs.")
+    cost: Ratio | None = Field(description="CPU time with the change over that without it.")
+    work: dict[str, float] = Field(description="Ratios of work counters, change over base.")
+
+
+class Interaction(Model):
+    """Two effects that are needed one by one, and left out together."""
+
+    effects: tuple[str, str]
+    free: bool = Field(description="Whether results stay within tolerance without both.")
+    reason: str
+
+
+class SmallestSet(Model):
+    """The fewest effects that keep every result within tolerance."""
+
+    on: tuple[str, ...]
+    off: tuple[str, ...] = Field(description="What the base configuration has beyond it.")
+    added: tuple[str, ...] = Field(description="What it has beyond the base configuration.")
+    settings: dict[str, Setting] = Field(description="What makes it, as axes of a sweep.")
+    mjcf: tuple[str, ...] = Field(description="What makes it, in the model.")
+    sweep: tuple[str, ...] = Field(description="What makes it, in a sweep file.")
+
+
+class Verification(Model):
+    """The smallest set against the base configuration, from fresh seeds and scenarios."""
+
+    seeds: tuple[int, ...]
+    scenarios: tuple[dict[str, Setting], ...]
+    runs: int = Field(description="Matched pairs.")
+    holds: bool
+    reason: str
+    cost: Ratio | None
+
+
+class EffectsReport(Model):
+    """Every effect of one scene (`effects.json`). Units are SI; each change names its own."""
+
+    effects_version: Literal[1] = EFFECTS_VERSION
+    scene: str
+    scene_hash: str
+    source: str = Field(description="The scene, sweep or model as it was asked for.")
+    base: dict[str, Setting] = Field(description="Axes of the base configuration.")
+    scenarios: tuple[dict[str, Setting], ...]
+    seeds: tuple[int, ...]
+    duration: float = Field(description="s")
+    tolerances: dict[str, float] = Field(
+        description="Those of sweep or scene; if there are any, they and labels alone decide."
+    )
+    engine: Engine
+    provenance: Provenance
+    effects: tuple[EffectFinding, ...]
+    interactions: tuple[Interaction, ...]
+    smallest_set: SmallestSet
+    saving: Ratio | None = Field(description="CPU time of the smallest set over the base's.")
+    verification: Verification
+    stores: tuple[str, ...] = Field(description="The evidence, relative to the report.")

@@ -1,0 +1,161 @@
+"""The policy file of `contactlab compare`: what is worse, and what of it fails the job."""
+
+from datetime import date
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from contactlab.schema.model import Model, Tolerance, Whole, Word
+
+Level = Literal["gate", "warn", "note"]
+Better = Literal["lower", "higher", "none"]
+Statistic = Literal["each", "mean", "median", "worst", "ratio"]
+Sameness = Literal[
+    "sweep",
+    "scene",
+    "scene_hash",
+    "metric_versions",
+    "thresholds",
+    "engine",
+    "contactlab",
+    "python",
+    "numpy",
+    "cpu_model",
+    "cpu_flags",
+    "os",
+]
+Count = Annotated[Whole, Field(ge=0)]
+LEVEL = "gate: fails; warn: is shown as a warning; note: is only told"
+
+
+class Require(Model):
+    """What both stores must have in common."""
+
+    same: tuple[Sameness, ...] = Field(
+        default=("scene_hash", "metric_versions", "thresholds"),
+        description="what must be the same, or what depends on it is not comparable; "
+        "a changed scene is only told when runs are matched by axes",
+    )
+    warn_if_different: tuple[Sameness, ...] = Field(
+        default=("engine", "contactlab", "numpy", "cpu_model", "cpu_flags"),
+        description="what is told if it differs",
+    )
+
+
+class AllowedTransition(Model):
+    """A change of the worst label that is known and accepted."""
+
+    from_: Word = Field(alias="from", description="worst label in the baseline")
+    to: Word = Field(description="worst label in the candidate")
+    max: Count = Field(description="how many runs may do so")
+    reason: Word = Field(description="why it is fine")
+    until: date | None = Field(default=None, description="last day on which it is, YYYY-MM-DD")
+
+
+class LabelRules(Model):
+    """How labels are compared."""
+
+    severity: tuple[Word, ...] | None = Field(
+        default=None, description="labels, worst first; the order that the stores tell if left out"
+    )
+    level: Level = Field(default="gate", description=f"of a new label; {LEVEL}")
+    by: tuple[Word, ...] = Field(default=(), description="axes; each of their values is judged")
+    allow: tuple[AllowedTransition, ...] = Field(
+        default=(), description="changes of the worst label that are accepted"
+    )
+
+    @model_validator(mode="after")
+    def _names_no_label_twice(self) -> Self:
+        severity = self.severity or ()
+        if len(set(severity)) < len(severity):
+            raise PydanticCustomError("severity_twice", "names a label twice in its severity")
+        return self
+
+
+class MetricRule(Model):
+    """How a metric is compared; what is left out is as a wider pattern or the defaults say."""
+
+    better: Better | None = Field(
+        default=None, description="lower, higher or none; as the store says if left out"
+    )
+    rel: Tolerance | None = Field(
+        default=None, description="share of the baseline's value that a change may have"
+    )
+    abs: Tolerance | None = Field(
+        default=None, description="what a change may have beside that, in the metric's unit"
+    )
+    statistic: Statistic | None = Field(
+        default=None,
+        description="what is compared: each run, the mean, median or worst of all runs, or the "
+        "median ratio of the pairs",
+    )
+    by: tuple[Word, ...] | None = Field(
+        default=None, description="axes; each of their values is judged by itself"
+    )
+    budget: Tolerance | None = Field(
+        default=None, description="share of the runs that may be worse, with a warning"
+    )
+    level: Level | None = Field(default=None, description=LEVEL)
+    needs_same: tuple[Sameness, ...] | None = Field(
+        default=None, description="what must be the same for this metric to be comparable"
+    )
+
+
+class KnifeEdgeRules(Model):
+    """What is done about runs whose label another start 1e-6 away would change."""
+
+    exclude: Annotated[bool, Field(strict=True)] = Field(
+        default=True, description="whether they are counted apart and gate nothing"
+    )
+    max_share: Tolerance = Field(
+        default=0.05, description="share of the runs, if not the baseline's, that may be such"
+    )
+    level: Level = Field(default="warn", description=f"of more of them; {LEVEL}")
+
+
+class RecommendationRules(Model):
+    """What is done about a change of the recommended configuration."""
+
+    changed: Level = Field(default="warn", description=f"of another configuration; {LEVEL}")
+
+
+class AcceptedCheck(Model):
+    """A failed check that is known and accepted; `contactlab compare --accept` writes these."""
+
+    check: Word = Field(description="the check's name")
+    group: Word | None = Field(default=None, description="its group; all groups if left out")
+    max: Count = Field(description="how many runs may fail it")
+    reason: Word = Field(description="why it is fine")
+    until: date | None = Field(default=None, description="last day on which it is, YYYY-MM-DD")
+
+
+class ComparePolicy(Model):
+    """What is worse, and what of it fails the job."""
+
+    version: Literal[1] = Field(description="version of this file format: 1")
+    match: Literal["id", "axes"] = Field(
+        default="id", description="how runs are paired: by run id, or by axis values and seed"
+    )
+    require: Require = Field(default_factory=Require, description="what must be the same")
+    labels: LabelRules = Field(default_factory=LabelRules, description="how labels are compared")
+    metrics: dict[str, MetricRule] = Field(
+        default={},
+        description="metric name, or a pattern such as solver_*, to its rule; the closest one wins",
+    )
+    expectations: Level = Field(
+        default="gate", description=f"of runs that no longer are as expected; {LEVEL}"
+    )
+    missing_runs: Level = Field(
+        default="gate", description=f"of runs that only the baseline has; {LEVEL}"
+    )
+    new_runs: Level = Field(
+        default="note", description=f"of runs that only the candidate has; {LEVEL}"
+    )
+    knife_edge: KnifeEdgeRules = Field(
+        default_factory=KnifeEdgeRules, description="runs that are set apart"
+    )
+    recommendation: RecommendationRules = Field(
+        default_factory=RecommendationRules, description="the recommended configuration"
+    )
+    accept: tuple[AcceptedCheck, ...] = Field(default=(), description="checks that may fail")

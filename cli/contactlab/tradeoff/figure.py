@@ -1,0 +1,57 @@
+"""Draw a report; the libraries for it are an extra."""
+
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from contactlab.errors import OutputError
+from contactlab.schema import TradeoffReport
+
+SUFFIXES = (".png", ".svg")
+_LIBRARIES = ("altair", "vl_convert")
+_SCALE = 2.0
+
+
+def check_figure(path: Path) -> None:
+    """Check that a figure can be drawn, before anything is run for it.
+
+    Raises:
+        OutputError: the suffix is not known, or the libraries are missing.
+    """
+    if path.suffix not in SUFFIXES:
+        raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
+    if not all(find_spec(library) for library in _LIBRARIES):
+        raise OutputError(
+            "figures need Altair and vl-convert; install them with "
+            "`pip install 'contactlab[figures]'`"
+        )
+
+
+def draw(report: TradeoffReport, path: Path) -> None:
+    """Draw a report: log error over log time, one line a method.
+
+    Args:
+        report: what to draw.
+        path: a .png or .svg file.
+
+    Raises:
+        OutputError: the suffix is another, the libraries are missing, or it cannot be written.
+    """
+    check_figure(path)
+    from contactlab.tradeoff.layers import specification  # noqa: PLC0415 - needs the extra
+
+    try:
+        specification(report).save(path, scale_factor=_SCALE)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+
+
+def specify(report: TradeoffReport) -> dict[str, Any]:
+    """Return the same chart as a Vega-Lite specification, for who draws it otherwise.
+
+    Its data are named `lines`, `points`, `failures`, `front`, `chosen`, ...; rows of points have
+    the place of their configuration in the report.
+    """
+    from contactlab.tradeoff.layers import specification  # noqa: PLC0415 - needs the extra
+
+    return specification(report).to_dict()

@@ -1,0 +1,279 @@
+"""`compare` and `baseline update` on stores of real sweeps."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.evidence import Store
+from contactlab.pipeline import ask_for, run_sweep
+from contactlab.shipped import scene_folder
+
+Run = Callable[..., Any]
+SLIDE = """\
+version: 1
+scene: SCENE
+duration: 0.6
+trace: none
+axes:
+  direction: {values: [0.0, 45.0], role: scenario}
+  cone: [elliptic, pyramidal]
+"""
+THROWN_MODEL = """\
+<mujoco model="thrown">
+  <option timestep="0.004" cone="elliptic"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 0.1"/>
+    <body name="box" pos="0 0 0.1">
+      <freejoint name="box"/>
+      <geom name="box" type="box" size="0.1 0.06 0.04" mass="1" solref="0.02 0.05"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+THROWN = """\
+version: 1
+title: A box thrown onto the floor
+description: Where it comes to rest depends on the last digits of how it is thrown.
+duration: 3.0
+subject: box
+pairs:
+  - {geoms: [floor, box], slots: 8}
+initial:
+  spin:
+    default: 21.0
+    unit: rad/s
+    description: angular velocity
+    sets: {box.wx: spin, box.wz: "0.3 * spin", box.z: "1.0", box.vx: "1.0"}
+perturb: {coordinates: [box.wx, box.wz, box.z], scale: 1.0e-5}
+"""
+THROWS = """\
+version: 1
+scene: thrown
+seeds: 40
+knife_edge: true
+trace: none
+checks: none
+thresholds: {drift: LIMIT}
+axes: {spin: [SPIN]}
+"""
+
+
+def swept(folder: Path, name: str, text: str) -> Path:
+    """Write a store of a sweep beside a folder's scenes."""
+    ask = ask_for(text, "tried", folder / name, folder=folder, workers=0)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    return folder / name
+
+
+def changed_scene(folder: Path, old: str, new: str) -> str:
+    """Copy a shipped scene, change its model and return the sweep of it."""
+    scene = folder / "changed" / "box_slide"
+    shutil.copytree(scene_folder("box_slide"), scene)
+    model = scene / "scene.xml"
+    text = model.read_text()
+    assert old in text
+    model.write_text(text.replace(old, new))
+    return SLIDE.replace("SCENE", "changed/box_slide")
+
+
+@pytest.fixture(autouse=True)
+def _not_in_a_github_job(monkeypatch: pytest.MonkeyPatch) -> None:  # pyright: ignore[reportUnusedFunction]
+    for name in ("GITHUB_ACTIONS", "GITHUB_STEP_SUMMARY"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture(scope="module")
+def slides(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """Stores of one sweep, of the same one again, and of two that were tampered with."""
+    folder = tmp_path_factory.mktemp("slides")
+    stores = {name: swept(folder, name, SLIDE.replace("SCENE", "box_slide")) for name in "ab"}
+    for name, old, new in (
+        ("friction", 'friction="0.5 ', 'friction="0.525 '),
+        ("margin", "<geom condim", '<geom margin="0.001" condim'),
+    ):
+        part = tmp_path_factory.mktemp(name)
+        stores[name] = swept(part, name, changed_scene(part, old, new))
+    return stores
+
+
+def test_the_same_sweep_twice(contactlab: Run, slides: dict[str, Path]) -> None:
+    code, out, err = contactlab("compare", str(slides["a"]), str(slides["b"]))
+    assert (code, err) == (0, "")
+    assert out.startswith("same: no check of ")
+    assert "4 paired by id, all bitwise equal" in out
+
+
+@pytest.mark.parametrize("name", ["friction", "margin"])
+def test_a_changed_scene_is_not_comparable_by_id(
+    contactlab: Run, slides: dict[str, Path], name: str
+) -> None:
+    code, out, err = contactlab("compare", str(slides["a"]), str(slides[name]))
+    assert (code, out) == (3, "")
+    assert "the scene changed (" in err
+    assert err.endswith("write --match axes\n")
+
+
+@pytest.mark.parametrize(
+    ("name", "line"),
+    [
+        # v^2 / (2 mu g) in half of mu: 1 / 1.05 of the way.
+        ("friction", "oracle_expected unchanged"),
+        # Boxes are carried a millimetre higher up.
+        ("margin", "distance_min"),
+    ],
+)
+def test_a_changed_scene_by_axes(
+    contactlab: Run, slides: dict[str, Path], name: str, line: str
+) -> None:
+    arguments = ["compare", str(slides["a"]), str(slides[name]), "--match", "axes"]
+    code, out, err = contactlab(*arguments)
+    assert code == 1
+    assert "4 paired by axes, 0 bitwise equal" in out
+    assert line in out
+    assert "WARN  same scene_hash" in out
+    assert err == f"error: {out.splitlines()[0]}\n"
+
+
+def test_a_millionth_of_a_millionth(tmp_path: Path, contactlab: Run) -> None:
+    """The throw is chaotic enough that a start 1e-6 away turns some label, 1e-12 none.
+
+    A nudge of 1e-6 moves the resting place by about 1e-6 of where seeds 1e-5 apart spread it; the
+    threshold lies in the middle, so that about one run in twenty is on the edge.
+    """
+    (tmp_path / "thrown").mkdir()
+    (tmp_path / "thrown" / "scene.xml").write_text(THROWN_MODEL)
+    (tmp_path / "thrown" / "scene.yaml").write_text(THROWN)
+    plain = THROWS.replace("SPIN", "21.0").replace("knife_edge: true", "knife_edge: false")
+    first = swept(tmp_path, "first", plain.replace("LIMIT", "1.0"))
+    middle = float(np.median(Store.open(first).columns.numbers("drift").values))
+    sweep = THROWS.replace("LIMIT", repr(middle))
+    one = swept(tmp_path, "one", sweep.replace("SPIN", "21.0"))
+    two = swept(tmp_path, "two", sweep.replace("SPIN", repr(21 * (1 + 1e-12))))
+    code, out, _ = contactlab("compare", "one", "two", "--match", "axes", "--format", "json")
+    report = json.loads(out)
+    assert (code, report["pairs"]["paired"], report["pairs"]["bitwise_equal"]) == (0, 40, 0)
+    flags = [Store.open(path).columns.numbers("knife_edge").values == 1 for path in (one, two)]
+    assert report["pairs"]["knife_edge"] == (flags[0] | flags[1]).sum() >= 1
+
+
+def test_a_baseline_is_small_sound_and_comparable(
+    contactlab: Run, slides: dict[str, Path], tmp_path: Path
+) -> None:
+    code, out, err = contactlab("baseline", "update", str(slides["a"]), "kept")
+    assert (code, err) == (0, "")
+    assert out.startswith(f"kept holds the 4 runs of {slides['a']} without traces: ")
+    files = [path for path in (tmp_path / "kept").rglob("*") if path.is_file()]
+    assert sum(path.stat().st_size for path in files) < 100_000
+    assert contactlab("verify", "kept")[0] == 0
+    assert contactlab("compare", "kept", str(slides["b"]))[0] == 0
+    assert contactlab("baseline", "update", str(slides["b"]), "kept")[0] == 0
+    run = Store.open(tmp_path / "kept").table["run_id"][0].as_py()
+    assert contactlab("replay", "kept", run)[0] == 0
+
+
+def test_a_baseline_is_no_store_with_traces(contactlab: Run, store: Path) -> None:
+    shutil.copytree(store, "other")
+    code, _, err = contactlab("baseline", "update", str(store), "other")
+    assert code == 2
+    assert err == "error: other is no baseline, so it is not replaced; name another folder\n"
+
+
+def test_files_are_written_by_their_endings(
+    contactlab: Run, slides: dict[str, Path], tmp_path: Path
+) -> None:
+    names = ("out/a.md", "out/a.json", "out/a.xml", "out/a.txt")
+    options = [part for name in names for part in ("-o", name)]
+    code, out, _ = contactlab("compare", str(slides["a"]), str(slides["b"]), *options)
+    assert code == 0
+    assert (tmp_path / "out/a.txt").read_text() == out
+    assert (tmp_path / "out/a.md").read_text().startswith("### ✅ same")
+    assert json.loads((tmp_path / "out/a.json").read_text())["exit_code"] == 0
+    assert "<testsuites>" in (tmp_path / "out/a.xml").read_text()
+    code, _, err = contactlab("compare", str(slides["a"]), str(slides["b"]), "-o", "a.html")
+    assert code == 2
+    assert "cannot tell from its name how to write a.html" in err
+
+
+@pytest.mark.parametrize("view", ["json", "markdown", "junit", "github"])
+def test_every_view_is_printed(contactlab: Run, slides: dict[str, Path], view: str) -> None:
+    code, out, _ = contactlab("compare", str(slides["a"]), str(slides["b"]), "--format", view)
+    starts = {"json": "{", "markdown": "###", "junit": "<?xml", "github": ""}
+    assert code == 0
+    assert out.startswith(starts[view])
+
+
+def test_in_a_github_job(
+    contactlab: Run, slides: dict[str, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    summary = tmp_path / "summary.md"
+    summary.write_text("before\n")
+    monkeypatch.setenv("GITHUB_ACTIONS", "true")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(summary))
+    arguments = [str(slides["a"]), str(slides["friction"]), "--match", "axes"]
+    code, out, err = contactlab("compare", *arguments)
+    assert code == 1
+    assert "::" not in out
+    annotations = [line for line in err.splitlines() if line.startswith("::error title=")]
+    assert 1 <= len(annotations) <= 10
+    assert summary.read_text().startswith("before\n### ❌ ")
+    code, _, err = contactlab("compare", "nowhere", str(slides["a"]))
+    sentence = "not comparable: the baseline cannot be read: no store at nowhere"
+    assert summary.read_text().splitlines()[-1] == f"### ❌ {sentence}"
+    assert (code, err.splitlines()[0]) == (3, f"::error title=contactlab compare::{sentence}")
+
+
+def test_a_missing_trace(contactlab: Run, store: Path) -> None:
+    shutil.copytree(store, "candidate")
+    trace = min(Path("candidate").rglob("*.mcap"))
+    trace.unlink()
+    code, _, err = contactlab("compare", str(store), "candidate")
+    assert code == 3
+    name = trace.relative_to("candidate")
+    assert err.startswith(f"error: the candidate candidate is not sound: {name}: missing")
+
+
+def test_a_changed_byte_of_a_trace_is_found_if_asked_for(contactlab: Run, store: Path) -> None:
+    shutil.copytree(store, "candidate")
+    trace = min(Path("candidate").rglob("*.mcap"))
+    data = bytearray(trace.read_bytes())
+    data[len(data) // 2] ^= 1
+    trace.write_bytes(data)
+    assert contactlab("compare", str(store), "candidate")[0] == 0
+    code, _, err = contactlab("compare", str(store), "candidate", "--thorough")
+    assert code == 3
+    assert "changed since it was written" in err
+
+
+def test_accepting_what_changed(contactlab: Run, slides: dict[str, Path], tmp_path: Path) -> None:
+    arguments = ["compare", str(slides["a"]), str(slides["friction"]), "--match", "axes"]
+    failed = json.loads(contactlab(*arguments, "--format", "json")[1])["checks"]
+    names = sorted({check["name"] for check in failed if check["outcome"] == "failed"})
+    for number, name in enumerate(names, 1):
+        rest = ["--policy", "policy.yaml", "--accept", name, "--reason", "stiffer floor"]
+        code, out, _ = contactlab(*arguments, *rest, "--until", "2999-01-31")
+        assert code == (0 if number == len(names) else 1)
+        assert out.count("accepted: stiffer floor") >= min(number, 20)
+    text = (tmp_path / "policy.yaml").read_text()
+    assert text.count("until: 2999-01-31") == len(names)
+    assert contactlab(*arguments, "--policy", "policy.yaml")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--accept", "x"], "say which with --policy FILE"),
+        (["--policy", "none.yaml"], "cannot read none.yaml"),
+        (["--policy", "p.yaml", "--accept", "x", "--reason", "y"], "there is no check 'x'"),
+    ],
+)
+def test_options_that_say_too_little(
+    contactlab: Run, slides: dict[str, Path], options: list[str], message: str
+) -> None:
+    code, out, err = contactlab("compare", str(slides["a"]), str(slides["b"]), *options)
+    assert (code, out) == (2, "")
+    assert message in err

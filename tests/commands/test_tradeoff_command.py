@@ -1,0 +1,150 @@
+"""`contactlab tradeoff`: what it runs, prints and writes, and what it ends in."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from contactlab import shipped
+
+Run = Callable[..., Any]
+SWEEP = """
+version: 1
+scene: double_pendulum
+duration: 0.3
+axes:
+  timestep: [1.0e-3, 2.0e-3, 4.0e-3]
+  integrator: [Euler, RK4]
+tolerances: {oracle_error: 0.1%}
+trace: none
+"""
+
+
+@pytest.fixture
+def swing(tmp_path: Path) -> Path:
+    """A sweep file of 6 runs."""
+    path = tmp_path / "swing.yaml"
+    path.write_text(SWEEP)
+    return path
+
+
+@pytest.fixture
+def swung(contactlab: Run, swing: Path) -> str:
+    """The store of these runs."""
+    code, _, err = contactlab("sweep", swing.name, "-o", "swung", "--workers", "0")
+    assert code == 0, err
+    return "swung"
+
+
+def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path: Path) -> None:
+    code, out, err = contactlab("tradeoff", swing.name, "--workers", "0")
+    assert code == 0, err
+    assert "6 configurations of double_pendulum" in out
+    assert "of a timing pass" in out
+    assert '<option timestep="' in out
+    store = tmp_path / "results/tradeoff/swing"
+    assert (store / "manifest.json").is_file()
+    again = contactlab("tradeoff", str(store))
+    assert again.code == 0
+    assert again.out.replace(str(store), "results/tradeoff/swing") == out
+
+
+def test_a_store_is_weighed_as_json(contactlab: Run, swung: str) -> None:
+    code, out, err = contactlab("tradeoff", swung, "--format", "json")
+    assert (code, err) == (0, "")
+    data = json.loads(out)
+    schema = json.loads((shipped.schemas() / "tradeoff.schema.json").read_text())
+    jsonschema.Draft202012Validator(schema).validate(data)
+    assert set(data["recommendation"]["configuration"]) == {"timestep", "integrator"}
+    assert set(data["recommendation"]["margins"]) == {"oracle_error"}
+    assert data["front"]
+
+
+def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -> None:
+    code, out, err = contactlab("tradeoff", swung, "--tolerance", "steps=1%")
+    assert code == 1
+    assert "nothing is feasible" in out
+    assert err == (
+        "error: none of 6 configurations is feasible; most fail by the tolerance of steps "
+        "(6, and the best has 75)\n"
+    )
+
+
+def test_the_recommendation_is_written_and_met_again(
+    contactlab: Run, swung: str, tmp_path: Path
+) -> None:
+    code, _, err = contactlab("tradeoff", swung, "--write", "recommended.yaml")
+    assert code == 0
+    assert err.endswith("next: contactlab sweep recommended.yaml\n")
+    code, out, err = contactlab("sweep", "recommended.yaml", "--workers", "0")
+    assert code == 0, err
+    assert "10 of 10 runs are as expected" in out
+    assert (tmp_path / "recommended.yaml").is_file()
+    again = contactlab("tradeoff", swung, "--write", "recommended.yaml")
+    assert again.code == 2
+    assert again.err == "error: recommended.yaml exists; choose another file with --write\n"
+
+
+def test_a_figure_is_drawn(contactlab: Run, swung: str, tmp_path: Path) -> None:
+    code, _, err = contactlab("tradeoff", swung, "--figure", "chart.svg")
+    assert (code, err) == (0, "drew chart.svg\n")
+    assert (tmp_path / "chart.svg").read_text().startswith("<svg")
+
+
+MISTAKES = [
+    (["swung", "--error", "oracle_eror"], 2, "error: no number 'oracle_eror' in the table of swu"),
+    (["swung", "--error", "error_peak"], 3, "error: no run in swung has a value of error_peak; "),
+    (["swung", "--tolerance", "depth=1"], 2, "error: no number 'depth' in the table of swung"),
+    (["swung", "--tolerance", "oracle_error"], 2, "error: 'oracle_error' is no tolerance; write"),
+    (["swung", "--tolerance", "oracle_error=-1"], 2, "error: 'oracle_error=-1' is no tolerance"),
+    (["swung", "--tolerance", "oracle_error=nan"], 2, "error: 'oracle_error=nan' is no tolerance"),
+    (["swung", "--figure", "chart.bmp"], 2, "error: chart.bmp: write a name that ends in .png or"),
+    (["swung", "--figure", "no/chart.png"], 2, "error: cannot write no/chart.png: no folder no"),
+    (["swung", "--write", "no/again.yaml"], 2, "error: cannot write no/again.yaml: no folder no"),
+    (["swung", "-o", "elsewhere"], 2, "error: swung is a folder; -o says where the store of a sw"),
+    (["nowhere"], 2, "error: no sweep file and no shipped sweep named 'nowhere'"),
+    (["nowhere.yaml"], 2, "error: no sweep file nowhere.yaml"),
+    (["."], 3, "error: . is not a store: it has no manifest.json"),
+]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "message"), MISTAKES, ids=lambda each: str(each)[:40]
+)
+def test_bad_input(
+    contactlab: Run, swung: str, tmp_path: Path, arguments: list[str], code: int, message: str
+) -> None:
+    assert (tmp_path / swung).is_dir()
+    before = sorted(tmp_path.iterdir())
+    found = contactlab("tradeoff", *arguments)
+    assert found.code == code
+    assert found.err.startswith(message)
+    assert "Traceback" not in found.err
+    assert sorted(tmp_path.iterdir()) == before
+
+
+def test_a_store_is_weighed_and_drawn_without_the_engine(swung: str, tmp_path: Path) -> None:
+    command = """
+import sys
+from contactlab.commands.main import main
+sys.argv = ["contactlab", "tradeoff", *sys.argv[1:]]
+try:
+    main()
+finally:
+    assert "mujoco" not in sys.modules
+    assert "scipy" not in sys.modules
+"""
+    arguments = [swung, "--figure", "chart.svg"]
+    done = subprocess.run(
+        [sys.executable, "-c", command, *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,75 @@
+"""Grips, drops and strikes: one run measured by itself, and shipped sweeps run once."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab import shipped
+from contactlab.measure import assess
+from contactlab.pipeline import ask_for, run_sweep
+from contactlab.plan import Overrides
+from contactlab.scene import Prepared, Scene, make_setup
+from contactlab.sim import Buffers, make_trace, roll_out
+from contactlab.trace import PairSeries, Trace
+
+Rows = list[dict[str, Any]]
+
+
+class Measured(NamedTuple):
+    """One run: its metrics, labels, net quantities of its pairs, arrays and model."""
+
+    metrics: dict[str, float]
+    labels: list[str]
+    series: tuple[PairSeries, ...]
+    trace: Trace
+    prepared: Prepared
+
+
+@pytest.fixture(scope="session")
+def measured() -> Callable[..., Measured]:
+    """Return what runs one run of a scene and measures it."""
+    scenes: dict[str, Scene] = {}
+
+    def measure(name: str, **values: Any) -> Measured:
+        scene = scenes.setdefault(name, Scene.open(name))
+        run = scene.resolve(values, 0, None)
+        base = scene.base(run.structure)
+        prepared = base.prepare(run.edits())
+        rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+        trace = make_trace(base, [prepared], rollout)
+        setup = make_setup(base, scene.source.manifest, [run], [prepared.model], {})
+        found = assess(trace, setup)
+        return Measured(
+            metrics={key: float(column[0]) for key, column in found.metrics.items()},
+            labels=[each.label for each in found.labels[0]],
+            series=found.series,
+            trace=trace,
+            prepared=prepared,
+        )
+
+    return measure
+
+
+@pytest.fixture(scope="session")
+def swept(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
+    """Return the rows of a shipped sweep that have the given values; each sweep runs once."""
+    tables: dict[str, Rows] = {}
+
+    def rows(name: str, **values: object) -> Rows:
+        if name not in tables:
+            tables[name] = _run(shipped.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
+        found = [row for row in tables[name] if all(row[key] == values[key] for key in values)]
+        assert found
+        return found
+
+    return rows
+
+
+def _run(sweep: Path, store: Path) -> Rows:
+    overrides = Overrides(("trace=none",), ())
+    ask = ask_for(sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    return pq.read_table(store / "runs.parquet").to_pylist()

@@ -1,0 +1,69 @@
+"""Evidence holds every contact of a step, and says so where it does not."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from contactlab import shipped
+from contactlab.evidence import Store
+from contactlab.pipeline import ask_for, run_sweep
+from contactlab.scene import Scene
+from contactlab.sim import Buffers, make_trace, roll_out
+
+CONTACTS = 52
+"""Of a mug of twelve wall boxes and a bottom that stands on the floor: four points each."""
+
+SWEEP = """\
+version: 1
+scene: {scene}
+duration: 0.6
+trace: all
+axes: {{opening: [0.09], solref: ["0.005 1"]}}
+"""
+
+
+def swept(folder: Path, scene: str) -> dict[str, Any]:
+    text = SWEEP.format(scene=scene)
+    ask = ask_for(text, "store", folder / "store", folder=folder, workers=0)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    (row,) = pq.read_table(folder / "store" / "runs.parquet").to_pylist()
+    return row
+
+
+def test_each_of_fifty_two_contacts_is_in_the_trace(tmp_path: Path) -> None:
+    """What the file holds equals what the engine's sensors reported, bit for bit."""
+    row = swept(tmp_path, "mug_drop")
+    assert row["contacts_max"] == CONTACTS
+    assert row["contacts_cut"] == 0
+    assert row["label"] == "stable"
+    store = Store.open(tmp_path / "store")
+    stored = store.trace(store.record(row["run_id"]))
+    scene = Scene.open("mug_drop")
+    values = {"opening": 0.09, "solref": (0.005, 1.0)}
+    run = scene.resolve(values, row["seed"], 0.6)
+    base = scene.base(run.structure)
+    prepared = base.prepare(run.edits())
+    rollout = roll_out([prepared.model], scene.starts([run]), run.steps, Buffers())
+    floor = make_trace(base, [prepared], rollout).pairs[2]
+    filled = floor.touching[0].sum(axis=1)
+    assert filled.max() == CONTACTS
+    found = next(pair for pair in stored.pairs if pair.name == floor.name)
+    assert found.steps.tolist() == np.flatnonzero(filled).tolist()
+    assert found.contacts.tolist() == filled[filled > 0].tolist() == found.found.tolist()
+    assert found.points.tobytes() == floor.slots[0][floor.touching[0]].tobytes()
+
+
+def test_what_does_not_fit_is_labelled(tmp_path: Path) -> None:
+    for name in ("mug_drop", "grasp_mug"):
+        (tmp_path / name).mkdir()
+        for file in (shipped.models() / name).iterdir():
+            (tmp_path / name / file.name).write_bytes(file.read_bytes())
+    manifest = tmp_path / "mug_drop" / "scene.yaml"
+    assert "slots: 64" in manifest.read_text()
+    manifest.write_text(manifest.read_text().replace("slots: 64", "slots: 20"))
+    row = swept(tmp_path, "./mug_drop")
+    assert row["label"] == "contacts_cut"
+    assert row["contacts_cut"] > 0
+    assert "floor-mug had up to 52 contacts, of which 20 were recorded" in row["label_reason"]

@@ -1,0 +1,163 @@
+"""Cells of maps against a slow, obvious loop over runs."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.evidence import Measured
+from contactlab.report.cells import (
+    STATISTICS,
+    Plane,
+    Statistic,
+    label_counts,
+    main_failure,
+    statistic,
+    telling_plane,
+)
+from contactlab.report.changes import changes
+from contactlab.report.grid import GridAxis
+from contactlab.report.heatmap import label_rows
+from contactlab.report.outcomes import CALM, Outcomes
+from contactlab.report.quantities import Quantity
+from contactlab.report.series import thinned
+from contactlab.report.sums import sums
+from contactlab.trace import Floats
+
+NAMES = ("diverged", "chatter", "stable")
+SLOW: dict[Statistic, Callable[[Floats], float]] = {
+    "worst": lambda values: float(np.abs(values).max()),
+    "median": lambda values: float(np.median(values)),
+    "mean": lambda values: float(values.mean()),
+}
+
+
+def axis(name: str, codes: list[int], size: int, role: str = "knob") -> GridAxis:
+    words = tuple(f"{name}{place}" for place in range(size))
+    places = np.array(codes, dtype=np.int64)
+    return GridAxis(name, "", role, words, places, None, np.arange(size, dtype=float))  # type: ignore[arg-type]
+
+
+def outcomes(codes: list[int]) -> Outcomes:
+    placed = np.array(codes, dtype=np.int64)
+    return Outcomes(
+        names=NAMES,
+        letters=("D", "C", ""),
+        colours=("#111111", "#222222", CALM),
+        meanings=("", "", ""),
+        counts=tuple(np.bincount(placed, minlength=3).tolist()),
+        codes=placed,
+        masks=np.zeros(len(placed), dtype=np.int64),
+        every=(),
+    )
+
+
+def quantity(values: list[float], better: str = "lower") -> Quantity:
+    return Quantity(Measured("q", "m", better, 0.0, False), "", np.array(values))
+
+
+Runs = list[tuple[int, int, int, float]]
+runs = st.lists(
+    st.tuples(
+        st.integers(0, 2),
+        st.integers(0, 3),
+        st.integers(0, 2),
+        st.floats(-1e6, 1e6) | st.just(np.nan),
+    ),
+    min_size=1,
+    max_size=60,
+)
+
+
+@given(runs)
+def test_cells_are_those_of_a_loop(rows: Runs) -> None:
+    xs, ys, labels, values = (list(each) for each in zip(*rows, strict=True))
+    plane = Plane(axis("x", xs, 3), axis("y", ys, 4))
+    counts = label_counts(plane, outcomes(labels))
+    for x in range(3):
+        for y in range(4):
+            own = [row for row in rows if row[:2] == (x, y)]
+            assert counts[y, x].tolist() == [
+                sum(row[2] == code for row in own) for code in (0, 1, 2)
+            ]
+            known = np.array([row[3] for row in own if not np.isnan(row[3])])
+            for kind in STATISTICS:
+                found = statistic(plane, quantity(values), kind)[y, x]
+                if len(known):
+                    assert found == pytest.approx(SLOW[kind](known), rel=1e-9, abs=1e-9)
+                else:
+                    assert np.isnan(found)
+
+
+@given(runs, st.sampled_from(["lower", "higher"]))
+def test_sums_are_what_cells_are(rows: Runs, better: str) -> None:
+    """To the 12 bits that sums keep."""
+    xs, ys, labels, values = (list(each) for each in zip(*rows, strict=True))
+    axes = axis("x", xs, 3), axis("y", ys, 4)
+    found = sums(axes, outcomes(labels), [quantity(values, better)])
+    for name, plane in {"sum:0:1": Plane(*axes), "sum:1:": Plane(axes[1], None)}.items():
+        counts = label_counts(plane, outcomes(labels))
+        assert found[f"{name}:labels"].tolist() == counts.ravel().tolist()
+        for kind in STATISTICS:
+            one = statistic(plane, quantity(values, better), kind).ravel()
+            np.testing.assert_allclose(found[f"{name}:q:{kind}"], one, rtol=2.0**-12, atol=1e-9)
+
+
+def test_higher_is_better_has_its_least_as_worst() -> None:
+    plane = Plane(axis("x", [0, 0, 1], 2), None)
+    assert statistic(plane, quantity([3.0, -1.0, 2.0], "higher"), "worst").tolist() == [[-1.0, 2.0]]
+
+
+@given(runs)
+def test_pieces_fill_their_cell_by_share(rows: Runs) -> None:
+    xs, ys, labels, _ = (list(each) for each in zip(*rows, strict=True))
+    plane = Plane(axis("x", xs, 3), axis("y", ys, 4))
+    known = outcomes(labels)
+    counts = label_counts(plane, known)
+    pieces, letters = label_rows(counts, known)
+    for y, x in np.argwhere(counts.any(axis=-1)).tolist():
+        own = [each for each in pieces if (int(each["x"]), int(each["y"])) == (x, y)]
+        width = sum(each["x2"] - each["x"] for each in own)
+        assert width == pytest.approx(0.94, abs=1e-5)
+        for each in own:
+            share = counts[y, x][known.legend.index(each["label"])] / counts[y, x].sum()
+            assert (each["x2"] - each["x"]) / width == pytest.approx(share, abs=1e-5)
+    failed = (counts[..., :2].sum(axis=-1) > 0).sum()
+    assert len(letters) == failed == (main_failure(counts, known) >= 0).sum()
+
+
+def test_the_plane_is_that_of_the_axes_that_matter() -> None:
+    """A run fails where a and b are both 1; c is chance, and d says the same as a."""
+    rng = np.random.default_rng(0)
+    a, b, c = (rng.integers(0, 2, 400).tolist() for _ in range(3))
+    labels = [0 if one and other else 2 for one, other in zip(a, b, strict=True)]
+    axes = tuple(axis(name, codes, 2) for name, codes in (("c", c), ("a", a), ("d", a), ("b", b)))
+    plane = telling_plane(axes, outcomes(labels))
+    assert plane is not None
+    assert plane.y is not None
+    assert {plane.x.name, plane.y.name} in ({"a", "b"}, {"d", "b"})
+
+
+def test_changes_are_of_pairs_that_differ_in_nothing_else() -> None:
+    """Value 1 doubles the quantity wherever both runs are stable; the fourth pair is half lost."""
+    knob, world = [0, 0, 0, 1, 1, 1, 1], [0, 1, 2, 0, 1, 2, 3]
+    axes = axis("k", knob, 2), axis("w", world, 4, "scenario")
+    values = [1.0, 3.0, 5.0, 2.0, 6.0, 99.0, 7.0]
+    (found,) = changes(axes, outcomes([2, 2, 2, 2, 2, 0, 2]), [quantity(values)])
+    assert (found.axis, found.pairs, found.failed) == ("k", 3, (0.0, pytest.approx(1 / 3)))
+    assert found.ratios["q"] == pytest.approx(2.0)
+
+
+@given(st.lists(st.floats(-1e9, 1e9) | st.just(np.nan), min_size=1, max_size=2000))
+def test_thinned_values_keep_the_extremes(values: list[float]) -> None:
+    array = np.array(values)
+    places = thinned(array, 100)
+    assert len(places) <= 102
+    assert (np.diff(places) > 0).all()
+    if np.isfinite(array).any():
+        assert array[places].min() == np.nanmin(array)
+        assert array[places].max() == np.nanmax(array)
+    else:
+        assert len(places) == 0

@@ -1,0 +1,61 @@
+"""`contactlab report` as it is called."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from contactlab.commands.main import app
+from contactlab.errors import ContactlabError, OutputError, SweepFileError
+from contactlab.evidence import Store
+
+Swept = Callable[[str], Store]
+
+
+def call(*arguments: object) -> str:
+    """Run the command and return what it prints; its errors are raised."""
+    done = CliRunner().invoke(app, ["report", *map(str, arguments)], catch_exceptions=False)
+    assert done.exit_code == 0
+    return done.stdout
+
+
+def test_the_page_lies_beside_its_store(swept: Swept) -> None:
+    store = swept("hard").path
+    page = store.with_name("store.html")
+    assert call(f"{store}/") == f"{page}\n"
+    assert page.read_text().startswith("<!doctype html>")
+
+
+def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
+    store = swept("hard").path
+    told = call(store, "--figures", tmp_path / "new" / "figures", "--format", "svg,png").split()
+    assert {Path(each).suffix for each in told} == {".svg", ".png"}
+    assert all(Path(each).is_file() for each in told)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "told"),
+    [
+        (("-o", "page.pdf"), OutputError, "ends in .html"),
+        (("-o", "nowhere/page.html"), OutputError, "no folder nowhere"),
+        (("--traces", "some"), OutputError, "a number of runs, all or none"),
+        (("--tolerance", "oracle_error"), SweepFileError, "METRIC=VALUE"),
+        (("--figures", "new", "--format", "gif"), OutputError, "png, svg, pdf"),
+    ],
+)
+def test_what_cannot_be_done_is_said(
+    swept: Swept, options: tuple[str, ...], error: type[ContactlabError], told: str
+) -> None:
+    with pytest.raises(error, match=told):
+        call(swept("hard").path, *options)
+
+
+def test_time_series_are_as_many_as_asked_for(swept: Swept, tmp_path: Path) -> None:
+    sizes: dict[str, int] = {}
+    for traces in ("none", "3", "all"):
+        page = tmp_path / f"{traces}.html"
+        call(swept("bounce").path, "-o", page, "--traces", traces)
+        text = page.read_text()
+        sizes[traces] = text.count('"signals"')
+    assert sizes == {"none": 0, "3": 3, "all": swept("bounce").manifest.traces}

@@ -1,0 +1,120 @@
+"""What an engine lacks is refused by name, with the version that has it; defaults are taken."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from contactlab.errors import SweepFileError
+from contactlab.pipeline import Ask, ask_for
+from contactlab.plan import Overrides
+from contactlab.scene import FLAGS, PARAMETERS, Scene, capabilities
+from contactlab.scene.capabilities import ARRIVALS, Arrival, why_lacking
+
+SWEEP = "version: 1\nscene: ball_drop\nduration: 0.02\n"
+MATRIX = SWEEP + "zip:\n  - {integrator: [Euler, discrete], timestep: [1.0e-3, 2.0e-3]}\n"
+
+
+@pytest.fixture
+def version(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
+    """Take the engine for another version of itself."""
+    return lambda number: monkeypatch.setattr(capabilities, "VERSION", number)
+
+
+def ask(text: str, *assign: str, partly: bool = False) -> Ask:
+    options = Overrides(assign, (), None)
+    return ask_for(
+        text, "s", Path("nowhere"), folder=Path(), workers=0, overrides=options, partly=partly
+    )
+
+
+def test_the_table_agrees_with_the_installed_engine() -> None:
+    for each in ARRIVALS:
+        words = PARAMETERS[each.axis].axis.choices if each.axis in PARAMETERS else FLAGS
+        there = (each.axis if isinstance(each.value, bool) else each.value) in words
+        assert there == (why_lacking(each.axis, each.value) is None), each
+
+
+@pytest.mark.parametrize("each", ARRIVALS, ids=lambda each: f"{each.axis}-{each.value}")
+def test_refused_by_name(each: Arrival, version: Callable[[str], None]) -> None:
+    version("3.3.0")
+    value = str(each.value).lower()
+    for text, options in (
+        (SWEEP, [f"{each.axis}={value}"]),
+        (SWEEP + f"axes: {{{each.axis}: [{value}]}}\n", []),
+    ):
+        with pytest.raises(SweepFileError) as caught:
+            ask(text, *options)
+        assert "MuJoCo 3.3.0 has no " in str(caught.value)
+        assert f"'{value if each.axis == 'integrator' else each.axis}'" in str(caught.value)
+        assert f"came with {each.version}" in str(caught.value)
+        assert f"--mujoco {each.version}" in str(caught.value)
+
+
+def test_taken_from_the_version_on_that_has_it(version: Callable[[str], None]) -> None:
+    arrival = Arrival("integrator", "discrete", "3.13.0")
+    for number, lacks in (
+        ("3.9.1", True),
+        ("3.12.9", True),
+        ("3.13.0", False),
+        ("4.0.1.dev5", False),
+    ):
+        version(number)
+        assert (why_lacking(arrival.axis, arrival.value) is not None) == lacks
+
+
+def test_a_planted_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(capabilities, "ARRIVALS", (Arrival("hover", True, "99.0.0"),))
+    with pytest.raises(SweepFileError, match=r"has no switch 'hover', which came with 99\.0\.0"):
+        ask(SWEEP, "hover=true")
+    # Off is what every engine does that has no such thing, and so no other run.
+    scene = Scene.open("ball_drop")
+    without, off = (scene.resolve(values, 0, None) for values in ({}, {"hover": False}))
+    assert scene.run_id(without) == scene.run_id(off)
+    assert ask(SWEEP, "hover=false").plan.count == 1
+
+
+def test_what_is_lacking_is_left_out_where_that_is_asked(version: Callable[[str], None]) -> None:
+    version("3.4.0")
+    with pytest.raises(SweepFileError, match="no integrator 'discrete'"):
+        ask(MATRIX)
+    left = ask(MATRIX, partly=True)
+    runs = list(left.plan.runs())
+    assert [dict(run.values) for run in runs] == [{"integrator": "Euler", "timestep": 1e-3}]
+    (reason,) = left.left_out
+    assert "came with 3.13.0" in reason
+
+
+def test_nothing_is_left_out_where_nothing_is_lacking() -> None:
+    left = ask(SWEEP + "axes: {timestep: [1.0e-3, 2.0e-3]}\n", partly=True)
+    assert left.plan.count == 2
+    assert left.left_out == ()
+
+
+@pytest.mark.parametrize(
+    ("number", "batch", "sensors"),
+    [
+        ("3.3.7", False, False),
+        ("3.16.0", False, True),
+        ("3.17.0", True, True),
+        ("4.0.0", True, True),
+    ],
+)
+def test_what_versions_can(
+    number: str,
+    version: Callable[[str], None],
+    *,
+    batch: bool,
+    sensors: bool,
+) -> None:
+    version(number)
+    assert capabilities.has_batch() == batch
+    assert capabilities.has_contact_sensors() == sensors
+    assert bool(capabilities.lacking_records(driven=True)) != batch
+    assert not capabilities.lacking_records(driven=False)
+
+
+def test_the_engine_has_what_its_version_promises() -> None:
+    fields = getattr(mujoco, "mjtConDataField", None)
+    assert hasattr(fields, "mjCONDATA_ANGVEL") == capabilities.has_contact_sensors()

@@ -1,0 +1,121 @@
+"""Numerics share a reference; whatever else a run sets has one of its own."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.scene import NUMERICS, PARAMETERS, Scene, as_reference, joints_of, twin_of
+
+DISCRETISING: list[dict[str, Any]] = [
+    {"timestep": 1e-3},
+    {"integrator": "RK4"},
+    {"solver": "PGS"},
+    {"iterations": 7},
+    {"tolerance": 1e-4},
+    {"ls_iterations": 3},
+    {"ls_tolerance": 0.1},
+    {"jacobian": "sparse"},
+    {"ccd_iterations": 9},
+    {"ccd_tolerance": 1e-3},
+    {"warmstart": False},
+    {"island": False},
+    {"midphase": False},
+    {"eulerdamp": False},
+    {"sleep": True},
+    {"implicit": True},
+]
+MODELLING: list[dict[str, Any]] = [
+    {"solref": (0.01, 1.0)},
+    {"restitution": 0.5},
+    {"solimp": (0.8, 0.9, 0.001, 0.5, 2.0)},
+    {"cone": "elliptic"},
+    {"impratio": 10.0},
+    {"friction": (0.4, 0.005, 0.0001)},
+    {"condim": 6},
+    {"margin": 0.01},
+    {"gap": 0.001},
+    {"noslip_iterations": 3},
+    {"gravity": 1.0},
+    {"mass": 2.0},
+    {"density": 1.0},
+]
+SWITCHES = ["refsafe", "multiccd", "nativeccd", "filterparent"]
+
+
+@pytest.fixture(scope="module")
+def scene(make_scene: Callable[..., Scene]) -> Scene:
+    model = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+      <body name="ball" pos="0 0 .2"><freejoint name="ball"/><geom name="ball" size=".1"/></body>
+    </worldbody></mujoco>"""
+    return make_scene(model, "subject: ball\npairs: [{geoms: [floor, ball]}]\n")
+
+
+def reference(scene: Scene, values: dict[str, Any], seed: int = 0) -> str:
+    run = scene.resolve(values, seed, None)
+    return scene.run_id(as_reference(run, "RK4", 1e-5))
+
+
+def known(scene: Scene, values: dict[str, Any]) -> bool:
+    return all(scene.catalogue.find(name) is not None for name in values)
+
+
+@pytest.mark.parametrize("values", DISCRETISING, ids=str)
+def test_what_discretises_shares_a_reference(scene: Scene, values: dict[str, Any]) -> None:
+    if not known(scene, values):
+        pytest.skip("this engine lacks it")
+    assert scene.run_id(scene.resolve(values, 0, None)) != scene.run_id(scene.resolve({}, 0, None))
+    assert reference(scene, values) == reference(scene, {})
+
+
+@pytest.mark.parametrize("values", MODELLING, ids=str)
+def test_what_is_part_of_the_model_does_not(scene: Scene, values: dict[str, Any]) -> None:
+    if not known(scene, values):
+        pytest.skip("this engine lacks it")
+    assert reference(scene, values) != reference(scene, {})
+
+
+@pytest.mark.parametrize("name", SWITCHES)
+def test_other_switches_are_part_of_the_model(scene: Scene, name: str) -> None:
+    flags = scene.base({}).flags
+    if name not in flags:
+        pytest.skip("this engine lacks it")
+    assert reference(scene, {name: not flags[name]}) != reference(scene, {})
+
+
+def test_another_seed_has_its_own(scene: Scene) -> None:
+    assert reference(scene, {}, seed=1) != reference(scene, {}, seed=0)
+
+
+def test_every_option_was_decided_on() -> None:
+    """An option that is neither here nor there would quietly share a reference, or quietly not."""
+    decided = {name for values in (*DISCRETISING, *MODELLING) for name in values}
+    decided |= {PARAMETERS[name].sets for name in decided & set(PARAMETERS)}
+    # The passes that these bound are part of the model, and so are they; a medium is density too.
+    decided |= {"noslip_tolerance", "viscosity"}
+    assert {parameter.sets for parameter in PARAMETERS.values()} <= decided
+    assert set(NUMERICS) <= decided
+    assert all(each.reason for each in NUMERICS.values())
+
+
+def test_a_reference_is_solved_to_the_end(scene: Scene) -> None:
+    run = scene.resolve({"solver": "PGS", "iterations": 1, "island": False}, 0, None)
+    settled = as_reference(run, "RK4", 1e-5)
+    option = scene.prepare(settled, scene.starts([settled])).model.opt
+    assert (option.timestep, option.iterations, option.tolerance) == (1e-5, 200, 1e-12)
+    assert settled.settings["solver"] == "Newton"
+    assert settled.flags["island"]
+
+
+def test_a_twin_is_hardly_another(scene: Scene) -> None:
+    run = scene.resolve({}, 0, None)
+    start = scene.starts([run])
+    joints = joints_of(scene.base_of(run).model)
+    twin = twin_of(start, joints, 3)
+    apart = np.concatenate([(twin.qpos - start.qpos)[0], (twin.qvel - start.qvel)[0]])
+    assert 0 < np.abs(apart).max() <= 1e-8
+    assert (twin.qpos[0, 3:] == start.qpos[0, 3:]).all(), "rotations stay"
+    assert (twin.qvel != start.qvel).all()
+    assert (twin_of(start, joints, 3).qpos == twin.qpos).all()
+    assert (twin_of(start, joints, 4).qpos != twin.qpos).any()

@@ -1,0 +1,19 @@
+"""What a shorter timestep cures and what it does not: the sweeps state it, and it comes out."""
+
+from pathlib import Path
+
+import pytest
+
+from contactlab import shipped
+from contactlab.pipeline import ask_for, run_sweep
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.mark.parametrize("name", ["grip", "plate", "ball", "disk"])
+def test_everything_stated_comes_out(tmp_path: Path, name: str) -> None:
+    path = shipped.sweep_file(f"timestep-claim-{name}")
+    ask = ask_for(path, path.stem, tmp_path / "store", folder=path.parent, workers=2)
+    manifest = run_sweep(ask, lambda _total, _done: None, lambda _: None)
+    assert manifest.expectations.get("unmet", 0) == 0
+    assert manifest.expectations["met"] >= 20
