@@ -94,6 +94,21 @@ def test_replay_needs_only_the_store(
     assert result["hash"] == result["stored_hash"]
 
 
+def test_replay_is_by_the_engine_of_the_run(
+    contactlab: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The two engines do not agree, so that the wrong one would differ."""
+    monkeypatch.chdir(tmp_path)
+    contactlab("sweep", "impact", "-o", "both", "--only", "angle=40")
+    rows = Store.open(tmp_path / "both").table.to_pylist()
+    assert {row["engine_name"] for row in rows} == {"impulse", "mujoco"}
+    for engine in ("impulse", "mujoco"):
+        run = next(row["run_id"] for row in rows if row["engine_name"] == engine)
+        code, out, err = contactlab("replay", "both", run)
+        assert (code, err) == (0, "")
+        assert out.startswith(f"run {run}: bitwise equal (")
+
+
 def test_replay_finds_the_first_difference(
     contactlab: Run, store: Path, run_id: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -6,9 +6,17 @@ import numpy as np
 
 from contactlab.errors import StoreError
 from contactlab.evidence import Store
-from contactlab.scene import Prepared, Resolved, Scene, Starts, stored_scene
+from contactlab.pipeline.job import IMPULSE
+from contactlab.scene import Base, Prepared, Resolved, Scene, Starts, stored_scene
 from contactlab.schema import EvidenceRecord, rest
-from contactlab.sim import Buffers, Rollout, quiet, roll_out, trajectory_hash
+from contactlab.sim import (
+    Buffers,
+    Rollout,
+    quiet,
+    roll_out,
+    roll_out_by_impulse,
+    trajectory_hash,
+)
 
 
 @dataclass(frozen=True)
@@ -40,8 +48,16 @@ class Start:
     """A stored run, ready to be simulated again."""
 
     record: EvidenceRecord
+    base: Base
     prepared: Prepared
     state: Starts
+
+    def roll_out(self) -> Rollout:
+        """Simulate it by the engine that it was stored with."""
+        steps = self.record.steps_asked
+        if self.record.engine.name == IMPULSE:
+            return roll_out_by_impulse(self.base, [self.prepared], self.state, steps, Buffers())
+        return roll_out([self.prepared.model], self.state, steps, Buffers())
 
 
 def prepare(store: Store, run: str) -> Start:
@@ -54,7 +70,8 @@ def prepare(store: Store, run: str) -> Start:
     record, scene, resolved = stored_run(store, run)
     starts = scene.starts([resolved])
     prepared = scene.prepare(resolved, starts)
-    return Start(record, prepared, _stored_start(record, prepared, starts))
+    state = _stored_start(record, prepared, starts)
+    return Start(record, scene.base_of(resolved), prepared, state)
 
 
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, Resolved]:
@@ -82,12 +99,7 @@ def replay(store: Store, run: str) -> Replay:
     quiet()
     start = prepare(store, run)
     record = start.record
-    rollout = roll_out(
-        [start.prepared.model],
-        start.state,
-        record.steps_asked,
-        Buffers(),
-    )
+    rollout = start.roll_out()
     found = trajectory_hash(rollout, 0)
     equal = found == record.trajectory_hash
     step, difference = (None, None) if equal else _first_difference(store, record, rollout)

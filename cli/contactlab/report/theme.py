@@ -43,6 +43,8 @@ def configured(spec: dict[str, Any]) -> dict[str, Any]:
         "aria": False,
         "background": PAPER,
         "font": FONT,
+        # Words are measured in one font, and a reader's may be wider.
+        "padding": {"left": 5, "top": 5, "right": 48, "bottom": 5},
         "axis": axis,
         "legend": {**words, "labelLimit": 360, "titleFontWeight": "normal"}
         | given.get("legend", {}),
