@@ -19,7 +19,8 @@ _DIMS = {
 }
 _REMARKS = {
     "sensor": "<!-- remove the elements of <sensor> -->",
-    "tendon": "<!-- remove the elements of <tendon> -->",
+    "tendon": "<!-- in <tendon>, set no stiffness, damping, friction loss, armature or range; "
+    "remove what no actuator, equality or sensor refers to -->",
 }
 
 

@@ -81,7 +81,7 @@ MOTION = [
     Effect(
         "tendon",
         "physical",
-        "tendons",
+        "springs, damping, friction, inertia and limits of tendons",
         "idle ones are not compiled, others have nothing that acts",
         "tendons",
         True,
