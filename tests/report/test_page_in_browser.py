@@ -84,7 +84,7 @@ def test_a_click_leads_to_the_run(visit: Visit, reported: Reported, swept: Swept
     box = cell.bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 4)
     page.wait_for_selector("#run h3")
-    run = re.findall(r"run=([0-9a-f]{16})", page.url)[0]
+    run = re.findall(r"run=([0-9a-f]{16})", page.evaluate("location.hash"))[0]
     record = swept("bounce").record(run)
     assert record.axes["restitution"] == 0.9
     shown = pairs(page, 1)

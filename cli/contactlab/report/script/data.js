@@ -51,9 +51,17 @@ async function drawing() {
   });
 }
 
+const latest = new WeakMap();
+
+// Drawing takes a while: what was asked for last is shown, and null is given to the others.
 async function draw(target, spec) {
   const box = document.createElement("div");
+  latest.set(target, box);
   const { view } = await window.vegaEmbed(box, spec, { actions: false, renderer: "svg", tooltip: false });
+  if (latest.get(target) !== box) {
+    view.finalize();
+    return null;
+  }
   target.replaceChildren(box);
   return view;
 }

@@ -32,7 +32,6 @@ async function startMap(page) {
   picture.setAttribute("role", "application");
   picture.setAttribute("aria-label", "Map of runs; arrow keys move between cells, Enter opens one");
   picture.addEventListener("keydown", (event) => onKey(page, event));
-  find("map-data").addEventListener("toggle", () => showMapTable(page));
   showControls(page);
   await showMap(page);
   if (page.state.cell) openCell(page, page.state.cell, false);
@@ -75,19 +74,13 @@ function showControls(page) {
 async function showMap(page) {
   const picture = find("map-picture");
   const { spec, panels } = mapSpec(page.columns, page.state, picture.clientWidth - (picture.clientWidth < NARROW ? 0 : 160));
-  page.panels = panels;
-  page.focus = null;
-  page.view = await draw(picture, legendBelow(spec, picture.clientWidth));
-  page.view.addEventListener("click", (_, item) => onCell(page, item, (cell) => openCell(page, cell)));
-  page.view.addEventListener("mouseover", (_, item) => onCell(page, item, (cell) => focusCell(page, cell)));
-  showMapTable(page);
+  find("map-data").querySelector(".scroll").replaceChildren(...mapTable(page.state, panels));
   save(page);
-}
-
-function showMapTable(page) {
-  if (find("map-data").open && page.panels.length) {
-    find("map-data").querySelector(".scroll").replaceChildren(...mapTable(page.state, page.panels));
-  }
+  const view = await draw(picture, legendBelow(spec, picture.clientWidth));
+  if (!view) return;
+  Object.assign(page, { view, panels, focus: null });
+  view.addEventListener("click", (_, item) => onCell(page, item, (cell) => openCell(page, cell)));
+  view.addEventListener("mouseover", (_, item) => onCell(page, item, (cell) => focusCell(page, cell)));
 }
 
 function onCell(page, item, then) {
@@ -250,12 +243,11 @@ async function showWeighed(page, edited) {
   if (edited) find("advice").replaceChildren(...adviceOf(page.columns, weighed, limits));
   const changed = Object.entries(page.state.limits).map(([name, limit]) => ` --tolerance ${name}=${limit}`);
   find("weigh-command").textContent = `contactlab tradeoff ${words.store}${changed.join("")}`;
-  if (words.specs.tradeoff) {
-    const picture = find("chart-picture");
-    const view = await draw(picture, fitted(chartSpec(page.columns, weighed, limits), picture.clientWidth));
-    view.addEventListener("click", (_, item) => onPoint(page, item?.datum));
-  }
   save(page);
+  if (!words.specs.tradeoff) return;
+  const picture = find("chart-picture");
+  const view = await draw(picture, fitted(chartSpec(page.columns, weighed, limits), picture.clientWidth));
+  view?.addEventListener("click", (_, item) => onPoint(page, item?.datum));
 }
 
 function showMargin(page, row, place, limits) {
