@@ -14,24 +14,20 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
-from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
-from numpy.typing import NDArray
+from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
 from contactlab.compare import as_junit, as_markdown, as_text, compare
-from contactlab.evidence import Store, sha256_of
+from contactlab.evidence import Store
 from contactlab.measure import LABELS, METRICS
-from contactlab.schema import ComparePolicy, StoreManifest
+from contactlab.schema import ComparePolicy
 
 SIZES = (10_000, 1_000_000)
-SWEEP = "box_slide"
-_CHUNK = 100_000
-Rows = NDArray[np.int64]
+SWEEP = "{version: 1, scene: box_slide, axes: {timestep: [1e-3, 2e-3]}, trace: none}"
 
 
 def main() -> None:
@@ -43,7 +39,7 @@ def main() -> None:
     print(f"{'runs':>9}  {'matched by':10}  {'CPU [s]':>8}  {'wall [s]':>8}  {'peak [MB]':>9}")
     for runs in sizes:
         with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
-            template = real_store(Path(name) / "real")
+            template = real_store(Path(name) / "real", SWEEP)
             stores = [make_store(Path(name) / each, runs, template) for each in ("old", "new")]
             for match in ("id", "axes"):
                 command = [sys.executable, "-m", "bench.compare_scale", "--one"]
@@ -67,67 +63,17 @@ def measure(baseline: Path, candidate: Path, match: str) -> None:
     print(json.dumps([*spent, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024]))
 
 
-def real_store(folder: Path) -> Store:
-    """Return a store of a real sweep, whose schema the made-up ones have."""
-    sweep = folder.with_suffix(".yaml")
-    sweep.write_text(f"version: 1\nscene: {SWEEP}\naxes: {{timestep: [1e-3, 2e-3]}}\ntrace: none\n")
-    program = str(Path(sys.executable).with_name("contactlab"))
-    command = [program, "sweep", str(sweep), "-o", str(folder), "--workers", "0"]
-    subprocess.run(command, capture_output=True, check=True)
-    return Store.open(folder)
-
-
 def make_store(path: Path, runs: int, template: Store) -> Path:
     """Write a store of made-up runs; called `new`, it is in another order and worse in places."""
-    path.mkdir()
-    schema = template.table.schema
-    with pq.ParquetWriter(path / "runs.parquet", schema, compression="zstd") as writer:
-        for chunk in chunks(runs, template, worse=path.name == "new"):
-            writer.write_table(chunk)
-    identity = template.manifest.sweep.model_copy(update={"runs_asked": runs})
-    (path / "sweep.json").write_text(identity.model_dump_json())
-    labels = pq.read_table(path / "runs.parquet", columns=["label"])["label"].value_counts()
-    now = datetime.now(UTC).isoformat()
-    manifest = StoreManifest(
-        sweep=identity,
-        provenance=template.manifest.provenance,
-        runs=runs,
-        labels={each["values"]: each["counts"] for each in labels.to_pylist()},
-        statuses={"ok": runs},
-        traces=0,
-        expectations={"none": runs},
-        files={name: sha256_of(path / name) for name in ("runs.parquet", "sweep.json")},
-        started=now,
-        finished=now,
-    )
-    (path / "manifest.json").write_text(manifest.model_dump_json())
-    return path
+    worse = path.name == "new"
+    parts = parts_of(runs)[:: -1 if worse else 1]
+    return write_store(path, runs, template, tables(parts, template, partial(made_up, worse=worse)))
 
 
-def chunks(runs: int, template: Store, *, worse: bool) -> Iterator[pa.Table]:
-    """Yield the table of made-up runs in parts."""
-    first = template.table.slice(0, 1)
-    starts = range(0, runs, _CHUNK)
-    for start in reversed(starts) if worse else starts:
-        size = min(_CHUNK, runs - start)
-        made = made_up(np.arange(start, start + size), np.random.default_rng(start), worse=worse)
-        columns = [
-            made[name]
-            if name in made
-            else pa.chunked_array([[value[0].as_py()] * size], value.type)
-            for name, value in zip(first.column_names, first.columns, strict=True)
-        ]
-        yield pa.Table.from_arrays(
-            [column.cast(field.type) for column, field in zip(columns, first.schema, strict=True)],
-            schema=first.schema,
-        )
-
-
-def made_up(
-    index: NDArray[np.int64], rng: np.random.Generator, *, worse: bool
-) -> dict[str, pa.Array]:
+def made_up(index: Rows, *, worse: bool) -> dict[str, pa.Array]:
     """Return the columns of runs (n,) that differ from run to run."""
-    ids = [f"{number * 0x9E3779B97F4A7C15 % 2**64:016x}" for number in index.tolist()]
+    rng = np.random.default_rng(index[0])
+    ids = ids_of(index)
     labels = rng.choice(list(LABELS)[-4:], len(index)).tolist()
     made: dict[str, pa.Array] = {
         "run_id": pa.array(ids),

@@ -16,20 +16,18 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from datetime import UTC, datetime
+from collections.abc import Mapping, Sequence
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
-from numpy.typing import NDArray
+from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
-from contactlab.evidence import Store, sha256_of
+from contactlab.evidence import Store
 from contactlab.measure import METRICS
 from contactlab.report import write_page
-from contactlab.schema import StoreManifest
 from contactlab.trace import Floats
 
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.
@@ -51,8 +49,6 @@ duration: 0.01
 trace: none
 checks: none
 """
-_CHUNK = 100_000
-Rows = NDArray[np.int64]
 
 
 def main() -> None:
@@ -65,7 +61,9 @@ def main() -> None:
     print("  ".join(f"{name:>10}" for name in head))
     for runs in sizes:
         with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
-            store = make_store(Path(name) / "store", GRIDS[runs], real_store(Path(name) / "real"))
+            store = make_store(
+                Path(name) / "store", GRIDS[runs], real_store(Path(name) / "real", SWEEP)
+            )
             page = Path(name) / "page.html"
             command = [sys.executable, "-m", "bench.report_scale", "--one", str(store), str(page)]
             done = subprocess.run(command, capture_output=True, text=True, check=True)
@@ -109,80 +107,29 @@ def opened(page: Path) -> tuple[float, float]:
     return min(paint for paint, _ in times), min(ready for _, ready in times)
 
 
-def real_store(folder: Path) -> Store:
-    """Return a store of a real sweep, whose schema the made-up ones have."""
-    sweep = folder.with_suffix(".yaml")
-    sweep.write_text(SWEEP)
-    program = str(Path(sys.executable).with_name("contactlab"))
-    command = [program, "sweep", str(sweep), "-o", str(folder), "--workers", "0"]
-    subprocess.run(command, capture_output=True, check=True)
-    return Store.open(folder)
-
-
 def make_store(path: Path, grid: Sequence[int], template: Store) -> Path:
     """Write a store of made-up runs over a grid."""
-    path.mkdir()
     runs = int(np.prod(grid))
-    with pq.ParquetWriter(path / "runs.parquet", template.table.schema) as writer:
-        for chunk in chunks(runs, grid, template):
-            writer.write_table(chunk)
-    identity = template.manifest.sweep.model_copy(update={"runs_asked": runs})
-    (path / "sweep.json").write_text(identity.model_dump_json())
-    labels = pq.read_table(path / "runs.parquet", columns=["label"])["label"].value_counts()
-    now = datetime.now(UTC).isoformat()
-    manifest = StoreManifest(
-        sweep=identity,
-        provenance=template.manifest.provenance,
-        runs=runs,
-        labels={each["values"]: each["counts"] for each in labels.to_pylist()},
-        statuses={"ok": runs},
-        traces=0,
-        expectations={"none": runs},
-        files={name: sha256_of(path / name) for name in ("runs.parquet", "sweep.json")},
-        started=now,
-        finished=now,
-    )
-    (path / "manifest.json").write_text(manifest.model_dump_json())
-    return path
-
-
-def chunks(runs: int, grid: Sequence[int], template: Store) -> Iterator[pa.Table]:
-    """Yield the table of made-up runs in parts."""
-    first = template.table.slice(0, 1)
     known = {name: template.columns.numbers(name).values for name in METRICS}
-    for start in range(0, runs, _CHUNK):
-        size = min(_CHUNK, runs - start)
-        made = made_up(np.arange(start, start + size), grid, np.random.default_rng(start), known)
-        columns = [
-            made[name]
-            if name in made
-            else pa.chunked_array([[value[0].as_py()] * size], value.type)
-            for name, value in zip(first.column_names, first.columns, strict=True)
-        ]
-        yield pa.Table.from_arrays(
-            [column.cast(field.type) for column, field in zip(columns, first.schema, strict=True)],
-            schema=first.schema,
-        )
+    made = partial(made_up, grid=grid, known=known)
+    return write_store(path, runs, template, tables(parts_of(runs), template, made))
 
 
-def made_up(
-    index: Rows, grid: Sequence[int], rng: np.random.Generator, known: Mapping[str, Floats]
-) -> dict[str, pa.Array]:
+def made_up(index: Rows, grid: Sequence[int], known: Mapping[str, Floats]) -> dict[str, pa.Array]:
     """Return the columns of runs (n,) that differ from run to run.
 
     Args:
         index: places in the grid.
         grid: its sizes.
-        rng: where chance is from.
         known: metric to its values in a real sweep.
     """
-    ids = [f"{number * 0x9E3779B97F4A7C15 % 2**64:016x}" for number in index.tolist()]
+    rng = np.random.default_rng(index[0])
     step, integrator, cone, solref, friction, direction, seed = np.unravel_index(index, grid)
     # Long steps fail, and stiff contacts fail first.
     worse = rng.random(len(index)) < 0.7 * (step / grid[0]) * (0.5 + solref / grid[3])
     labels = np.where(worse, rng.choice(LABELS[:3], len(index)), "stable").tolist()
     made: dict[str, pa.Array] = {
-        "run_id": pa.array(ids),
+        "run_id": pa.array(ids_of(index)),
         "index": pa.array(index),
         "seed": pa.array(seed),
         "timestep": pa.array(1e-4 * 1.3**step),

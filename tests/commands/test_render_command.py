@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.evidence import Store
-from contactlab.pipeline import Ask, Scenes, run_sweep
-from contactlab.plan import read_sweep
+from contactlab.pipeline import ask_for, run_sweep
 
 Run = Callable[..., Any]
 
@@ -21,17 +20,7 @@ SWEEP = "{version: 1, scene: ball_drop, duration: 0.3, axes: {drop_height: [0.02
 def store(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     """A store of one run, and the run's id."""
     folder = tmp_path_factory.mktemp("rendered")
-    scenes = Scenes(folder)
-    read = read_sweep(SWEEP, scenes.vocabulary)
-    ask = Ask(
-        plan=read.plan,
-        scene=scenes.open(read.sweep.scene),
-        name="small",
-        source=SWEEP,
-        overrides=(),
-        store=folder / "store",
-        workers=0,
-    )
+    ask = ask_for(SWEEP, "small", folder / "store", folder=folder, workers=0)
     run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
     [run] = Store.open(ask.store).table["run_id"].to_pylist()
     return str(ask.store), run

@@ -9,8 +9,7 @@ import pytest
 
 from contactlab.errors import StoreError
 from contactlab.evidence import Store
-from contactlab.pipeline import Ask, Scenes, run_sweep
-from contactlab.plan import read_sweep
+from contactlab.pipeline import ask_for, run_sweep
 
 TEXT = (Path(__file__).parents[2] / "docs/evidence.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
@@ -25,17 +24,7 @@ axes: {timestep: [2.0e-3, 2.0e-2], drop_height: [0.02, 0.3]}
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     folder = tmp_path_factory.mktemp("examples")
-    scenes = Scenes(folder)
-    read = read_sweep(SWEEP, scenes.vocabulary)
-    ask = Ask(
-        plan=read.plan,
-        scene=scenes.open(read.sweep.scene),
-        name="bounce",
-        source=SWEEP,
-        overrides=(),
-        store=folder / "results/bounce",
-        workers=0,
-    )
+    ask = ask_for(SWEEP, "bounce", folder / "results/bounce", folder=folder, workers=0)
     run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
     return Store.open(ask.store)
 

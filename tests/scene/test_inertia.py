@@ -179,7 +179,7 @@ def test_what_does_not_compile_is_found_and_told(
     assert fault.value == pytest.approx(value, abs=1e-12)
     with pytest.raises(SceneError, match="does not compile") as caught:
         Scene(source)
-    assert f"faulty: {fault.reason}" in str(caught.value)
+    assert f"body 'faulty': {fault.reason}" in str(caught.value)
 
 
 def test_a_balanced_inertia_is_told_although_it_compiles(tmp_path: Path) -> None:

@@ -36,7 +36,8 @@ def effects(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.commands.progress import progress
-    from contactlab.pipeline.effects import Ablation, ask, check_figure, draw
+    from contactlab.pipeline.effects import Ablation, ask, draw
+    from contactlab.tradeoff import check_figure
 
     if figure is not None:
         check_figure(figure)

@@ -31,7 +31,7 @@ def _unreal(said: str, tried: Path) -> Iterator[str]:
         # The engine gives no access to a specification that it has refused.
         spec = mujoco.MjSpec.from_file(str(tried))
         for fault in written_inertia_faults(spec)[:_MOST]:
-            yield f"{fault.body}: {fault.reason}"
+            yield f"body '{fault.body}': {fault.reason}"
 
 
 def _missing(said: str, model: Path) -> Iterator[str]:

@@ -1,7 +1,7 @@
 """What accuracy costs in time: fronts, orders, floors and a recommendation, from stored runs."""
 
 from contactlab.tradeoff.choice import EQUALLY_FAST, SAFE_MARGIN
-from contactlab.tradeoff.figure import check_figure, draw, specify
+from contactlab.tradeoff.figure import check_figure, draw, save_figure, specify
 from contactlab.tradeoff.mjcf import Lines, mjcf_lines
 from contactlab.tradeoff.palette import COLOURS, INK, LETTERS, REST, SHAPES
 from contactlab.tradeoff.question import MODELLING, Question, chosen_error
@@ -26,6 +26,7 @@ __all__ = [
     "draw",
     "mjcf_lines",
     "rerun_sweep",
+    "save_figure",
     "specify",
     "tradeoff",
 ]

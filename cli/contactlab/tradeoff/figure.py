@@ -2,10 +2,13 @@
 
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from contactlab.errors import OutputError
 from contactlab.schema import TradeoffReport
+
+if TYPE_CHECKING:
+    import altair as alt
 
 SUFFIXES = (".png", ".svg")
 _LIBRARIES = ("altair", "vl_convert")
@@ -16,7 +19,7 @@ def check_figure(path: Path) -> None:
     """Check that a figure can be drawn, before anything is run for it.
 
     Raises:
-        OutputError: the suffix is not known, or the libraries are missing.
+        OutputError: the suffix is not known, the libraries or the folder are missing.
     """
     if path.suffix not in SUFFIXES:
         raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
@@ -25,6 +28,20 @@ def check_figure(path: Path) -> None:
             "figures need Altair and vl-convert; install them with "
             "`pip install 'contactlab[figures]'`"
         )
+    if not path.parent.is_dir():
+        raise OutputError(f"cannot write {path}: no folder {path.parent}")
+
+
+def save_figure(chart: "alt.TopLevelMixin", path: Path) -> None:
+    """Write a chart as a .png or .svg file.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    try:
+        chart.save(path, scale_factor=_SCALE)
+    except OSError as error:
+        raise OutputError(f"cannot write {path}: {error.strerror}") from error
 
 
 def draw(report: TradeoffReport, path: Path) -> None:
@@ -35,15 +52,12 @@ def draw(report: TradeoffReport, path: Path) -> None:
         path: a .png or .svg file.
 
     Raises:
-        OutputError: the suffix is another, the libraries are missing, or it cannot be written.
+        OutputError: as `check_figure`, or it cannot be written.
     """
     check_figure(path)
     from contactlab.tradeoff.layers import specification  # noqa: PLC0415 - needs the extra
 
-    try:
-        specification(report).save(path, scale_factor=_SCALE)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}") from error
+    save_figure(specification(report), path)
 
 
 def specify(report: TradeoffReport) -> dict[str, Any]:

@@ -1,16 +1,16 @@
 """The model under check: opened, with the options of the command line, at its start."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from contactlab.pipeline.check.opening import check_timestep, opened
+from contactlab.errors import SceneError
 from contactlab.pipeline.check.options import read_options, whole_settings
 from contactlab.pipeline.jobs import RUN_BYTES
 from contactlab.pipeline.vocabulary import Scenes
-from contactlab.plan import Expression
 from contactlab.scene import OWN_START, Base, Prepared, Resolved, Scene, Starts, make_setup
 from contactlab.sim import bytes_of_run
 
@@ -75,12 +75,8 @@ class Target:
     @property
     def hold_window(self) -> tuple[float, float] | None:
         """From when to when [s] the scene says that something is held, if it does."""
-        manifest = self.scene.source.manifest
-        if manifest is None or manifest.hold is None:
-            return None
-        initial = self.resolved.initial
-        start, stop = (_term(each, initial) for each in (manifest.hold.start, manifest.hold.stop))
-        return start, stop
+        holding = self.base.holding
+        return None if holding is None else holding.window(self.resolved.initial)
 
     def fits(self, timestep: float, seconds: float) -> bool:
         """Say whether a run of so many seconds [s] at a timestep [s] can be held in memory."""
@@ -109,9 +105,9 @@ def open_target(reference: str, assign: Sequence[str]) -> Target:
         SweepFileError: an option is wrong; all that are, are named.
     """
     scenes = Scenes(Path())
-    scene = opened(scenes, reference)
+    scene = scenes.open(reference)
     values, duration = read_options(scenes, reference, assign)
-    check_timestep(scene, values)
+    _check_timestep(scene, values)
     return Target(
         reference=reference,
         scenes=scenes,
@@ -121,6 +117,11 @@ def open_target(reference: str, assign: Sequence[str]) -> Target:
     )
 
 
-def _term(term: float | str, initial: Mapping[str, float]) -> float:
-    value = Expression(term).evaluate(initial) if isinstance(term, str) else term
-    return float(str(value))
+def _check_timestep(scene: Scene, values: Mapping[str, object]) -> None:
+    """Raise SceneError unless the timestep is one that time can go on by."""
+    timestep = scene.resolve(values, 0, None).timestep
+    if not 0 < timestep < math.inf:
+        raise SceneError(
+            f"{scene.source.model}: its timestep is {timestep:g} s; write one above 0 there, "
+            "or `--set timestep=`"
+        )

@@ -1,7 +1,7 @@
 """Which effects a scene needs: ablation, the smallest set, and its verification."""
 
 from contactlab.pipeline.effects.ablation import FRESH_SEEDS, Ablation
-from contactlab.pipeline.effects.figure import check_figure, draw
+from contactlab.pipeline.effects.figure import draw
 from contactlab.pipeline.effects.question import Question, ask
 
-__all__ = ["FRESH_SEEDS", "Ablation", "Question", "ask", "check_figure", "draw"]
+__all__ = ["FRESH_SEEDS", "Ablation", "Question", "ask", "draw"]

@@ -1,0 +1,90 @@
+"""Stores of made-up runs, with every column of a real one, of any size."""
+
+import subprocess
+import sys
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from numpy.typing import NDArray
+
+from contactlab.evidence import Store, sha256_of
+from contactlab.schema import StoreManifest
+
+PART = 100_000
+Rows = NDArray[np.int64]
+Columns = Mapping[str, pa.Array]
+
+
+def real_store(folder: Path, sweep: str) -> Store:
+    """Return the store of a real sweep, given as text, whose schema the made-up ones have."""
+    file = folder.with_suffix(".yaml")
+    file.write_text(sweep)
+    program = str(Path(sys.executable).with_name("contactlab"))
+    command = [program, "sweep", str(file), "-o", str(folder), "--workers", "0"]
+    subprocess.run(command, capture_output=True, check=True)
+    return Store.open(folder)
+
+
+def ids_of(index: Rows) -> list[str]:
+    """Return ids of runs (n,) that no other index has, in no order."""
+    return [f"{number * 0x9E3779B97F4A7C15 % 2**64:016x}" for number in index.tolist()]
+
+
+def tables(
+    parts: Iterable[Rows], template: Store, made_up: Callable[[Rows], Columns]
+) -> Iterator[pa.Table]:
+    """Yield the table of made-up runs in parts.
+
+    Args:
+        parts: the places of each part's runs.
+        template: gives the columns, and the values of those that are not made up.
+        made_up: gives the others for some places.
+    """
+    first = template.table.slice(0, 1)
+    for index in parts:
+        made = made_up(index)
+        columns = [
+            made[name]
+            if name in made
+            else pa.chunked_array([[value[0].as_py()] * len(index)], value.type)
+            for name, value in zip(first.column_names, first.columns, strict=True)
+        ]
+        yield pa.Table.from_arrays(
+            [column.cast(field.type) for column, field in zip(columns, first.schema, strict=True)],
+            schema=first.schema,
+        )
+
+
+def write_store(path: Path, runs: int, template: Store, parts: Iterable[pa.Table]) -> Path:
+    """Write a store of so many runs, whose table comes in parts."""
+    path.mkdir()
+    with pq.ParquetWriter(path / "runs.parquet", template.table.schema) as writer:
+        for part in parts:
+            writer.write_table(part)
+    identity = template.manifest.sweep.model_copy(update={"runs_asked": runs})
+    (path / "sweep.json").write_text(identity.model_dump_json())
+    labels = pq.read_table(path / "runs.parquet", columns=["label"])["label"].value_counts()
+    now = datetime.now(UTC).isoformat()
+    manifest = StoreManifest(
+        sweep=identity,
+        provenance=template.manifest.provenance,
+        runs=runs,
+        labels={each["values"]: each["counts"] for each in labels.to_pylist()},
+        statuses={"ok": runs},
+        traces=0,
+        expectations={"none": runs},
+        files={name: sha256_of(path / name) for name in ("runs.parquet", "sweep.json")},
+        started=now,
+        finished=now,
+    )
+    (path / "manifest.json").write_text(manifest.model_dump_json())
+    return path
+
+
+def parts_of(runs: int) -> list[Rows]:
+    """Return the places 0..runs in parts of a bounded size."""
+    return [np.arange(start, min(start + PART, runs)) for start in range(0, runs, PART)]
