@@ -1,10 +1,11 @@
 """What goes to a worker and what comes back; all of it pickles."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
+from contactlab.pipeline.stop import Stop
 from contactlab.plan import Match
 from contactlab.schema import Engine, Expectation, Provenance, Sweep
 
@@ -95,6 +96,29 @@ class Lost:
     job: Job
     reason: str
     timed_out: bool
+
+
+Result = list[Finished] | Lost
+
+
+class Executor(Protocol):
+    """Where jobs are run: this machine's worker processes, or a cluster."""
+
+    @property
+    def workers(self) -> int:
+        """How many jobs run at once; 0 if each is run by who asks for it."""
+        ...
+
+    def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
+        """Yield the results of jobs as they come, in any order.
+
+        Args:
+            task: what the jobs have in common.
+            jobs: taken lazily, as workers become idle.
+            stop: once it is set, no more jobs begin; those in flight end, some with a part of
+                their runs.
+        """
+        ...
 
 
 # Told how many runs there are and how many of them are done already; then of runs as they finish.

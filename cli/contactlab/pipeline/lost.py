@@ -2,19 +2,21 @@
 
 from collections.abc import Iterable, Iterator
 
-from contactlab.pipeline.job import Finished, Job, Lost, Task
-from contactlab.pipeline.pool import run_jobs
+from contactlab.pipeline.job import Executor, Finished, Job, Lost, Task
+from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.worker import Worker
 from contactlab.schema import LabelEntry
 
 
-def run_all(task: Task, jobs: Iterable[Job], workers: int) -> Iterator[list[Finished]]:
+def run_all(
+    task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop
+) -> Iterator[list[Finished]]:
     """Yield what comes of every job, once for each run.
 
     A job that is lost is run again, run by run; a run that is lost once more is the culprit.
     """
     lost: list[Job] = []
-    for result in run_jobs(task, jobs, workers):
+    for result in executor.run(task, jobs, stop):
         if isinstance(result, Lost):
             lost.append(result.job)
         else:
@@ -22,7 +24,8 @@ def run_all(task: Task, jobs: Iterable[Job], workers: int) -> Iterator[list[Fini
     if not lost:
         return
     recorder = Worker(task, None)
-    for result in run_jobs(task, [(run,) for job in lost for run in job], workers):
+    single = [(run,) for job in lost for run in job]
+    for result in executor.run(task, single, stop):
         yield [_record_loss(task, recorder, result)] if isinstance(result, Lost) else result
 
 

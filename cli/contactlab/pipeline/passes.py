@@ -8,10 +8,20 @@ from typing import Any, NamedTuple
 from contactlab.evidence import Column, StoreWriter, ratios
 from contactlab.pipeline.accuracy import accuracies, families
 from contactlab.pipeline.expectation import within
-from contactlab.pipeline.job import IMPULSE, Begin, Finished, Job, Lost, Progress, Purpose, Task
+from contactlab.pipeline.job import (
+    IMPULSE,
+    Begin,
+    Executor,
+    Finished,
+    Job,
+    Lost,
+    Progress,
+    Purpose,
+    Task,
+)
 from contactlab.pipeline.jobs import Planned, pack
 from contactlab.pipeline.notes import Note, note, noted
-from contactlab.pipeline.pool import run_jobs
+from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.stopwatch import Stopwatch
 from contactlab.pipeline.timing import timings
 from contactlab.scene import Scene
@@ -34,7 +44,8 @@ class Session:
         scene: its scene.
         store: where its runs are.
         planned: all of them.
-        workers: processes; 0 for none but this one.
+        executor: where they are run.
+        stop: set when the sweep should end soon.
         begin: told how many runs a pass has and how many of them are done already.
         progress: told of runs as a pass is done with them.
     """
@@ -43,7 +54,8 @@ class Session:
     scene: Scene
     store: StoreWriter
     planned: Planned
-    workers: int
+    executor: Executor
+    stop: Stop
     begin: Begin
     progress: Progress
 
@@ -108,7 +120,7 @@ def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
 
 
 def _timings(session: Session, rounds: int) -> dict[str, Timing]:
-    jobs = list(pack(session.repeatable, session.scene, session.workers))
+    jobs = list(pack(session.repeatable, session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
     return timings(session.planned, rounds, work, _timed(session, rounds, work))
 
@@ -120,7 +132,7 @@ def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str
     runs = sum(map(len, jobs))
     session.begin(runs, runs - sum(map(len, rest)))
     task = replace(session.task, purpose=purpose)
-    for result in run_jobs(task, rest, session.workers):
+    for result in session.executor.run(task, rest, session.stop):
         lost = isinstance(result, Lost)
         each = [note(purpose, run.run_id, {}) for run in result.job] if lost else result
         session.store.note([one.row for one in each])

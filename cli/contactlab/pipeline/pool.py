@@ -12,6 +12,7 @@ import sys
 import threading
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
+from itertools import takewhile
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import ForkServerContext
@@ -21,12 +22,12 @@ from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from contactlab.pipeline.job import Finished, Job, Lost, Task
+from contactlab.pipeline.job import Finished, Job, Lost, Result, Task
+from contactlab.pipeline.stop import Stop
 
 if TYPE_CHECKING:
     from contactlab.pipeline.worker import Worker
 
-Result = list[Finished] | Lost
 _PRELOAD = ["contactlab.pipeline.worker"]
 
 
@@ -40,31 +41,35 @@ class _Slot:
     job: Job
 
 
-def run_jobs(task: Task, jobs: Iterable[Job], workers: int) -> Iterator[Result]:
-    """Yield the results of jobs as they come, in any order.
+@dataclass(frozen=True)
+class LocalPool:
+    """Worker processes of this machine.
 
-    Args:
-        task: what the jobs have in common.
-        jobs: taken lazily, one for each idle worker.
+    Attributes:
         workers: processes; 0 runs everything in this one, without protection from crashes.
     """
-    if workers == 0:
-        yield from _run_here(task, jobs)
-        return
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(_PRELOAD)
-    queue = iter(jobs)
-    slots: list[_Slot] = []
-    with TemporaryDirectory(prefix="contactlab-") as folder:
-        try:
-            for number in range(workers):
-                if job := next(queue, None):
-                    marker = Path(folder) / str(number)
-                    slots.append(_start(context, task, marker, job))
-            while slots:
-                yield from _next_results(context, task, slots, queue)
-        finally:
-            _stop(slots)
+
+    workers: int
+
+    def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
+        """Yield the results of jobs as they come; see `Executor`."""
+        queue = takewhile(lambda _: not stop.is_set, jobs)
+        if self.workers == 0:
+            yield from _run_here(task, queue)
+            return
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(_PRELOAD)
+        slots: list[_Slot] = []
+        with TemporaryDirectory(prefix="contactlab-") as folder:
+            try:
+                for number in range(self.workers):
+                    if job := next(queue, None):
+                        marker = Path(folder) / str(number)
+                        slots.append(_start(context, task, marker, job))
+                while slots:
+                    yield from _next_results(context, task, slots, queue)
+            finally:
+                _stop(slots)
 
 
 def _run_here(task: Task, jobs: Iterable[Job]) -> Iterator[Result]:

@@ -16,12 +16,14 @@ from contactlab.evidence import (
     writing,
 )
 from contactlab.measure import CHECKS, LABELS, METRICS, Metric
-from contactlab.pipeline.job import Begin, PlannedRun, Progress, Task
+from contactlab.pipeline.job import Begin, Executor, PlannedRun, Progress, Task
 from contactlab.pipeline.jobs import Planned, pack, planned_runs
 from contactlab.pipeline.lost import run_all
 from contactlab.pipeline.passes import Session, run_passes
+from contactlab.pipeline.pool import LocalPool
 from contactlab.pipeline.provenance import engine, provenance
 from contactlab.pipeline.record import UNITS, VERSIONS, as_written
+from contactlab.pipeline.stop import Stop
 from contactlab.plan import Plan
 from contactlab.scene import EFFECTS, Scene, lacking_records
 from contactlab.schema import RECORD_VERSION, StoreManifest, SweepIdentity
@@ -41,6 +43,7 @@ class Ask:
         workers: processes; 0 for none but this one.
         fresh: whether to replace a store that is there.
         left_out: why runs are left out of the plan that only newer engines can do.
+        cluster: where runs are computed, if not by worker processes of this machine.
     """
 
     plan: Plan
@@ -52,15 +55,24 @@ class Ask:
     workers: int
     fresh: bool = False
     left_out: tuple[str, ...] = ()
+    cluster: Executor | None = None
+
+    @property
+    def executor(self) -> Executor:
+        """Where runs are computed."""
+        return self.cluster or LocalPool(self.workers)
 
 
-def run_sweep(ask: Ask, begin: Begin, progress: Progress) -> StoreManifest:
+def run_sweep(
+    ask: Ask, begin: Begin, progress: Progress, stop: Stop | None = None
+) -> StoreManifest:
     """Run what is not stored yet and publish the store.
 
     Args:
         ask: the sweep.
         begin: told how many runs there are and how many of them are done already.
         progress: told of runs as they finish.
+        stop: set when the sweep should end soon.
 
     Raises:
         SweepFileError: the sweep cannot be run as asked.
@@ -76,27 +88,30 @@ def run_sweep(ask: Ask, begin: Begin, progress: Progress) -> StoreManifest:
         if isinstance(store, StoreManifest):
             begin(len(planned), len(planned))
             return store
-        task = _task(ask, store, len(planned))
-        _run_rest(ask, task, store, planned, begin, progress)
-        session = Session(task, ask.scene, store, planned, ask.workers, begin, progress)
+        session = Session(
+            task=_task(ask, store, len(planned)),
+            scene=ask.scene,
+            store=store,
+            planned=planned,
+            executor=ask.executor,
+            stop=stop or Stop(),
+            begin=begin,
+            progress=progress,
+        )
+        _run_rest(session)
         found = run_passes(session)
         columns = [*columns, *found.columns]
-        return store.finish(columns, _shared(ask), task.provenance, found.values)
+        return store.finish(columns, _shared(ask), session.task.provenance, found.values)
 
 
-def _run_rest(
-    ask: Ask,
-    task: Task,
-    store: StoreWriter,
-    planned: Planned,
-    begin: Begin,
-    progress: Progress,
-) -> None:
+def _run_rest(session: Session) -> None:
+    planned, store, executor = session.planned, session.store, session.executor
     rest = [each for each in planned if each[0].run_id not in store.done]
-    begin(len(planned), len(planned) - len(rest))
-    for finished in run_all(task, pack(rest, ask.scene, ask.workers), ask.workers):
+    session.begin(len(planned), len(planned) - len(rest))
+    jobs = pack(rest, session.scene, executor.workers)
+    for finished in run_all(session.task, jobs, executor, session.stop):
         store.append([each.row for each in finished])
-        progress(finished)
+        session.progress(finished)
 
 
 def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
