@@ -1,8 +1,15 @@
 """What all tests share."""
 
+import logging
 import signal
 import threading
+import urllib.request
+import uuid
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
+import pytest
 from hypothesis import settings
 
 # A busy machine is no defect of the code under test.
@@ -14,3 +21,56 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and (
     threading.current_thread() is threading.main_thread()
 ):
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+@dataclass
+class ObjectServer:
+    """A server that speaks as S3 does, on a port of this machine."""
+
+    server: Any
+    port: int
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}"
+
+    def make_bucket(self) -> str:
+        """Return the name of a new bucket."""
+        name = f"bucket-{uuid.uuid4().hex[:12]}"
+        asked = urllib.request.Request(f"{self.url}/{name}", method="PUT")  # noqa: S310 - our own
+        urllib.request.urlopen(asked, timeout=10).close()  # noqa: S310
+        return name
+
+
+@pytest.fixture(scope="session")
+def _object_server() -> Iterator[ObjectServer]:
+    pytest.importorskip("obstore", reason="obstore is an extra")
+    moto = pytest.importorskip("moto.server", reason="moto is needed to test object stores")
+    logging.getLogger("werkzeug").setLevel(logging.ERROR)
+    server = moto.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
+    server.start()
+    _, port = server.get_host_and_port()
+    yield ObjectServer(server, port)
+    server.stop()
+
+
+@pytest.fixture
+def object_server(_object_server: ObjectServer, monkeypatch: pytest.MonkeyPatch) -> ObjectServer:
+    """The server, which the environment leads to."""
+    environment = {
+        "AWS_ACCESS_KEY_ID": "key",
+        "AWS_SECRET_ACCESS_KEY": "secret",
+        "AWS_REGION": "us-east-1",
+        "AWS_ENDPOINT_URL": _object_server.url,
+        "AWS_ALLOW_HTTP": "true",
+        "AWS_EC2_METADATA_DISABLED": "true",
+    }
+    for name, value in environment.items():
+        monkeypatch.setenv(name, value)
+    return _object_server
+
+
+@pytest.fixture
+def bucket(object_server: ObjectServer) -> str:
+    """The address of an empty bucket on the server."""
+    return f"s3://{object_server.make_bucket()}"

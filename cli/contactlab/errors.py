@@ -30,6 +30,10 @@ class EngineError(ContactlabError):
     """Another version of the engine cannot be had, or cannot run this."""
 
 
+class ClusterError(ContactlabError):
+    """A cluster cannot be reached, or a node of it does not fit."""
+
+
 class OutputError(ContactlabError):
     """Results cannot be written where they were asked for."""
 
@@ -50,6 +54,13 @@ class RunFailedError(ContactlabError):
     """The sweep went through, but some runs crashed or ran out of time."""
 
     exit_code = 4
+
+
+class StoppedError(ContactlabError):
+    """A sweep ended early because it was told to; its store is resumable."""
+
+    # As a shell reports a command that Ctrl-C ended.
+    exit_code = 130
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

@@ -114,7 +114,11 @@ def bench_of(scene: str, assign: tuple[str, ...], folder: Path) -> Bench:
 def test_a_whole_window_gives_the_metrics_of_the_record(
     scene: str, assign: tuple[str, ...], tmp_path: Path
 ) -> None:
-    """The trace put together from its file is the recorded one, in all that is measured on it."""
+    """The trace put together from its file is the recorded one, in all that is measured on it.
+
+    A file's contact points are of single precision: each is off by at most 2**-24 of itself, and
+    with them what is a sum or a mean of them; what is counted is the same.
+    """
     bench = bench_of(scene, assign, tmp_path)
     target, own = bench.target, bench.own
     base = target.base
@@ -129,8 +133,10 @@ def test_a_whole_window_gives_the_metrics_of_the_record(
         for pair in base.pairs
     )
     found = assess(part_of(own.trace, steps, pairs), setup).metrics
-    for name in ("mode_switches", "contact_losses", "slip_distance", "penetration_mean"):
+    for name in ("mode_switches", "contact_losses"):
         assert found[name][0] == own.record.metrics[name], name
+    for name in ("slip_distance", "penetration_mean"):
+        assert found[name][0] == pytest.approx(own.record.metrics[name], rel=2**-24), name
 
 
 def test_a_window_sees_its_part_only(tmp_path: Path) -> None:

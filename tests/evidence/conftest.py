@@ -180,10 +180,11 @@ def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
 
 
 def write_store(path: Path, records: Sequence[EvidenceRecord]) -> StoreManifest:
-    """Write a store of runs with their traces."""
+    """Write a store of runs with their traces; those that were lost left none."""
+    lost = {"crashed", "timeout"}
     with writing(path, identity(len(records)), SceneFile(), fresh=False) as store:
         assert isinstance(store, StoreWriter)
-        written = [write_run(path, record) for record in records]
+        written = [each if each.status in lost else write_run(path, each) for each in records]
         store.append([encode(record) for record in written])
         return store.finish(columns(records), shared(records[0]), PROVENANCE)
 
@@ -199,6 +200,11 @@ def store(tmp_path: Path) -> Path:
     path = tmp_path / "store"
     write_store(path, [make_record(index) for index in range(3)])
     return path
+
+
+@pytest.fixture(scope="session")
+def store_of() -> Callable[[Path, Sequence[EvidenceRecord]], StoreManifest]:
+    return write_store
 
 
 @pytest.fixture(scope="session")
@@ -224,3 +230,8 @@ def shared_part() -> Callable[..., dict[str, Any]]:
 @pytest.fixture(scope="session")
 def scene_file() -> SceneFile:
     return SceneFile()
+
+
+@pytest.fixture(scope="session")
+def write_run_to() -> Callable[[Path, EvidenceRecord], EvidenceRecord]:
+    return write_run

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from contactlab.errors import StoreError
 from contactlab.evidence import Store, from_row, to_row
+from contactlab.evidence.retrying import journal_lines
 from contactlab.evidence.table import read_table, shared_of, write_table
 from contactlab.schema import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
 
@@ -129,6 +130,27 @@ def test_records_survive_the_table(
     read = [from_row(row, shared_of(table.schema)) for row in table.to_pylist()]
     assert read == records
     assert [kinds(each) for each in read] == [kinds(each) for each in records]
+
+
+@given(changes=st.lists(CHANGES, min_size=1, max_size=4))
+@settings(deadline=None, max_examples=50)
+def test_a_table_survives_the_journal(
+    changes: list[dict[str, Any]],
+    tmp_path_factory: pytest.TempPathFactory,
+    record_of: RecordOf,
+    columns_of: Callable[..., Any],
+    shared_part: Callable[..., Any],
+) -> None:
+    """A finished store that is reopened and finished again has the same table."""
+    records = [record_of(index, **change) for index, change in enumerate(changes)]
+    folder = tmp_path_factory.mktemp("table")
+    columns, shared = columns_of(records), shared_part(records[0])
+    path = write(folder, records, columns, shared)
+    journal, again = folder / "again.jsonl", folder / "again.parquet"
+    journal.write_bytes(b"".join(journal_lines(path)))
+    write_table(journal, again, columns, shared)
+    assert read_table(again).equals(read_table(path), check_metadata=True)
+    assert again.read_bytes() == path.read_bytes()
 
 
 @given(change=CHANGES)

@@ -1,12 +1,14 @@
 """Small sweeps, run in this process or by workers, and what of their outcome must repeat."""
 
 import contextlib
+import json
 import os
+import shutil
 import signal
 import subprocess
 import sysconfig
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +46,12 @@ axes:
   boxes: [3]
   timestep: [2.0e-3, 5.0e-3]
   solver: [Newton, CG]
+"""
+# Python runs this before anything else, here in the process that workers are forked from.
+INJECT = """
+import sys
+if "forkserver" in " ".join(sys.orig_argv):
+    import injected_faults
 """
 # What depends on the clock, not on the run.
 CLOCK = {"started", "finished", "compile_time"}
@@ -100,6 +108,20 @@ class Sweeper:
         return outcome_of(self.folder / name)
 
 
+def parent_of(process: int) -> int | None:
+    """Return the parent of a process; None if it is gone."""
+    with contextlib.suppress(OSError):
+        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    return None
+
+
+def command_of(process: int) -> bytes:
+    """Return the command line of a process; nothing if it is gone."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/cmdline").read_bytes()
+    return b""
+
+
 class Command:
     """The installed command, each call in a session of its own, as a shell starts it."""
 
@@ -107,7 +129,9 @@ class Command:
         self.folder = folder
         self._started: list[subprocess.Popen[str]] = []
 
-    def start(self, *arguments: str, first: Path | None = None) -> subprocess.Popen[str]:
+    def start(
+        self, *arguments: str, first: Path | None = None, stderr: int = subprocess.PIPE
+    ) -> subprocess.Popen[str]:
         """Start the command; `first` is where Python looks for modules before all else."""
         path = [str(first)] if first else []
         path += filter(None, [os.environ.get("PYTHONPATH")])
@@ -116,7 +140,7 @@ class Command:
             cwd=self.folder,
             env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
             stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
+            stderr=stderr,
             text=True,
             start_new_session=True,
         )
@@ -141,12 +165,59 @@ class Command:
                 living.append(int(stat.parent.name))
         return living
 
+    def servers(self, session: int) -> list[int]:
+        """Return the processes that the workers of a session are forked from."""
+        return [
+            each
+            for each in self.living(session)
+            if parent_of(each) == session and b"forkserver" in command_of(each)
+        ]
+
+    def workers(self, session: int) -> list[int]:
+        """Return the workers of a session."""
+        servers = self.servers(session)
+        return [each for each in self.living(session) if parent_of(each) in servers]
+
     def stop(self) -> None:
         """End what a failed test left behind."""
         for process in self._started:
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.communicate()
+
+
+def outcome_but(
+    outcome: tuple[dict[str, Any], dict[str, bytes]], left_out: Collection[int]
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the outcome of all runs but those at some places of the plan."""
+    table, traces = outcome
+    kept = [row for row, index in enumerate(table["index"]) if index not in left_out]
+    ids = {table["run_id"][row] for row in kept}
+    return (
+        {name: [values[row] for row in kept] for name, values in table.items()},
+        {path: content for path, content in traces.items() if Path(path).stem in ids},
+    )
+
+
+@pytest.fixture(scope="session")
+def but() -> Callable[[Any, Collection[int]], Any]:
+    return outcome_but
+
+
+@pytest.fixture
+def inject(tmp_path: Path) -> Callable[..., Path]:
+    """Return what makes workers fail at runs: a folder that the command looks in first."""
+
+    def write(faults: Mapping[int, str], spare_bytes: int | None = None) -> Path:
+        folder = tmp_path / "injected"
+        folder.mkdir(exist_ok=True)
+        shutil.copy(Path(__file__).with_name("injected_faults.py"), folder)
+        (folder / "sitecustomize.py").write_text(INJECT)
+        plan = {"runs": dict(faults), "spare_bytes": spare_bytes}
+        (folder / "faults.json").write_text(json.dumps(plan))
+        return folder
+
+    return write
 
 
 @pytest.fixture

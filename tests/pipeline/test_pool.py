@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from contactlab.evidence import verify
-from contactlab.pipeline import Finished, pool
+from contactlab.pipeline import Finished, Stop, pool
 from contactlab.pipeline.job import Job, Lost, PlannedRun
 
 INNER: Any = pool
@@ -98,7 +98,7 @@ def test_a_slow_run_times_out(command: Any, stack: str, tmp_path: Path) -> None:
     assert summary["labels"] == summary["statuses"] == {"timeout": 1}
     (run_id,) = (json.loads(command.run("show", "store", "", "--format", "json")[1])["run_id"],)
     record = json.loads(command.run("show", "store", run_id, "--format", "json")[1])
-    assert record["status_reason"].startswith("over 0.05 s: Timeout (0:00:00.05")
+    assert record["status_reason"].startswith("over 0.05 s: Stack (most recent call")
 
 
 class DeadProcess:
@@ -121,7 +121,7 @@ def slot(tmp_path: Path) -> tuple[Any, Any]:
 def results(slots: list[Any], queue: Any) -> list[Any]:
     context: Any = None
     task: Any = None
-    return list(INNER._next_results(context, task, slots, queue))
+    return list(INNER._next_results(context, task, slots, queue, Stop()))
 
 
 def test_a_worker_that_dies_between_jobs_loses_the_next(slot: tuple[Any, Any]) -> None:
@@ -144,3 +144,16 @@ def test_a_worker_that_dies_in_mid_message_loses_its_job(slot: tuple[Any, Any]) 
     assert results([worker], iter(())) == [
         Lost(FIRST, "the worker was ended by SIGKILL", timed_out=False)
     ]
+
+
+def test_a_long_temporary_path_is_no_hindrance(
+    command: Any, ball: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sockets take paths of 107 characters; those of batch systems may be longer by themselves."""
+    folder = tmp_path / ("job" * 30)
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    (tmp_path / "small.yaml").write_text(ball)
+    code, _, err = command.run("sweep", "small.yaml", "-o", "store", "--workers", "1")
+    assert (code, err) == (0, "")
+    assert list(folder.iterdir()) == []

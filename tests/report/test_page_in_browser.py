@@ -4,6 +4,7 @@ import json
 import math
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -237,7 +238,7 @@ def test_names_are_text(visit: Visit, swept: Swept, tmp_path: Path) -> None:
     )
     manifest = store.manifest.model_copy(update={"sweep": sweep})
     path = tmp_path / "evil.html"
-    write_page(Store(store.path, manifest), path)
+    write_page(replace(store, manifest=manifest), path)
     seen = visit(path)
     assert seen.complaints == []
     assert evil in seen.page.locator("h1").text_content()

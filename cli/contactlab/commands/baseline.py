@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from contactlab.commands.output import Format, FormatOption, print_json
+from contactlab.commands.stores import METAVAR, Address, store_at
 
 app = typer.Typer(help="Keep stores to compare with.", no_args_is_help=True)
 
@@ -17,7 +18,9 @@ def baseline() -> None:
 
 @app.command()
 def update(
-    store: Annotated[Path, typer.Argument(help="The folder of the store that is good.")],
+    store: Annotated[
+        Address, typer.Argument(parser=store_at, metavar=METAVAR, help="The store that is good.")
+    ],
     dest: Annotated[Path, typer.Argument(help="The folder of the baseline, made or replaced.")],
     output: FormatOption = Format.text,
 ) -> None:

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from contactlab.commands.cores import cores
-from contactlab.commands.output import Format, FormatOption, print_table, say
+from contactlab.commands.output import Format, FormatOption, print_table
+from contactlab.commands.running import AGAIN, resumable
+from contactlab.commands.stores import folder_at
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.schema import Change, CheckReport, CheckResult, TaskKind
 
 RESULTS = Path("results/check")
-# As a shell reports a command that Ctrl-C ended.
-_INTERRUPTED = 130
 
 
 class For(StrEnum):
@@ -37,7 +37,8 @@ def check(  # noqa: PLR0913 - one argument an option
         list[str] | None, typer.Option("--only", help="One check by name; may be repeated.")
     ] = None,
     folder: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Where the evidence goes.")
+        Path | None,
+        typer.Option("-o", "--output", parser=folder_at, help="Where the evidence goes."),
     ] = None,
     *,
     keyframe: Annotated[
@@ -60,12 +61,8 @@ def check(  # noqa: PLR0913 - one argument an option
         kind=_task(kind),
         workers=cores() if workers is None else workers,
     )
-    try:
-        with progress() as shown:
-            report = check_model(ask, shown.begin, shown.advance)
-    except KeyboardInterrupt as error:
-        say("interrupted; the same command starts anew")
-        raise typer.Exit(_INTERRUPTED) from error
+    with resumable(AGAIN) as stop, progress() as shown:
+        report = check_model(ask, shown.begin, shown.advance, stop)
     if output is Format.json:
         typer.echo(report.model_dump_json(indent=2))
     else:

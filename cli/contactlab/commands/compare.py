@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from contactlab.commands.stores import METAVAR, Address, store_at
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
@@ -38,8 +39,12 @@ _SUFFIXES = {".txt": View.text, ".json": View.json, ".md": View.markdown, ".xml"
 
 
 def compare(  # noqa: PLR0913 - one argument an option
-    baseline: Annotated[Path, typer.Argument(help="The store to compare with.")],
-    candidate: Annotated[Path, typer.Argument(help="The store that is judged.")],
+    baseline: Annotated[
+        Address, typer.Argument(parser=store_at, metavar=METAVAR, help="The store to compare with.")
+    ],
+    candidate: Annotated[
+        Address, typer.Argument(parser=store_at, metavar=METAVAR, help="The store that is judged.")
+    ],
     policy: Annotated[
         Path | None, typer.Option(help="The file that says what is worse, and what fails.")
     ] = None,
@@ -93,8 +98,8 @@ def compare(  # noqa: PLR0913 - one argument an option
 class _Asked:
     """What is to be compared, and how."""
 
-    baseline: Path
-    candidate: Path
+    baseline: Address
+    candidate: Address
     policy: Path | None
     match: Match | None
     thorough: bool

@@ -7,7 +7,8 @@ import typer
 
 from contactlab.commands.cores import cores
 from contactlab.commands.output import Format, FormatOption, print_table, say
-from contactlab.commands.running import RESULTS, resumable
+from contactlab.commands.running import AGAIN, RESULTS, resumable
+from contactlab.commands.stores import folder_at
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ def effects(  # noqa: PLR0913 - one argument an option
         list[str] | None, typer.Option("--set", help="Set the base configuration: cone=elliptic")
     ] = None,
     folder: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Where report and evidence go.")
+        Path | None,
+        typer.Option("-o", "--output", parser=folder_at, help="Where report and evidence go."),
     ] = None,
     *,
     seeds: Annotated[int, typer.Option(min=1, help="Seeds to change effects with.")] = 6,
@@ -43,9 +45,10 @@ def effects(  # noqa: PLR0913 - one argument an option
         check_figure(figure)
     question = ask(source, assign or (), seeds, Path())
     target = folder or RESULTS / "effects" / question.scene.name
-    with resumable(), progress() as shown:
+    with resumable(AGAIN) as stop, progress() as shown:
         processes = cores() if workers is None else workers
-        report = Ablation(question, target, processes, shown.begin, shown.advance).report()
+        shows = shown.begin, shown.advance
+        report = Ablation(question, target, processes, *shows, stop=stop).report()
     _write(target / _REPORT, report)
     if figure is not None:
         draw(report, figure)

@@ -44,8 +44,13 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None
             Text(name), justify="right" if numeric else "left", no_wrap=len(header) > 3
         )
     for row in rows:
-        table.add_row(*[Text(_cell(value), style=_STYLES.get(str(value), "")) for value in row])
+        table.add_row(*[Text(_cell(value), style=style_of(str(value))) for value in row])
     stdout().print(table, highlight=False)
+
+
+def style_of(word: str) -> str:
+    """Return the colour of a label; none for any other word."""
+    return _STYLES.get(word, "")
 
 
 def stdout() -> Console:

@@ -6,11 +6,12 @@ from typing import Annotated
 import typer
 
 from contactlab.commands.output import say
+from contactlab.commands.stores import StoreArgument
 from contactlab.errors import OutputError
 
 
 def render(  # noqa: PLR0913, PLR0917 - one argument an option
-    store: Annotated[Path, typer.Argument(help="The store's folder.")],
+    store: StoreArgument,
     run: Annotated[str, typer.Argument(help="The run's id, or the start of it.")],
     target: Annotated[
         Path,

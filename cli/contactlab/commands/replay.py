@@ -1,12 +1,12 @@
 """`contactlab replay`: simulate a stored run again from its store alone."""
 
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from contactlab.commands.output import Format, FormatOption, print_json
+from contactlab.commands.stores import StoreArgument
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def replay(
-    store: Annotated[Path, typer.Argument(help="The store's folder.")],
+    store: StoreArgument,
     run: Annotated[str, typer.Argument(help="The run's id, or the start of it.")],
     *,
     view: Annotated[bool, typer.Option("--view", help="Open MuJoCo's viewer on it.")] = False,

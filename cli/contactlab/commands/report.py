@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 
 from contactlab.commands.output import say
+from contactlab.commands.stores import METAVAR, Address, StoreArgument, store_at
 from contactlab.commands.tradeoff import tolerances_of
 from contactlab.errors import OutputError
 
@@ -13,10 +14,14 @@ _ALL = 1_000_000
 
 
 def report(  # noqa: PLR0913 - one argument an option
-    store: Annotated[Path, typer.Argument(help="The store's folder.")],
+    store: StoreArgument,
     target: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="The page; STORE.html beside the store if left out."),
+        typer.Option(
+            "-o",
+            "--output",
+            help="The page; STORE.html beside a store that is a folder, or here, if left out.",
+        ),
     ] = None,
     *,
     error: Annotated[
@@ -33,7 +38,12 @@ def report(  # noqa: PLR0913 - one argument an option
         float, typer.Option(min=1, help="Above it the page has sums over runs instead of runs.")
     ] = 25.0,
     baseline: Annotated[
-        Path | None, typer.Option(help="A store to compare with, as `contactlab compare` does.")
+        Address | None,
+        typer.Option(
+            parser=store_at,
+            metavar=METAVAR,
+            help="A store to compare with, as `contactlab compare` does.",
+        ),
     ] = None,
     figures: Annotated[
         Path | None, typer.Option(help="Write figures into this folder instead of a page.")
@@ -64,7 +74,9 @@ def report(  # noqa: PLR0913 - one argument an option
     typer.echo(page)
 
 
-def _beside(store: Path) -> Path:
+def _beside(store: Address) -> Path:
+    if not isinstance(store, Path):
+        return Path(f"{store.name}.html")
     named = store if store.name else store.resolve()
     return named.with_name(f"{named.name}.html")
 

@@ -4,16 +4,19 @@ import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from contactlab.commands.output import say
-from contactlab.errors import SweepFileError
+from contactlab.commands.stopping import obeying
+from contactlab.errors import StoppedError, SweepFileError
+
+if TYPE_CHECKING:
+    from contactlab.pipeline import Stop
 
 RESULTS = Path("results")
-# As a shell reports a command that Ctrl-C ended.
-_INTERRUPTED = 130
+GOES_ON, AGAIN = "goes on where it stopped", "starts anew"
 
 MujocoOption = Annotated[
     str | None,
@@ -46,13 +49,21 @@ def go_elsewhere(asked: str | None, store: Path | None) -> None:
 
 
 @contextmanager
-def resumable() -> Generator[None]:
-    """Turn Ctrl-C into a word on how to go on."""
+def resumable(then: str = GOES_ON) -> Generator["Stop"]:
+    """Yield what Ctrl-C and SIGTERM set, and turn an early end into a word on how to go on.
+
+    Args:
+        then: what the same command does.
+    """
+    from contactlab.pipeline import Stop
+
+    stop = Stop()
     try:
-        yield
-    except KeyboardInterrupt as error:
-        say("interrupted; the same command goes on where it stopped")
-        raise typer.Exit(_INTERRUPTED) from error
+        with obeying(stop):
+            yield stop
+    except (KeyboardInterrupt, StoppedError) as error:
+        say(f"interrupted; the same command {then}")
+        raise typer.Exit(StoppedError.exit_code) from error
 
 
 def sweep_path(name: str) -> Path:

@@ -1,19 +1,20 @@
 """`contactlab show`: the record of one run, or what a store holds."""
 
 from collections.abc import Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from contactlab.commands.output import Format, FormatOption, print_json, print_table
+from contactlab.commands.stores import StoreArgument
 
 if TYPE_CHECKING:
+    from contactlab.evidence import Address
     from contactlab.schema import EvidenceRecord
 
 
 def show(
-    store: Annotated[Path, typer.Argument(help="The store's folder.")],
+    store: StoreArgument,
     run: Annotated[
         str | None, typer.Argument(help="The run's id, or the start of it; the store if left out.")
     ] = None,
@@ -34,7 +35,7 @@ def show(
         _print_record(store, record)
 
 
-def _print_record(store: Path, record: "EvidenceRecord") -> None:
+def _print_record(store: "Address", record: "EvidenceRecord") -> None:
     typer.echo("\n".join(_identity(store, record)))
     print_table(
         ("label", "first step", "reason"),
@@ -66,7 +67,7 @@ def _print_record(store: Path, record: "EvidenceRecord") -> None:
     )
 
 
-def _identity(store: Path, record: "EvidenceRecord") -> Iterator[str]:
+def _identity(store: "Address", record: "EvidenceRecord") -> Iterator[str]:
     yield f"run {record.run_id}: {record.label}"
     yield f"  scene      {record.scene} ({record.scene_hash}), seed {record.seed}"
     yield f"  engine     {record.engine.name} {record.engine.version}"

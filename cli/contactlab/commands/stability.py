@@ -9,7 +9,8 @@ import typer
 
 from contactlab.commands.cores import cores
 from contactlab.commands.output import Format, FormatOption, print_json, print_table, say
-from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere
+from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere, resumable
+from contactlab.commands.stores import folder_at
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
 
 _MOST_MISSES = 5
 _RESULTS = RESULTS / "stability"
+_GOES_ON = "runs the finished cases again and goes on with this one"
 
 
 def stability(
@@ -25,7 +27,10 @@ def stability(
         typer.Argument(metavar="[NAME]...", help="Cases, or model files; all cases if left out."),
     ] = None,
     results: Annotated[
-        Path, typer.Option("-o", "--output", help="The folder of the stores, one a case.")
+        Path,
+        typer.Option(
+            "-o", "--output", parser=folder_at, help="The folder of the stores, one a case."
+        ),
     ] = _RESULTS,
     workers: Annotated[int | None, typer.Option(min=0, help="Worker processes.")] = None,
     mujoco: MujocoOption = None,
@@ -40,8 +45,8 @@ def stability(
     done: list[CaseResult] = []
     cases = find_cases(names or [])
     for number, case in enumerate(cases, 1):
-        with progress() as shown:
-            result = run_case(case, results, processes, shown.begin, shown.advance)
+        with resumable(_GOES_ON) as stop, progress() as shown:
+            result = run_case(case, results, processes, shown.begin, shown.advance, stop)
         say(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
         done += [result] if result.runs else []
     if output is Format.json:

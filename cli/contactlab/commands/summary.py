@@ -2,7 +2,6 @@
 
 import json
 from collections import Counter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -10,6 +9,7 @@ import typer
 from contactlab.commands.output import Format, print_json, print_table
 
 if TYPE_CHECKING:
+    from contactlab.evidence import Address, RunColumns
     from contactlab.pipeline import Forecast
     from contactlab.plan import Plan
     from contactlab.schema import StoreManifest
@@ -27,7 +27,7 @@ _SHOWN = {
 }
 
 
-def print_summary(path: Path, manifest: "StoreManifest", output: Format) -> None:
+def print_summary(path: "Address", manifest: "StoreManifest", output: Format) -> None:
     """Print what a store holds: its runs if they are few, then counts by label."""
     from contactlab.evidence import Store
 
@@ -35,24 +35,27 @@ def print_summary(path: Path, manifest: "StoreManifest", output: Format) -> None
     if output is Format.json:
         print_json({"store": str(path), **manifest.model_dump(mode="json", exclude={"sweep"})})
         return
-    rows: list[dict[str, Any]] = store.table.to_pylist()
-    if len(rows) <= _MOST_ROWS:
-        _print_runs(rows)
+    columns = store.columns
+    if manifest.runs <= _MOST_ROWS:
+        _print_runs(store.table.to_pylist())
     else:
-        _print_shares(rows)
+        _print_shares(columns)
     print_table(("label", "runs"), Counter(manifest.labels).most_common())
     typer.echo(_expectations(manifest))
-    _print_missed(rows)
-    typer.echo(f"{manifest.runs} runs, {manifest.traces} traces in {path}")
-    flagged = next((row for row in rows if row["label"] != "stable"), rows[0])
-    typer.echo(f"look closer: contactlab show {path} {_run(flagged)}")
+    _print_missed(columns)
+    typer.echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
+    said = columns.listed(["label", "run_id"])
+    flagged = next((place for place, label in enumerate(said["label"]) if label != "stable"), 0)
+    typer.echo(f"look closer: contactlab show {path} {_short_id(said['run_id'][flagged])}")
 
 
-def _print_missed(rows: list[dict[str, Any]]) -> None:
+def _print_missed(columns: "RunColumns") -> None:
     """Say which effects were off in runs whose bodies called for them."""
-    missed = Counter(name for row in rows for name in json.loads(row["effects_missed"]))
+    missed: Counter[str] = Counter()
+    for text, count in Counter(columns.listed(["effects_missed"])["effects_missed"]).items():
+        missed.update(dict.fromkeys(json.loads(text), count))
     for name, count in missed.most_common():
-        typer.echo(f"{name} is off, and {count} of {len(rows)} runs called for it")
+        typer.echo(f"{name} is off, and {count:,} of {columns.runs:,} runs called for it")
 
 
 def print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
@@ -82,16 +85,19 @@ def _print_runs(rows: list[dict[str, Any]]) -> None:
     shown = [name for name in _SHOWN if any(row[name] for row in rows)]
     header = [*axes, "label", *(_SHOWN[name] for name in shown), "as asked", "run"]
     columns = [*axes, "label", *shown, "expectation_met"]
-    print_table(header, [[*(row[name] for name in columns), _run(row)] for row in rows])
+    print_table(
+        header, [[*(row[name] for name in columns), _short_id(row["run_id"])] for row in rows]
+    )
 
 
-def _print_shares(rows: list[dict[str, Any]]) -> None:
+def _print_shares(columns: "RunColumns") -> None:
     """Print, for each value of each axis, how many of its runs are stable and what the rest are."""
     lines: list[tuple[object, ...]] = []
-    for axis in rows[0]["axis_names"]:
+    for axis in columns.axis_names:
+        said = columns.listed([axis, "label"])
         counts: dict[object, Counter[str]] = {}
-        for row in rows:
-            counts.setdefault(row[axis], Counter())[row["label"]] += 1
+        for (value, label), count in Counter(zip(said[axis], said["label"], strict=True)).items():
+            counts.setdefault(value, Counter())[label] = count
         if len(counts) <= _MOST_VALUES:
             lines += [_share(axis, value, labels) for value, labels in counts.items()]
     print_table(("axis", "value", "runs", "stable", "most others"), lines)
@@ -103,15 +109,15 @@ def _share(axis: str, value: object, labels: Counter[str]) -> tuple[object, ...]
     return axis, _short(value), labels.total(), f"{labels['stable'] / labels.total():.0%}", most
 
 
-def _run(row: dict[str, Any]) -> str:
-    return str(row["run_id"])[:_ID_DIGITS]
+def _short_id(run_id: str) -> str:
+    return run_id[:_ID_DIGITS]
 
 
 def _expectations(manifest: "StoreManifest") -> str:
     met, unmet = manifest.expectations.get("met", 0), manifest.expectations.get("unmet", 0)
     if not met + unmet:
         return "nothing was expected of these runs"
-    return f"{met} of {met + unmet} runs are as expected"
+    return f"{met:,} of {met + unmet:,} runs are as expected"
 
 
 def _range(values: tuple[object, ...]) -> str:

@@ -1,13 +1,20 @@
 """`contactlab sweep`: run a declared sweep and write a store of evidence."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from contactlab.commands.cores import cores
+from contactlab.commands.executing import (
+    AddressOption,
+    Executing,
+    ExecutorOption,
+    check_executor,
+    executing,
+)
 from contactlab.commands.output import Format, FormatOption, say
 from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere, resumable, sweep_path
+from contactlab.commands.stores import METAVAR, Address, store_at
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
@@ -17,7 +24,14 @@ if TYPE_CHECKING:
 def sweep(  # noqa: PLR0913 - one argument an option
     name: Annotated[str, typer.Argument(metavar="SWEEP", help="A sweep file or a shipped sweep.")],
     store: Annotated[
-        Path | None, typer.Option("-o", "--output", help="The store; results/SWEEP if left out.")
+        Address | None,
+        typer.Option(
+            "-o",
+            "--output",
+            parser=store_at,
+            metavar=METAVAR,
+            help="The store: a folder or s3://BUCKET/PREFIX; results/SWEEP if left out.",
+        ),
     ] = None,
     assign: Annotated[
         list[str] | None, typer.Option("--set", help="Replace an axis or a key: timestep=1e-3,2e-3")
@@ -30,10 +44,16 @@ def sweep(  # noqa: PLR0913 - one argument an option
         int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
     ] = None,
     *,
+    executor: ExecutorOption = Executing.local,
+    address: AddressOption = None,
     mujoco: MujocoOption = None,
     plan: Annotated[bool, typer.Option("--plan", help="Say what would run; run nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", help="Run more than 100,000 runs.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace a store that is there.")] = False,
+    retry_failed: Annotated[
+        bool,
+        typer.Option("--retry-failed", help="Run again what crashed, timed out or erred."),
+    ] = False,
     output: FormatOption = Format.text,
 ) -> None:
     """Run a sweep into a store; the same command resumes one that was interrupted."""
@@ -41,6 +61,7 @@ def sweep(  # noqa: PLR0913 - one argument an option
     from contactlab.pipeline import ask_for, forecast, run_sweep
     from contactlab.plan import Overrides
 
+    check_executor(executor, address, workers)
     path = sweep_path(name)
     go_elsewhere(mujoco, None if store else RESULTS / path.stem)
     target = store or RESULTS / path.stem
@@ -52,6 +73,7 @@ def sweep(  # noqa: PLR0913 - one argument an option
         workers=cores() if workers is None else workers,
         overrides=Overrides(assign or (), only or (), limit),
         fresh=fresh,
+        retry_failed=retry_failed,
     )
     for warning in ask.plan.warnings:
         say(str(warning))
@@ -61,8 +83,9 @@ def sweep(  # noqa: PLR0913 - one argument an option
     _confirm(ask.plan.count, yes=yes)
     from contactlab.commands.progress import progress
 
-    with resumable(), progress() as shown:
-        manifest = run_sweep(ask, shown.begin, shown.advance)
+    placed = executing(ask, executor, address, workers)
+    with resumable() as stop, progress() as shown, placed as ask:
+        manifest = run_sweep(ask, shown.begin, shown.advance, stop)
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
     print_summary(target, manifest, output)

@@ -10,6 +10,7 @@ import typer
 from contactlab.commands.cores import cores
 from contactlab.commands.output import Format, FormatOption, print_json, say
 from contactlab.commands.running import RESULTS, resumable, sweep_path
+from contactlab.commands.stores import METAVAR, Address, store_at
 from contactlab.errors import ExpectationError, OutputError, SweepFileError
 
 if TYPE_CHECKING:
@@ -38,8 +39,14 @@ def tradeoff(  # noqa: PLR0913 - one argument an option
         Path | None, typer.Option(help="Write a sweep file of the recommendation alone.")
     ] = None,
     store: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", help="A sweep's store; results/tradeoff/SWEEP if left out."),
+        Address | None,
+        typer.Option(
+            "-o",
+            "--output",
+            parser=store_at,
+            metavar=METAVAR,
+            help="A sweep's store; results/tradeoff/SWEEP if left out.",
+        ),
     ] = None,
     workers: Annotated[
         int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
@@ -107,9 +114,13 @@ def _number(text: str) -> float | None:
     return number if math.isfinite(number) and number >= 0 else None
 
 
-def _store(name: str, target: Path | None, workers: int, question: "Question") -> Path:
+def _store(name: str, target: Address | None, workers: int, question: "Question") -> Address:
     """Return the store to weigh, after running the sweep if it is one."""
-    path = Path(name)
+    path = store_at(name)
+    if not isinstance(path, Path):
+        if target is not None:
+            raise SweepFileError(f"{path} is a store; -o says where the store of a sweep goes")
+        return path
     if path.is_dir() and (target is not None or (path / _MANIFEST).is_file()):
         if target is not None:
             raise SweepFileError(f"{path} is a folder; -o says where the store of a sweep goes")
@@ -117,19 +128,19 @@ def _store(name: str, target: Path | None, workers: int, question: "Question") -
     return path if path.is_dir() else _run(sweep_path(name), target, workers, question)
 
 
-def _run(path: Path, target: Path | None, workers: int, question: "Question") -> Path:
+def _run(path: Path, target: Address | None, workers: int, question: "Question") -> Address:
     from contactlab.commands.progress import progress
     from contactlab.pipeline import run_sweep
 
     ask = _ask(path, target or RESULTS / "tradeoff" / path.stem, workers, question)
     for warning in ask.plan.warnings:
         say(str(warning))
-    with resumable(), progress() as shown:
-        run_sweep(ask, shown.begin, shown.advance)
+    with resumable() as stop, progress() as shown:
+        run_sweep(ask, shown.begin, shown.advance, stop)
     return ask.store
 
 
-def _ask(path: Path, store: Path, workers: int, question: "Question") -> "Ask":
+def _ask(path: Path, store: Address, workers: int, question: "Question") -> "Ask":
     """Return what to run: the sweep, with errors and times measured even if it does not ask."""
     from contactlab.pipeline import ask_for
     from contactlab.plan import Overrides

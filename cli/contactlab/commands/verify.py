@@ -1,16 +1,14 @@
 """`contactlab verify`: is a store whole and unchanged."""
 
-from pathlib import Path
-from typing import Annotated
-
 import typer
 
 from contactlab.commands.output import Format, FormatOption, print_json
+from contactlab.commands.stores import StoreArgument
 from contactlab.errors import StoreError
 
 
 def verify(
-    store: Annotated[Path, typer.Argument(help="The store's folder.")],
+    store: StoreArgument,
     output: FormatOption = Format.text,
 ) -> None:
     """Check every file of a store against its hash, its schema and its structure."""

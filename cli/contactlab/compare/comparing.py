@@ -1,7 +1,6 @@
 """Compare two stores: every check, and what they mean together."""
 
 from datetime import date
-from pathlib import Path
 
 from contactlab.compare.accepting import with_accepted
 from contactlab.compare.compared import Compared
@@ -25,14 +24,15 @@ from contactlab.compare.sides import Side, open_sides
 from contactlab.compare.summing import advice, exit_code, headline, overall
 from contactlab.compare.unreadable import readable
 from contactlab.errors import StoreError
+from contactlab.evidence import Address
 from contactlab.schema import ComparePolicy, ComparisonReport, PairCounts
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 
 
 def compare(
-    baseline: Path,
-    candidate: Path,
+    baseline: Address,
+    candidate: Address,
     policy: ComparePolicy = DEFAULT_POLICY,
     *,
     thorough: bool = False,
@@ -42,8 +42,8 @@ def compare(
     """Compare two stores.
 
     Args:
-        baseline: folder of what is known.
-        candidate: folder of what is judged.
+        baseline: where what is known is stored.
+        candidate: where what is judged is stored.
         policy: what is worse, and what of it fails the job.
         thorough: whether to check every record and the bytes of every trace first.
         remeasure: what to time anew, if anything.
@@ -61,7 +61,9 @@ def compare(
     return _report(compared, remeasure)
 
 
-def paired(baseline: Path, candidate: Path, policy: ComparePolicy = DEFAULT_POLICY) -> Pairing:
+def paired(
+    baseline: Address, candidate: Address, policy: ComparePolicy = DEFAULT_POLICY
+) -> Pairing:
     """Return which runs of two stores belong together.
 
     Raises:
@@ -79,7 +81,7 @@ def _paired(baseline: Side, candidate: Side, policy: ComparePolicy) -> Pairing:
 
 
 def _nothing_in_common(baseline: Side, candidate: Side, *, by_axes: bool) -> str:
-    text = f"no run of {baseline.store.path} is in {candidate.store.path}"
+    text = f"no run of {baseline.store.address} is in {candidate.store.address}"
     if by_axes:
         return f"{text}: no axis values and seed are equal"
     if told := difference(baseline, candidate, "scene_hash"):

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.errors import PolicyError, StoreError
-from contactlab.evidence import RunColumns, Store, verify
+from contactlab.evidence import Address, RunColumns, Store, verify
 from contactlab.schema import ComparedStore, StoreManifest
 
 _MOST_PROBLEMS = 3
@@ -37,7 +37,7 @@ class Side:
         manifest, origin = self.manifest, self.manifest.provenance
         engine = manifest.sweep.engine
         return ComparedStore(
-            store=str(self.store.path),
+            store=str(self.store.address),
             sweep=manifest.sweep.name,
             runs=manifest.runs,
             engine=f"{engine.name} {engine.version}",
@@ -48,19 +48,19 @@ class Side:
         )
 
 
-def open_sides(baseline: Path, candidate: Path, *, thorough: bool) -> tuple[Side, Side]:
+def open_sides(baseline: Address, candidate: Address, *, thorough: bool) -> tuple[Side, Side]:
     """Open two stores.
 
     Args:
-        baseline: folder of what is known.
-        candidate: folder of what is judged.
+        baseline: where what is known is stored.
+        candidate: where what is judged is stored.
         thorough: whether to check every record and the bytes of every trace.
 
     Raises:
-        PolicyError: both are the same folder.
+        PolicyError: both are the same store.
         StoreError: one of them is missing, damaged, empty, unfinished or of another version.
     """
-    if baseline.exists() and candidate.exists() and baseline.samefile(candidate):
+    if _are_one(baseline, candidate):
         raise PolicyError(
             f"{baseline} and {candidate} are the same store, which says nothing; "
             "compare the stores of two sweeps"
@@ -71,7 +71,13 @@ def open_sides(baseline: Path, candidate: Path, *, thorough: bool) -> tuple[Side
     )
 
 
-def _opened(role: str, path: Path, *, thorough: bool) -> Side:
+def _are_one(one: Address, other: Address) -> bool:
+    if isinstance(one, Path) and isinstance(other, Path):
+        return one.exists() and other.exists() and one.samefile(other)
+    return one == other
+
+
+def _opened(role: str, path: Address, *, thorough: bool) -> Side:
     try:
         problems = verify(path, thorough=thorough)
     except StoreError as error:

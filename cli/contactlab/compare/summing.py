@@ -65,11 +65,11 @@ def _advice(checks: Sequence[Check], baseline: Side, candidate: Side) -> Iterato
     told = sorted((c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome))
     pair = next((pair for check in told for pair in check.worst if pair.candidate_run), None)
     if pair is not None:
-        yield f"look closer: contactlab show {candidate.store.path} {pair.candidate_run}"
+        yield f"look closer: contactlab show {candidate.store.address} {pair.candidate_run}"
     failed = next((check for check in checks if check.outcome == "failed"), None)
     if failed is not None:
         yield (
-            f"accept one: contactlab compare {baseline.store.path} {candidate.store.path} "
+            f"accept one: contactlab compare {baseline.store.address} {candidate.store.address} "
             f'--policy policy.yaml --accept "{failed.name}" --reason "..."'
         )
     if failed is not None or any(
@@ -77,7 +77,7 @@ def _advice(checks: Sequence[Check], baseline: Side, candidate: Side) -> Iterato
     ):
         yield (
             "make the candidate the baseline: contactlab baseline update "
-            f"{candidate.store.path} {baseline.store.path}"
+            f"{candidate.store.address} {baseline.store.address}"
         )
 
 

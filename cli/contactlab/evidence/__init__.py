@@ -1,5 +1,12 @@
 """The store: traces in MCAP, one table in Parquet, a manifest written last."""
 
+from contactlab.evidence.address import (
+    SCHEMES,
+    Address,
+    ObjectAddress,
+    absolute,
+    located,
+)
 from contactlab.evidence.arrays import Measured, Numbers, RunColumns, Words
 from contactlab.evidence.baseline import write_baseline
 from contactlab.evidence.columns import (
@@ -10,7 +17,7 @@ from contactlab.evidence.columns import (
     ratios,
     struct_column,
 )
-from contactlab.evidence.files import cannot_write, replacing, sha256_of
+from contactlab.evidence.files import TEMPORARY, cannot_write, replacing, sha256_of
 from contactlab.evidence.identity import read_manifest
 from contactlab.evidence.mcap import (
     StoredPair,
@@ -21,8 +28,10 @@ from contactlab.evidence.mcap import (
     read_trace,
     write_trace,
 )
+from contactlab.evidence.objects import local_scene
 from contactlab.evidence.rows import SHARED, from_row, to_row
 from contactlab.evidence.store import Store, open  # noqa: A004 - read as evidence.open
+from contactlab.evidence.traces import TraceFolder
 from contactlab.evidence.verify import verify
 from contactlab.evidence.viewing import export_mcap, export_rrd
 from contactlab.evidence.writer import SCENES, TRACES, StoreWriter, writing
@@ -30,25 +39,33 @@ from contactlab.evidence.writer import SCENES, TRACES, StoreWriter, writing
 __all__ = [
     "RESERVED",
     "SCENES",
+    "SCHEMES",
     "SHARED",
+    "TEMPORARY",
     "TRACES",
+    "Address",
     "Column",
     "Measured",
     "Numbers",
+    "ObjectAddress",
     "RunColumns",
     "Store",
     "StoreWriter",
     "StoredPair",
     "StoredTrace",
     "TraceExtras",
+    "TraceFolder",
     "TraceSummary",
     "Words",
+    "absolute",
     "axis_column",
     "cannot_write",
     "check_trace",
     "export_mcap",
     "export_rrd",
     "from_row",
+    "local_scene",
+    "located",
     "metric_column",
     "open",
     "ratios",

@@ -12,6 +12,7 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
+from contactlab.evidence.address import Address
 from contactlab.evidence.table import TABLE, reading, shared_of
 
 _MOST_WORDS = 64
@@ -68,14 +69,18 @@ class Words(NamedTuple):
 class RunColumns:
     """The table of a store, column by column.
 
+    Args:
+        store: the folder that holds it.
+        named: what messages call the store, if it is not that folder.
+
     Raises:
         StoreError: there is no table, it is damaged, or it lacks a column that was asked for.
     """
 
-    def __init__(self, store: Path) -> None:
-        self.path = store / TABLE
+    def __init__(self, store: Path, named: Address | None = None) -> None:
+        self.path = (store if named is None else named) / TABLE
         with reading(self.path):
-            self._file = pq.ParquetFile(self.path)
+            self._file = pq.ParquetFile(store / TABLE)
         self._last: tuple[int, pa.Table] | None = None
 
     @property

@@ -5,6 +5,7 @@ import tempfile
 from pathlib import Path
 
 from contactlab.errors import OutputError, StoreError
+from contactlab.evidence.address import Address
 from contactlab.evidence.files import cannot_write, sha256_of
 from contactlab.evidence.identity import IDENTITY, MANIFEST, read_manifest
 from contactlab.evidence.store import Store
@@ -14,14 +15,14 @@ from contactlab.evidence.writer import SCENES
 from contactlab.schema import StoreManifest
 
 
-def write_baseline(source: Path, target: Path) -> StoreManifest:
+def write_baseline(source: Address, target: Path) -> StoreManifest:
     """Write a store anew without its traces, or put it in the place of an earlier baseline.
 
     Records stay whole: they name their traces with size and hash. What only explains (the
     columns' descriptions) is left out too.
 
     Args:
-        source: the store's folder.
+        source: the store's folder, or where it lies in object storage.
         target: the baseline's folder, replaced in one step.
 
     Returns:
@@ -60,10 +61,10 @@ def _written(store: Store, target: Path) -> StoreManifest:
     return manifest
 
 
-def _check_target(source: Path, target: Path) -> None:
+def _check_target(source: Address, target: Path) -> None:
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
-    if target.samefile(source):
+    if isinstance(source, Path) and target.samefile(source):
         raise OutputError(f"{target} is the store itself; name another folder for the baseline")
     try:
         replaceable = read_manifest(target).traces_left_out

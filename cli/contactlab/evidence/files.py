@@ -39,11 +39,13 @@ def replacing(target: Path, *, durable: bool = False) -> Generator[Path]:
         raise
 
 
-def cannot_write(path: Path, error: OSError) -> OutputError:
+def cannot_write(path: object, error: OSError) -> OutputError:
     """Return the error for a path that cannot be written, with what to do about it."""
     remedy = "choose another folder with -o"
     if error.errno in {errno.ENOSPC, errno.EDQUOT}:
         remedy = "free some space and run the same command, which goes on where it stopped"
+    elif error.errno == errno.EFBIG:
+        remedy = "raise the limit on file sizes (ulimit -f) and run the same command, which goes on"
     reason = os.strerror(error.errno) if error.errno else error
     return OutputError(f"cannot write {path}: {reason}; {remedy}")
 

@@ -7,6 +7,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from contactlab.errors import StoreError
+from contactlab.evidence.address import Address
 from contactlab.schema import STORE_VERSION, StoreManifest, SweepIdentity
 
 _Kind = TypeVar("_Kind", bound=BaseModel)
@@ -33,7 +34,7 @@ def read_manifest(store: Path) -> StoreManifest:
     return _read(store, MANIFEST, StoreManifest)
 
 
-def check_same(store: Path, there: SweepIdentity, asked: SweepIdentity) -> None:
+def check_same(store: Address, there: SweepIdentity, asked: SweepIdentity) -> None:
     """Check that a store can be resumed.
 
     Raises:
@@ -48,19 +49,47 @@ def check_same(store: Path, there: SweepIdentity, asked: SweepIdentity) -> None:
         )
 
 
+def parsed(data: bytes, kind: type[_Kind], named: Address) -> _Kind:
+    """Return what an identity or a manifest says.
+
+    Raises:
+        StoreError: it is damaged or of another version; the message names it as given.
+    """
+    try:
+        said = json.loads(data)
+        _check_version(named, said)
+        return kind.model_validate(said)
+    except (ValueError, ValidationError) as error:
+        raise StoreError(f"{named} is damaged: {error}") from error
+
+
+def missing(store: Address, name: str, *, begun: bool) -> StoreError:
+    """Return the error for a store that is there, but lacks its identity or manifest.
+
+    Args:
+        store: where it is.
+        name: what it lacks.
+        begun: whether it has an identity.
+    """
+    if name == MANIFEST and begun:
+        return StoreError(f"{store} is unfinished; run its sweep again to go on where it stopped")
+    return StoreError(f"{store} is not a store: it has no {name}")
+
+
 def _read(store: Path, name: str, kind: type[_Kind]) -> _Kind:
     path = store / name
     try:
-        data = json.loads(path.read_bytes())
-        _check_version(path, data)
-        return kind.model_validate(data)
+        data = path.read_bytes()
     except FileNotFoundError as error:
-        raise StoreError(_missing(store, name)) from error
-    except (OSError, ValueError, ValidationError) as error:
+        if not store.is_dir():
+            raise StoreError(f"no store at {store}") from error
+        raise missing(store, name, begun=(store / IDENTITY).is_file()) from error
+    except OSError as error:
         raise StoreError(f"{path} is damaged: {error}") from error
+    return parsed(data, kind, path)
 
 
-def _check_version(path: Path, data: object) -> None:
+def _check_version(path: Address, data: object) -> None:
     if not isinstance(data, dict):
         raise ValueError("it is not a JSON object")
     version = data.get("store_version")
@@ -68,11 +97,3 @@ def _check_version(path: Path, data: object) -> None:
         raise StoreError(
             f"{path} is of store version {version}; this contactlab reads version {STORE_VERSION}"
         )
-
-
-def _missing(store: Path, name: str) -> str:
-    if not store.is_dir():
-        return f"no store at {store}"
-    if name == MANIFEST and (store / IDENTITY).is_file():
-        return f"{store} is unfinished; run its sweep again to go on where it stopped"
-    return f"{store} is not a store: it has no {name}"

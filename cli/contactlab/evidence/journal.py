@@ -4,11 +4,14 @@ A process killed in mid-write leaves a torn line, which is left out on resuming.
 of runs later lies in notes beside the journal, until the store is finished.
 """
 
+import itertools
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+
+from pydantic_core import from_json
 
 from contactlab.evidence.files import cannot_write, replacing
 
@@ -59,17 +62,24 @@ def mend_journal(store: Path, is_whole: Callable[[Mapping[str, Any]], bool]) -> 
     path = store / JOURNAL
     if not path.is_file():
         return set()
+    kept: set[str] = set()
+    good = bytearray()
     with path.open("rb") as lines:
-        ids = [_id_of_whole(line, is_whole) for line in lines]
-    if None in ids:
+        for line in lines:
+            run_id = _id_of_whole(line, is_whole)
+            # A run that is there twice counts once.
+            good.append(bool(run_id) and run_id not in kept)
+            if run_id:
+                kept.add(run_id)
+    if not all(good):
         with path.open("rb") as lines, replacing(path) as temporary, temporary.open("wb") as mended:
-            mended.writelines(line for line, run_id in zip(lines, ids, strict=True) if run_id)
-    return {run_id for run_id in ids if run_id}
+            mended.writelines(itertools.compress(lines, good))
+    return kept
 
 
 def _id_of_whole(line: bytes, is_whole: Callable[[Mapping[str, Any]], bool]) -> str | None:
     try:
-        row = json.loads(line)
+        row = from_json(line)
     except ValueError:
         return None
     return row["run_id"] if line.endswith(b"\n") and is_whole(row) else None

@@ -1,6 +1,7 @@
 """Read a finished store."""
 
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -8,25 +9,27 @@ from pathlib import Path
 import pyarrow as pa
 
 from contactlab.errors import StoreError, did_you_mean
+from contactlab.evidence.address import Address, ObjectAddress, located
 from contactlab.evidence.arrays import RunColumns
 from contactlab.evidence.identity import read_manifest
 from contactlab.evidence.mcap import StoredTrace, read_trace
+from contactlab.evidence.objects import fetched_store, fetched_trace
 from contactlab.evidence.rows import from_row
 from contactlab.evidence.table import TABLE, read_table, shared_of
 from contactlab.evidence.writer import SCENES
-from contactlab.schema import EvidenceRecord, StoreManifest
+from contactlab.schema import EvidenceRecord, StoreManifest, TraceFile
 
 
-def open(path: str | Path) -> "Store":  # noqa: A001 - read as evidence.open
+def open(address: str | Address) -> "Store":  # noqa: A001 - read as evidence.open
     """Open a finished store.
 
     Args:
-        path: its folder.
+        address: its folder, or where it lies in object storage: `s3://bucket/prefix`.
 
     Raises:
         StoreError: there is none, it is unfinished, damaged or of another version.
     """
-    return Store.open(Path(path))
+    return Store.open(located(address))
 
 
 @dataclass(frozen=True)
@@ -34,31 +37,35 @@ class Store:
     """A finished store.
 
     Attributes:
-        path: its folder.
+        path: the folder with all that it holds but its traces; they are there too, if the store
+            itself is a folder.
         manifest: what it holds.
+        address: where it is.
     """
 
     path: Path
     manifest: StoreManifest
+    address: Address
 
     @classmethod
-    def open(cls, path: Path) -> "Store":
-        """Open a store.
+    def open(cls, address: Address) -> "Store":
+        """Open a store; one in object storage is fetched but for its traces.
 
         Raises:
             StoreError: there is none, it is unfinished, damaged or of another version.
         """
-        return cls(path, read_manifest(path))
+        path = fetched_store(address) if isinstance(address, ObjectAddress) else address
+        return cls(path, read_manifest(path), address)
 
     @cached_property
     def table(self) -> pa.Table:
         """Every run as a row, in plan order; units are in the fields' metadata."""
-        return read_table(self.path / TABLE)
+        return read_table(self.path / TABLE, named=self.address / TABLE)
 
     @cached_property
     def columns(self) -> RunColumns:
         """The same table column by column, as NumPy arrays."""
-        return RunColumns(self.path)
+        return RunColumns(self.path, self.address)
 
     @property
     def units(self) -> dict[str, str]:
@@ -88,10 +95,10 @@ class Store:
         found = [run_id for run_id in ids if run_id.startswith(run)]
         if not found:
             hint = did_you_mean(run, ids)
-            raise StoreError(f"no run in {self.path} has an id that starts with '{run}'{hint}")
+            raise StoreError(f"no run in {self.address} has an id that starts with '{run}'{hint}")
         if len(found) > 1:
             raise StoreError(
-                f"{len(found)} runs in {self.path} have ids that start with '{run}' "
+                f"{len(found)} runs in {self.address} have ids that start with '{run}' "
                 f"({', '.join(found[:3])}, ...); write more of it"
             )
         return from_row(self.columns.row(ids.index(found[0])), self.columns.shared)
@@ -110,6 +117,20 @@ class Store:
             )
         if self.manifest.traces_left_out:
             raise StoreError(
-                f"{self.path} is a baseline without traces; its sweep's store has them"
+                f"{self.address} is a baseline without traces; its sweep's store has them"
             )
-        return read_trace(self.path / record.trace.file)
+        with self.trace_file(record.trace) as path:
+            return read_trace(path, self.address / record.trace.file)
+
+    @contextmanager
+    def trace_file(self, trace: TraceFile) -> Generator[Path]:
+        """Yield the file of a trace; one in object storage is fetched, and goes with the context.
+
+        Raises:
+            StoreError: it cannot be fetched.
+        """
+        if isinstance(self.address, Path):
+            yield self.address / trace.file
+            return
+        with fetched_trace(self.address, trace.file) as path:
+            yield path

@@ -13,20 +13,20 @@ import pyarrow.parquet as pq
 from contactlab.errors import StoreError
 from contactlab.evidence.columns import Column, table_schema
 from contactlab.evidence.files import replacing
+from contactlab.evidence.ordering import OrderedLines
 
 TABLE = "runs.parquet"
 _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
-_BLOCK = 8 << 20
-_GROUP = 1 << 16
-"""Runs that are read at once where one is asked for."""
+_GROUP = 1 << 14
+"""Runs that are written at once, and read at once where one is asked for."""
 TALLIED = ["label", "status", "trace_file", "expectation_met"]
 
 
 def write_table(
     journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
 ) -> None:
-    """Turn a journal into the table.
+    """Turn a journal into the table, one group of rows after the other.
 
     Args:
         journal: one row a line, as JSON, in any order.
@@ -34,31 +34,38 @@ def write_table(
         own: columns of axes, metrics, settings and effects.
         shared: what all runs have in common, kept in the file's metadata.
     """
-    schema = table_schema(own)
-    table = pyarrow.json.read_json(
-        journal,
-        read_options=pyarrow.json.ReadOptions(use_threads=False, block_size=_BLOCK),
-        parse_options=pyarrow.json.ParseOptions(
-            explicit_schema=schema, unexpected_field_behavior="error"
-        ),
-    )
-    table = table.select(schema.names).sort_by("index")
+    schema, rows = table_schema(own), OrderedLines(journal)
     described = {
         field.name: {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
         for field in schema
     }
     meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
-    table = table.cast(schema).replace_schema_metadata(meta)
-    with replacing(target) as temporary:
-        pq.write_table(
-            table,
+    with (
+        replacing(target) as temporary,
+        pq.ParquetWriter(
             temporary,
-            row_group_size=_GROUP,
+            schema.with_metadata(meta),
             compression="zstd",
             compression_level=3,
             use_dictionary=_texts(schema),  # pyright: ignore[reportArgumentType]
             column_encoding=dict.fromkeys(_reals(schema), "BYTE_STREAM_SPLIT"),
-        )
+        ) as writer,
+    ):
+        for first in range(0, len(rows), _GROUP):
+            parts = [_parsed(block, schema) for block in rows.blocks(first, first + _GROUP)]
+            table = pa.concat_tables(parts).replace_schema_metadata(meta)
+            writer.write_table(table, row_group_size=_GROUP)
+
+
+def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
+    table = pyarrow.json.read_json(
+        pa.BufferReader(lines),
+        read_options=pyarrow.json.ReadOptions(use_threads=False, block_size=len(lines)),
+        parse_options=pyarrow.json.ParseOptions(
+            explicit_schema=schema, unexpected_field_behavior="error"
+        ),
+    )
+    return table.select(schema.names).cast(schema)
 
 
 def write_compact(source: Path, target: Path) -> None:
@@ -80,18 +87,23 @@ def _essential(field: pa.Field) -> dict[bytes, bytes]:
     return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
 
 
-def read_table(path: Path, columns: list[str] | None = None) -> pa.Table:
+def read_table(path: Path, columns: list[str] | None = None, *, named: object = None) -> pa.Table:
     """Return the table, or some of its columns.
+
+    Args:
+        path: its file.
+        columns: which of them; all if left out.
+        named: what messages call it, if it is not that file.
 
     Raises:
         StoreError: there is none, or it is damaged.
     """
-    with reading(path):
+    with reading(named or path):
         return pq.read_table(path, columns=columns)
 
 
 @contextmanager
-def reading(path: Path) -> Generator[None]:
+def reading(path: object) -> Generator[None]:
     """Turn what goes wrong with reading a table into a StoreError."""
     try:
         yield

@@ -8,46 +8,42 @@ import pyarrow as pa
 from pydantic import ValidationError
 
 from contactlab.errors import StoreError
-from contactlab.evidence.files import TEMPORARY, sha256_of
+from contactlab.evidence.address import Address
+from contactlab.evidence.files import sha256_of
+from contactlab.evidence.holdings import Holdings, holdings
 from contactlab.evidence.identity import IDENTITY, MANIFEST, read_identity
-from contactlab.evidence.journal import JOURNAL, NOTES
 from contactlab.evidence.mcap import check_trace
 from contactlab.evidence.store import Store
 from contactlab.evidence.table import TABLE, TALLIED, read_table, tally
-from contactlab.evidence.writer import TRACES
 from contactlab.schema import RECORD_VERSION, EvidenceRecord, TraceFile
 
 
-def verify(path: Path, *, thorough: bool = True) -> list[str]:
+def verify(address: Address, *, thorough: bool = True) -> list[str]:
     """Return what is wrong with a store, in words; nothing if it is sound.
 
     Args:
-        path: the store's folder.
+        address: the store's folder, or where it lies in object storage.
         thorough: whether to check every record against its schema and every trace's bytes; if
             not, traces must be there with their size.
 
     Raises:
         StoreError: it cannot be opened at all.
     """
-    store = Store.open(path)
+    store = Store.open(address)
+    held = holdings(address)
     check = _records if thorough else _outline
-    return [*_files(store), *_identity(store), *check(store)]
+    return [*_files(store, held), *_identity(store), *check(store, held)]
 
 
-def _files(store: Store) -> Iterator[str]:
+def _files(store: Store, held: Holdings) -> Iterator[str]:
     for name, expected in store.manifest.files.items():
         path = store.path / name
         if not path.is_file():
             yield f"{name}: missing"
         elif sha256_of(path) != expected:
             yield f"{name}: changed since it was written"
-    leftovers = [
-        *store.path.glob(JOURNAL),
-        *store.path.glob(NOTES),
-        *store.path.rglob("*" + TEMPORARY),
-    ]
-    for leftover in sorted(leftovers):
-        yield f"{leftover.relative_to(store.path)}: left over from an interrupted write"
+    for name in held.leftovers():
+        yield f"{name}: left over from an interrupted write"
 
 
 def _identity(store: Store) -> Iterator[str]:
@@ -60,7 +56,7 @@ def _identity(store: Store) -> Iterator[str]:
         yield f"{IDENTITY}: names another sweep than {MANIFEST}"
 
 
-def _records(store: Store) -> Iterator[str]:
+def _records(store: Store, held: Holdings) -> Iterator[str]:
     try:
         records = list(store.records())
     except (StoreError, ValidationError, KeyError, ValueError) as error:
@@ -68,18 +64,17 @@ def _records(store: Store) -> Iterator[str]:
         return
     yield from _counts(store, store.table)
     kept = not store.manifest.traces_left_out
-    named: set[str] = set()
-    for record in records:
-        if record.trace is not None and kept:
-            named.add(record.trace.file)
-            yield from _trace(store, record, record.trace)
-    for path in sorted((store.path / TRACES).rglob("*.mcap")):
-        name = path.relative_to(store.path).as_posix()
+    traced = [(each, each.trace) for each in records if each.trace is not None and kept]
+    files = held.files(trace.file for _, trace in traced)
+    for (record, trace), path in zip(traced, files, strict=True):
+        yield from _trace(path, record, trace)
+    named = {trace.file for _, trace in traced}
+    for name in held.traces():
         if name not in named:
             yield f"{name}: belongs to no run"
 
 
-def _outline(store: Store) -> Iterator[str]:
+def _outline(store: Store, held: Holdings) -> Iterator[str]:
     try:
         table = read_table(store.path / TABLE, [*TALLIED, "run_id", "trace_bytes"])
         version = store.columns.shared["schema_version"]
@@ -93,16 +88,16 @@ def _outline(store: Store) -> Iterator[str]:
         )
     yield from _counts(store, table)
     if not store.manifest.traces_left_out:
-        yield from _sizes(store, table)
+        yield from _sizes(held, table)
 
 
-def _sizes(store: Store, table: pa.Table) -> Iterator[str]:
+def _sizes(held: Holdings, table: pa.Table) -> Iterator[str]:
     files, sizes = (table[name].drop_null().to_pylist() for name in ("trace_file", "trace_bytes"))
     for file, size in zip(files, sizes, strict=True):
-        path = store.path / file
-        if not path.is_file():
+        found = held.size(file)
+        if found is None:
             yield f"{file}: missing"
-        elif path.stat().st_size != size:
+        elif found != size:
             yield f"{file}: changed since it was written"
 
 
@@ -120,9 +115,8 @@ def _counts(store: Store, table: pa.Table) -> Iterator[str]:
         yield f"runs.parquet: run {each['values']} stands {each['counts']} times"
 
 
-def _trace(store: Store, record: EvidenceRecord, trace: TraceFile) -> Iterator[str]:
-    path = store.path / trace.file
-    if not path.is_file():
+def _trace(path: Path | None, record: EvidenceRecord, trace: TraceFile) -> Iterator[str]:
+    if path is None:
         yield f"{trace.file}: missing"
     elif sha256_of(path) != trace.sha256:
         yield f"{trace.file}: changed since it was written"

@@ -1,7 +1,9 @@
 """Write a store so that it can be interrupted at any point and resumed by the same command."""
 
 import fcntl
+import os
 import shutil
+import stat
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
@@ -10,6 +12,7 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 from contactlab.errors import OutputError
+from contactlab.evidence.address import Address, ObjectAddress
 from contactlab.evidence.columns import Column
 from contactlab.evidence.files import (
     TEMPORARY,
@@ -34,13 +37,14 @@ from contactlab.evidence.journal import (
     mend_notes,
     read_lines,
 )
+from contactlab.evidence.retrying import drop_failed, reopen
 from contactlab.evidence.table import TABLE, TALLIED, read_table, tally, write_table
 from contactlab.schema import Provenance, StoreManifest, SweepIdentity
 
 SCENES = "scenes"
 TRACES = "traces"
 _LOCK = ".lock"
-_NOTHING: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
+NOTHING: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
 _OWN = {SCENES, TRACES, _LOCK, JOURNAL, NOTES, TABLE, IDENTITY, MANIFEST}
 
 
@@ -97,7 +101,7 @@ class StoreWriter:
         own: Sequence[Column],
         shared: Mapping[str, Any],
         provenance: Provenance,
-        found: Mapping[str, Mapping[str, Any]] = _NOTHING,
+        found: Mapping[str, Mapping[str, Any]] = NOTHING,
     ) -> StoreManifest:
         """Publish the table, then the manifest; from then on the store is whole.
 
@@ -146,21 +150,35 @@ class StoreWriter:
 
 @contextmanager
 def writing(
-    path: Path, identity: SweepIdentity, scene: SceneFiles, *, fresh: bool
+    path: Address,
+    identity: SweepIdentity,
+    scene: SceneFiles,
+    *,
+    fresh: bool,
+    retry_failed: bool = False,
 ) -> Generator[StoreWriter | StoreManifest]:
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
     Args:
-        path: the store's folder.
+        path: the store's folder, or where it lies in object storage.
         identity: what the runs are asked to be.
         scene: copies the scene's files into a folder.
         fresh: whether to remove a store that is there.
+        retry_failed: whether to take failed runs out of it, as if they had not been run.
 
     Raises:
         OutputError: the folder cannot be written, holds something else, or is in use.
         StoreError: the folder holds a store of another sweep.
     """
     try:
+        if isinstance(path, ObjectAddress):
+            # It builds on this file.
+            from contactlab.evidence.objects import writing_objects  # noqa: PLC0415
+
+            asked = {"fresh": fresh, "retry_failed": retry_failed}
+            with writing_objects(path, identity, scene, **asked) as opened:
+                yield opened
+            return
         path.mkdir(parents=True, exist_ok=True)
         with _locked(path):
             if fresh:
@@ -168,11 +186,13 @@ def writing(
             if (path / MANIFEST).is_file():
                 finished = read_manifest(path)
                 check_same(path, finished.sweep, identity)
-                for name in (JOURNAL, NOTES):
+                for name in (JOURNAL, NOTES, JOURNAL + TEMPORARY):
                     (path / name).unlink(missing_ok=True)
-                yield finished
-                return
-            writer = StoreWriter(path, identity, _prepare(path, identity, scene))
+                if not (retry_failed and reopen(path, finished)):
+                    yield finished
+                    return
+            done = _prepare(path, identity, scene, retry_failed=retry_failed)
+            writer = StoreWriter(path, identity, done)
             try:
                 yield writer
             except BaseException:
@@ -182,15 +202,19 @@ def writing(
             finally:
                 writer.close()
     except OSError as error:
-        raise cannot_write(Path(error.filename or path), error) from error
+        raise cannot_write(error.filename or path, error) from error
 
 
-def _prepare(path: Path, identity: SweepIdentity, scene: SceneFiles) -> set[str]:
+def _prepare(
+    path: Path, identity: SweepIdentity, scene: SceneFiles, *, retry_failed: bool
+) -> set[str]:
     """Make a new store, or mend an interrupted one; return the ids of the runs it holds."""
     if (path / IDENTITY).is_file():
         check_same(path, read_identity(path), identity)
         _remove_leftovers(path)
         mend_notes(path)
+        if retry_failed:
+            drop_failed(path)
         return mend_journal(path, lambda row: _has_trace(path, row))
     _refuse_strangers(path, "choose another folder with -o")
     _remove_leftovers(path)
@@ -204,8 +228,11 @@ def _prepare(path: Path, identity: SweepIdentity, scene: SceneFiles) -> set[str]
 def _has_trace(path: Path, row: Mapping[str, Any]) -> bool:
     if row["trace_file"] is None:
         return True
-    trace = path / row["trace_file"]
-    return trace.is_file() and trace.stat().st_size == row["trace_bytes"]
+    try:
+        found = os.stat(f"{path}/{row['trace_file']}")  # noqa: PTH116 - a million, in half the time
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    return stat.S_ISREG(found.st_mode) and found.st_size == row["trace_bytes"]
 
 
 def _clear(path: Path) -> None:

@@ -43,13 +43,16 @@ class Folded:
 
 
 def fold(pair: PairTrace, elliptic: NDArray[np.bool_]) -> Folded:
-    """Fold the slots of a pair, run by run, so that what is gathered stays in the cache."""
+    """Fold the slots of a pair, run by run, so that what is gathered stays in the cache.
+
+    Slots that a run never fills, which come last, are left out.
+    """
     runs, steps, slots, _ = pair.slots.shape
     found = pair.found.astype(np.int32)
     contacts = np.minimum(found, slots)
     series, worst = np.empty((6, runs, steps)), np.empty((2, runs))
     for run, cone in enumerate(cones(pair, elliptic)):
-        columns = gather(pair.slots[run])
+        columns = gather(pair.slots[run, :, : max(contacts[run].max(initial=0), 1)])
         net = sum_slots(columns, cone)
         bound = cone.friction * net.normal
         usage = _ratio(net.used, bound)

@@ -1,5 +1,6 @@
 """One run's contact slots, gathered by column and summed into net force and slip."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -90,6 +91,11 @@ def _by_twos(slots: Floats, field: slice) -> Complexes:
     return np.ascontiguousarray(pairs.transpose(2, 1, 0))
 
 
+def _cross(one: Sequence[Floats], other: Floats) -> Floats:
+    (x, y, z), (p, q, r) = one, other
+    return np.stack((y * r - z * q, z * p - x * r, x * q - y * p))
+
+
 def _same(some: Complexes, others: Complexes) -> bool:
     return bool((some.view(np.float64) == others.view(np.float64)).all())
 
@@ -98,9 +104,8 @@ def _sum_in_world(columns: Columns, cone: Cone, steps: NDArray[np.intp], net: Ne
     """Replace in `net` the sums of the given steps; its slip is times normal force."""
     assert columns.frame is not None
     first, second, third = columns.frame[:, :, steps]
-    normal = np.stack((first.real, first.imag, second.real))
     tangent = np.stack((second.imag, third.real, third.imag))
-    cotangent = np.cross(normal, tangent, axis=0)
+    cotangent = _cross((first.real, first.imag, second.real), tangent)
 
     def total(pairs: Complexes) -> Floats:
         return (pairs.real * tangent + pairs.imag * cotangent).sum(axis=1)

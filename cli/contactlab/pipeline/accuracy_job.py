@@ -41,7 +41,7 @@ class _Times(NamedTuple):
 def errors_of(preparer: Preparer, job: Job) -> list[Finished]:
     """Return a note of each run of a family: every kind of error that the sweep may choose."""
     plans = preparer.plans(job)
-    with preparer.watchdog() as watch:
+    with preparer.watchdog_or_give_up() as watch:
         found = _found(preparer, plans, watch)
     return [note("errors", plan.run.run_id, each) for plan, each in zip(plans, found, strict=True)]
 

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from contactlab.evidence import Address
 from contactlab.pipeline.newer import lenient, trimmed
 from contactlab.pipeline.sweep import Ask
 from contactlab.pipeline.vocabulary import Scenes
@@ -12,25 +13,27 @@ from contactlab.schema import rest
 def ask_for(  # noqa: PLR0913 - one argument an option
     source: Path | str,
     name: str,
-    store: Path,
+    store: Address,
     *,
     folder: Path,
     workers: int,
     overrides: Overrides | None = None,
     fresh: bool = False,
     partly: bool = False,
+    retry_failed: bool = False,
 ) -> Ask:
     """Read a sweep and return what to run.
 
     Args:
         source: the sweep file's path, or its text.
         name: the sweep's name.
-        store: the folder to write.
+        store: where the store is written.
         folder: where relative paths of scenes start.
         workers: processes; 0 for none but this one.
         overrides: options of the command line.
         fresh: whether to replace a store that is there.
         partly: whether to leave out what only newer engines can do, rather than to refuse it.
+        retry_failed: whether stored runs that failed are run again.
 
     Raises:
         SweepFileError: the file or the options hold mistakes; all are named.
@@ -50,6 +53,7 @@ def ask_for(  # noqa: PLR0913 - one argument an option
         workers=workers,
         fresh=fresh,
         left_out=possible.reasons,
+        retry_failed=retry_failed,
     )
 
 

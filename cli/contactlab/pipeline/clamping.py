@@ -17,7 +17,12 @@ def is_clamped(run: Resolved, solrefs: Iterable[Sequence[float]]) -> bool:
     """
     if not run.flags["refsafe"]:
         return False
-    return any(0 < solref[0] < 2 * run.timestep for solref in solrefs)
+    return any(raises(solref, run.timestep) for solref in solrefs)
+
+
+def raises(solref: Sequence[float], timestep: float) -> bool:
+    """Return whether refsafe raises the time constant of a solref to two timesteps."""
+    return 0 < solref[0] < 2 * timestep
 
 
 def solref_rules(runs: Mapping[str, Resolved]) -> dict[str, SolrefRule | None]:

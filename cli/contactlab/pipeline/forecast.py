@@ -1,25 +1,26 @@
 """What a sweep will take, before it runs: counts, time, disk, and settings that look wrong."""
 
 import time
-from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
-from itertools import islice
+from dataclasses import dataclass, field
+from functools import cache, lru_cache, partial
+from typing import NamedTuple
 
 import numpy as np
 
 from contactlab.law import stiffness_damping
-from contactlab.pipeline.clamping import is_clamped
-from contactlab.pipeline.jobs import Planned, planned_runs
+from contactlab.pipeline.clamping import raises
 from contactlab.pipeline.pass_forecast import accuracy_steps, timing_seconds
+from contactlab.pipeline.roster import Roster
 from contactlab.plan import Plan
-from contactlab.scene import Resolved, Scene, has_batch
+from contactlab.scene import Resolved, Scene, Shape, has_batch
 from contactlab.sim import Buffers, bytes_of_run, quiet, roll_out
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _FASTEST = 0.8
 _SAMPLES = 12
 _SAMPLE_STEPS = 200
+_MOST_LOOKED = 1 << 12
 # What recording, metrics and traces add to the stepping, least and most.
 _OVERHEAD = (1.2, 2.5)
 # What compression leaves of a trace, least and most.
@@ -49,21 +50,41 @@ class Forecast:
     warnings: tuple[str, ...]
 
 
+@dataclass
+class _Sums:
+    """What is added up over the runs.
+
+    Attributes:
+        steps: of all runs.
+        bytes: that they record.
+        fast: runs that step too far for their contacts.
+        clamped: runs whose solref refsafe changes.
+        sampled: some of them.
+    """
+
+    steps: int = 0
+    bytes: int = 0
+    fast: int = 0
+    clamped: int = 0
+    sampled: list[Resolved] = field(default_factory=list[Resolved])
+
+
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     """Return what a sweep will take, from a few hundred steps of a few of its runs."""
-    planned = list(planned_runs(plan, scene))
-    steps = sum(resolved.steps for _, resolved in planned)
-    per_step = [_step_cost(scene, resolved) for resolved in _sample(planned)] or [0.0]
-    share = steps / max(1, workers)
-    size = _trace_bytes(plan, scene, planned)
-    likely, sweep = float(np.median(per_step)), plan.sweep
-    accuracy = likely * accuracy_steps(sweep.accuracy, planned, scene) / max(1, workers)
+    roster = Roster(plan, scene)
+    sums, sweep = _summed(roster, scene), plan.sweep
+    per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
+    share = sums.steps / max(1, workers)
+    likely = float(np.median(per_step))
+    passes = list(roster.runs()) if sweep.accuracy or sweep.timing else []
+    accuracy = likely * accuracy_steps(sweep.accuracy, passes, scene) / max(1, workers)
     # What is counted is run once more by the workers, before the clock runs.
     counting = likely * share if sweep.timing else 0.0
-    timing = counting + timing_seconds(sweep.timing, planned, likely)
+    timing = counting + timing_seconds(sweep.timing, passes, likely)
+    size = sums.bytes * _traced(sweep.trace, len(roster))
     return Forecast(
-        runs=len(planned),
-        steps=steps,
+        runs=len(roster),
+        steps=sums.steps,
         seconds=(
             float(np.quantile(per_step, 0.25)) * share * _OVERHEAD[0] + accuracy + timing,
             float(np.quantile(per_step, 0.75)) * share * _OVERHEAD[1] + accuracy + timing,
@@ -71,13 +92,30 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
         accuracy_seconds=accuracy,
         timing_seconds=timing,
         bytes=(size * _COMPRESSED[0], size * _COMPRESSED[1]),
-        warnings=tuple(_warnings(plan, planned)),
+        warnings=tuple(_warnings(plan, len(roster), sums)),
     )
 
 
-def _sample(planned: Planned) -> Iterator[Resolved]:
-    stride = max(1, len(planned) // _SAMPLES)
-    return (resolved for _, resolved in islice(planned, 0, None, stride))
+def _summed(roster: Roster, scene: Scene) -> _Sums:
+    sums, bytes_of = _Sums(), cache(partial(_bytes_of, scene))
+    stride, runs = max(1, len(roster) // _SAMPLES), 0
+    for row, count in roster.rows():
+        steps, shape, solref = row.steps, row.shape, row.setting("solref")
+        sums.steps += count * steps
+        sums.bytes += count * bytes_of(shape, steps)
+        if isinstance(solref, tuple):
+            looked = _contact(solref, row.timestep, shape.first.flags["refsafe"])
+            sums.fast += count * looked.fast
+            sums.clamped += count * looked.clamped
+        # One for each multiple of the stride among the places of the row's runs.
+        samples = -(-(runs + count) // stride) - -(-runs // stride)
+        sums.sampled += [row.resolved(seed) for seed in range(samples)]
+        runs += count
+    return sums
+
+
+def _bytes_of(scene: Scene, shape: Shape, steps: int) -> int:
+    return bytes_of_run(scene.base_of(shape.first).model, steps)
 
 
 def _step_cost(scene: Scene, resolved: Resolved) -> float:
@@ -92,46 +130,43 @@ def _step_cost(scene: Scene, resolved: Resolved) -> float:
     return (cost if has_batch() else time.thread_time() - begin) / steps
 
 
-def _trace_bytes(plan: Plan, scene: Scene, planned: Planned) -> float:
-    rule = plan.sweep.trace
-    total = sum(
-        bytes_of_run(scene.base_of(resolved).model, resolved.steps) for _, resolved in planned
-    )
+def _traced(rule: str, runs: int) -> float:
+    """Return the share of the runs whose traces may be kept."""
     if rule == "none":
         return 0.0
-    if rule.startswith("sample:"):
-        return total * min(1.0, int(rule.removeprefix("sample:")) / len(planned))
-    return float(total)
+    return min(1.0, int(rule.removeprefix("sample:")) / runs) if rule.startswith("sample:") else 1.0
 
 
-def _warnings(plan: Plan, planned: Planned) -> Iterator[str]:
+def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:
     yield from (warning.message for warning in plan.warnings)
-    if plan.count > len(planned):
-        yield f"{plan.count - len(planned)} runs are the same as others and run once"
-    fast = Counter(round(_speed(resolved), 1) > _FASTEST for _, resolved in planned)[True]
-    if fast:
+    if plan.count > runs:
+        yield f"{plan.count - runs:,} runs are the same as others and run once"
+    if sums.fast:
         yield (
-            f"{fast} of {len(planned)} runs step too far for their contacts: "
+            f"{sums.fast:,} of {runs:,} runs step too far for their contacts: "
             f"timestep / (timeconst * dampratio) is above {_FASTEST}, where contacts gain energy"
         )
-    clamped = sum(_clamped(resolved) for _, resolved in planned)
-    if clamped:
+    if sums.clamped:
         yield (
-            f"in {clamped} of {len(planned)} runs refsafe raises the time constant of solref to "
+            f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
             "2 timesteps, so that solref is not what the sweep says"
         )
 
 
-def _speed(resolved: Resolved) -> float:
-    """Return the timestep times the contact's natural frequency, after refsafe's clamp."""
-    solref = resolved.settings.get("solref")
-    if not isinstance(solref, tuple):
-        return 0.0
-    if _clamped(resolved):
-        solref = (2 * resolved.timestep, solref[1])
-    return resolved.timestep * float(stiffness_damping(solref)[0]) ** 0.5
+class _Contact(NamedTuple):
+    """What a timestep is for a contact: too long, or so long that refsafe changes solref."""
+
+    fast: bool
+    clamped: bool
 
 
-def _clamped(resolved: Resolved) -> bool:
-    solref = resolved.settings.get("solref")
-    return isinstance(solref, tuple) and is_clamped(resolved, [solref])
+def _contact(solref: tuple[float, ...], timestep: float, refsafe: bool) -> _Contact:
+    clamped = refsafe and raises(solref, timestep)
+    used = (2 * timestep, solref[1]) if clamped else solref
+    return _Contact(round(timestep * _frequency(used), 1) > _FASTEST, clamped)
+
+
+@lru_cache(_MOST_LOOKED)
+def _frequency(solref: tuple[float, ...]) -> float:
+    """Return the natural frequency of a contact [rad/s]."""
+    return float(stiffness_damping(solref)[0]) ** 0.5

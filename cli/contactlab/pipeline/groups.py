@@ -54,16 +54,21 @@ def measured_groups(
 def _checked(
     places: Sequence[int], trace: Trace, setup: Setup, rule: str, check: CheckRuns
 ) -> Iterator[Group]:
-    """Yield whole runs as measured, and those that the rule asks for once more, with checks."""
+    """Yield whole runs as measured, and those that the rule asks for once more, with checks.
+
+    Of the latter some are missing if the second pass is cut short.
+    """
     assessment = assess(trace, setup)
     suspects = [row for row in range(trace.runs) if _asks(rule, assessment, row)]
     others = sorted(set(range(trace.runs)) - set(suspects))
     yield Group([places[row] for row in others], others, trace, assessment)
     if suspects:
-        there = [places[row] for row in suspects]
-        picked, known = trace.pick(suspects), setup.pick(suspects)
-        again = assess(picked, known, check(there, picked))
-        yield Group(there, range(len(there)), picked, again)
+        picked = trace.pick(suspects)
+        checks = check([places[row] for row in suspects], picked)
+        done = range(checks.runs)
+        checked, known = picked.pick(done), setup.pick([suspects[row] for row in done])
+        again = assess(checked, known, checks)
+        yield Group([places[suspects[row]] for row in done], done, checked, again)
 
 
 def _asks(rule: str, assessment: Assessment, row: int) -> bool:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, Protocol
 
+from contactlab.evidence import Address
 from contactlab.pipeline.stop import Stop
 from contactlab.plan import Match
 from contactlab.schema import Engine, Expectation, Provenance, Sweep
@@ -21,9 +22,9 @@ class Task:
         expected: conditions, with what is expected of the runs that each picks.
         name: the sweep's name.
         runs: how many runs there are in all.
-        store: the store's folder.
+        store: where the store is.
         scene: the scene's name.
-        scene_folder: the store's copy of the scene.
+        scene_folder: the store's copy of the scene, on the machine that runs the sweep.
         scene_model: the model file, relative to it.
         engine: what computes.
         provenance: what writes.
@@ -35,7 +36,7 @@ class Task:
     expected: tuple[tuple[Match, Expectation], ...]
     name: str
     runs: int
-    store: Path
+    store: Address
     scene: str
     scene_folder: Path
     scene_model: str

@@ -1,11 +1,9 @@
 """From a plan to jobs: runs of one structure and step count, as many as memory allows."""
 
-import math
 from collections.abc import Iterable, Iterator, Sequence
 
-from contactlab.errors import SceneError, SweepFileError
+from contactlab.errors import SweepFileError
 from contactlab.pipeline.job import Job, PlannedRun
-from contactlab.plan import Plan
 from contactlab.scene import Base, Resolved, Scene
 from contactlab.sim import bytes_of_run
 
@@ -21,51 +19,33 @@ Key = tuple[object, ...]
 Planned = Sequence[tuple[PlannedRun, Resolved]]
 
 
-def planned_runs(plan: Plan, scene: Scene) -> Iterator[tuple[PlannedRun, Resolved]]:
-    """Yield every distinct run of a plan with what it resolves to, in plan order.
-
-    Raises:
-        SceneError: the model's own timestep is none, and the sweep sets no other; or a run's
-            control or hold has times that make no sense.
-    """
-    seen: set[str] = set()
-    for run in plan.runs():
-        resolved = scene.resolve(run.values, run.seed, plan.sweep.duration)
-        _check_timestep(scene, resolved.timestep)
-        scene.check(resolved)
-        run_id = scene.run_id(resolved)
-        if run_id not in seen:
-            seen.add(run_id)
-            yield PlannedRun(run.index, run_id, run.values, run.seed), resolved
-
-
-def _check_timestep(scene: Scene, timestep: float) -> None:
-    if not 0 < timestep < math.inf:
-        raise SceneError(
-            f"{scene.source.model}: its timestep is {timestep:g} s; write one above 0 there, "
-            "or sweep `timestep`"
-        )
-
-
-def pack(runs: Iterable[tuple[PlannedRun, Resolved]], scene: Scene, workers: int) -> Iterator[Job]:
+def pack(
+    runs: Iterable[tuple[PlannedRun, Resolved]], count: int, scene: Scene, workers: int
+) -> Iterator[Job]:
     """Yield jobs, each bounded by `MOST_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
+
+    Runs are taken as they are needed: some hundred more than what is yielded.
 
     Args:
         runs: what is left to do.
+        count: how many runs these are.
         scene: theirs.
         workers: jobs stay small enough that each worker gets several.
 
     Raises:
         SweepFileError: a run would record more than 1 GiB.
     """
-    todo = list(runs)
-    most = max(1, min(MOST_RUNS, len(todo) // (4 * max(1, workers))))
+    most = max(1, min(MOST_RUNS, count // (4 * max(1, workers))))
     waiting: dict[Key, list[PlannedRun]] = {}
-    for run, resolved in todo:
+    bounds: dict[Key, int] = {}
+    for run, resolved in runs:
         key = _key(resolved)
+        bound = bounds.get(key)
+        if bound is None:
+            bound = bounds[key] = _most_of(scene, resolved, most)
         group = waiting.setdefault(key, [])
         group.append(run)
-        if len(group) >= _most_of(scene, resolved, most):
+        if len(group) >= bound:
             yield tuple(waiting.pop(key))
         elif len(waiting) > _MOST_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator
 
 from contactlab.pipeline.job import Executor, Finished, Job, Lost, Task
+from contactlab.pipeline.results import results_of
 from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.worker import Worker
 from contactlab.schema import LabelEntry
@@ -13,20 +14,30 @@ def run_all(
 ) -> Iterator[list[Finished]]:
     """Yield what comes of every job, once for each run.
 
-    A job that is lost is run again, run by run; a run that is lost once more is the culprit.
+    A job that is lost is run again, run by run. A run that then runs out of time is the culprit, or
+    one that is lost twice by itself: once may be chance, as when others need the memory.
+
+    Raises:
+        StoppedError: the sweep was wished to stop; lost jobs are left for another time.
     """
     lost: list[Job] = []
-    for result in executor.run(task, jobs, stop):
+    for result in results_of(task, jobs, executor, stop):
         if isinstance(result, Lost):
             lost.append(result.job)
         else:
             yield result
-    if not lost:
-        return
-    recorder = Worker(task, None)
-    single = [(run,) for job in lost for run in job]
-    for result in executor.run(task, single, stop):
-        yield [_record_loss(task, recorder, result)] if isinstance(result, Lost) else result
+    for last in (False, True):
+        if not lost:
+            return
+        recorder = Worker(task, None)
+        alone, lost = [(run,) for job in lost for run in job], []
+        for result in results_of(task, alone, executor, stop):
+            if not isinstance(result, Lost):
+                yield result
+            elif last or result.timed_out:
+                yield [_record_loss(task, recorder, result)]
+            else:
+                lost.append(result.job)
 
 
 def _record_loss(task: Task, recorder: Worker, lost: Lost) -> Finished:

@@ -1,6 +1,6 @@
 """Runs of a sweep that only newer engines can do: left out of its plan, and counted."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from contactlab.plan import Plan
@@ -33,15 +33,24 @@ def lenient(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str], Vocabula
 
 def trimmed(plan: Plan) -> Trimmed:
     """Return a plan without the rows that hold what this engine lacks."""
+    if not any(_lacks(name, values) for name, values in _values(plan)):
+        return Trimmed(plan, ())
     rows = list(plan.grid.rows())
     reasons = [_reason(row) for row in rows]
-    if not any(reasons):
-        return Trimmed(plan, ())
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
     grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left)
     count = min(plan.count, len(left) * len(plan.sweep.seed_values))
     told = dict.fromkeys(filter(None, reasons))
     return Trimmed(replace(plan, grid=grid, count=count), tuple(told))
+
+
+def _values(plan: Plan) -> Iterator[tuple[str, Iterable[object]]]:
+    yield from ((axis.name, axis.values) for axis in plan.axes)
+    yield from ((name, [value]) for name, value in plan.grid.base.items())
+
+
+def _lacks(name: str, values: Iterable[object]) -> bool:
+    return any(why_lacking(name, value) for value in values)
 
 
 def _reason(row: Mapping[str, object]) -> str | None:

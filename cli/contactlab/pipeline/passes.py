@@ -21,6 +21,8 @@ from contactlab.pipeline.job import (
 )
 from contactlab.pipeline.jobs import Planned, pack
 from contactlab.pipeline.notes import Note, note, noted
+from contactlab.pipeline.results import results_of
+from contactlab.pipeline.roster import Roster
 from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.stopwatch import Stopwatch
 from contactlab.pipeline.timing import timings
@@ -29,7 +31,12 @@ from contactlab.schema import ERRORS, Accuracy, Timing
 
 
 class Outcome(NamedTuple):
-    """What the later passes must know of a recorded run."""
+    """What the later passes must know of a recorded run.
+
+    Attributes:
+        status: whether it went through.
+        tolerances_met: whether every tolerance is met, those of errors aside; None without any.
+    """
 
     status: str
     tolerances_met: bool | None
@@ -43,7 +50,7 @@ class Session:
         task: what its jobs have in common.
         scene: its scene.
         store: where its runs are.
-        planned: all of them.
+        roster: all of them.
         executor: where they are run.
         stop: set when the sweep should end soon.
         begin: told how many runs a pass has and how many of them are done already.
@@ -53,7 +60,7 @@ class Session:
     task: Task
     scene: Scene
     store: StoreWriter
-    planned: Planned
+    roster: Roster
     executor: Executor
     stop: Stop
     begin: Begin
@@ -62,8 +69,20 @@ class Session:
     @cached_property
     def outcomes(self) -> dict[str, Outcome]:
         """What came of each run, by its id."""
-        rows = self.store.rows()
-        return {row["run_id"]: Outcome(row["status"], row["tolerances_met"]) for row in rows}
+        # A row that was in a table before says whether errors, too, were within theirs.
+        tolerances = self.task.sweep.tolerances
+        others = tolerances.keys() - set(ERRORS)
+        return {
+            row["run_id"]: Outcome(
+                row["status"], within(tolerances, {name: row[name] for name in others})
+            )
+            for row in self.store.rows()
+        }
+
+    @cached_property
+    def planned(self) -> Planned:
+        """All of its runs at once, with what they resolve to; only small sweeps have passes."""
+        return list(self.roster.runs())
 
     @cached_property
     def repeatable(self) -> Planned:
@@ -120,7 +139,8 @@ def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
 
 
 def _timings(session: Session, rounds: int) -> dict[str, Timing]:
-    jobs = list(pack(session.repeatable, session.scene, session.executor.workers))
+    runs = session.repeatable
+    jobs = list(pack(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
     return timings(session.planned, rounds, work, _timed(session, rounds, work))
 
@@ -132,7 +152,7 @@ def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str
     runs = sum(map(len, jobs))
     session.begin(runs, runs - sum(map(len, rest)))
     task = replace(session.task, purpose=purpose)
-    for result in session.executor.run(task, rest, session.stop):
+    for result in results_of(task, rest, session.executor, session.stop):
         lost = isinstance(result, Lost)
         each = [note(purpose, run.run_id, {}) for run in result.job] if lost else result
         session.store.note([one.row for one in each])

@@ -1,11 +1,13 @@
 """From planned runs to all that decides them; models are kept between jobs."""
 
 import faulthandler
+import signal
 from collections import OrderedDict
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
+from contactlab.evidence import local_scene
 from contactlab.pipeline.job import Job, Task
 from contactlab.pipeline.jobs import most_models
 from contactlab.pipeline.record import RunPlan
@@ -13,6 +15,16 @@ from contactlab.scene import Prepared, Resolved, Scene, Starts, quiet, stored_sc
 from contactlab.schema import rest
 
 _MOST_MODELS = 64
+Proceed = Callable[[], bool]
+
+
+def always() -> bool:
+    """Return that whoever asks may proceed."""
+    return True
+
+
+class GivenUpError(Exception):
+    """What was under way is not worth ending, since the sweep should stop."""
 
 
 class Preparer:
@@ -21,12 +33,15 @@ class Preparer:
     Attributes:
         task: what all jobs of the sweep have in common.
         scene: theirs, as the store has it.
+        proceed: says between runs whether the next one should begin.
     """
 
-    def __init__(self, task: Task, marker: Path | None) -> None:
+    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
         quiet()
         self.task = task
-        scene = Scene(stored_scene(task.scene_folder, task.scene_model, task.scene))
+        self.proceed = proceed
+        folder = local_scene(task.store, task.scene_folder)
+        scene = Scene(stored_scene(folder, task.scene_model, task.scene))
         self.scene = scene.with_effects(rest(task.sweep.effects))
         self._marker = marker
         self._models: OrderedDict[str, Prepared] = OrderedDict()
@@ -55,14 +70,37 @@ class Preparer:
 
     @contextmanager
     def watchdog(self) -> Generator[Callable[[], None]]:
-        """End this process when a run takes too long, even one that never gives Python a turn."""
+        """End this process when a run takes too long, even one that never gives Python a turn.
+
+        It dies of SIGALRM, and where it was then stands in the marker, which else is empty.
+        """
         if self._marker is None:
             yield lambda: None
             return
         with self._marker.open("w") as file:
+            # A timer takes one call to the system; faulthandler's own starts a thread each time.
+            faulthandler.register(signal.SIGALRM, file=file, all_threads=False, chain=True)
             try:
-                yield lambda: faulthandler.dump_traceback_later(
-                    self.task.sweep.timeout, exit=True, file=file
-                )
+                yield self._start_clock
             finally:
-                faulthandler.cancel_dump_traceback_later()
+                signal.setitimer(signal.ITIMER_REAL, 0)
+                faulthandler.unregister(signal.SIGALRM)
+
+    @contextmanager
+    def watchdog_or_give_up(self) -> Generator[Callable[[], None]]:
+        """Do the same, and give up before the next run where the sweep should stop.
+
+        Raises:
+            GivenUpError: it should.
+        """
+
+        def watch() -> None:
+            if not self.proceed():
+                raise GivenUpError
+            start_clock()
+
+        with self.watchdog() as start_clock:
+            yield watch
+
+    def _start_clock(self) -> None:
+        signal.setitimer(signal.ITIMER_REAL, self.task.sweep.timeout)

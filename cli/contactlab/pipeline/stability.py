@@ -12,6 +12,7 @@ from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.evidence import Store
 from contactlab.pipeline.asking import ask_for
 from contactlab.pipeline.job import Progress
+from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.sweep import run_sweep
 from contactlab.scene import is_menagerie, menagerie_name
 
@@ -85,7 +86,12 @@ def find_cases(names: list[str]) -> list[Case]:
 
 
 def run_case(
-    case: Case, results: Path, workers: int, begin: Callable[[int, int], None], progress: Progress
+    case: Case,
+    results: Path,
+    workers: int,
+    begin: Callable[[int, int], None],
+    progress: Progress,
+    stop: Stop | None = None,
 ) -> CaseResult:
     """Run one case into a store of its own; one that was interrupted goes on.
 
@@ -95,6 +101,10 @@ def run_case(
         workers: processes.
         begin: told how many runs there are and how many of them are done already.
         progress: told of runs as they finish.
+        stop: set when it should end soon.
+
+    Raises:
+        StoppedError: it was told to stop.
     """
     store = results / case.name
     started = time.monotonic()
@@ -110,7 +120,7 @@ def run_case(
     )
     rows: list[dict[str, Any]] = []
     if ask.plan.count:
-        run_sweep(ask, begin, progress)
+        run_sweep(ask, begin, progress, stop)
         rows = Store.open(store).table.to_pylist()
     result = _result(case.name, rows, time.monotonic() - started, store)
     return replace(result, left_out=ask.left_out)

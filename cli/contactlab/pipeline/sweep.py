@@ -1,28 +1,29 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from contactlab.errors import SweepFileError
 from contactlab.evidence import (
+    Address,
     Column,
     StoreWriter,
+    absolute,
     axis_column,
     metric_column,
     struct_column,
     writing,
 )
 from contactlab.measure import CHECKS, LABELS, METRICS, Metric
-from contactlab.pipeline.job import Begin, Executor, PlannedRun, Progress, Task
-from contactlab.pipeline.jobs import Planned, pack, planned_runs
+from contactlab.pipeline.job import Begin, Executor, Progress, Task
+from contactlab.pipeline.jobs import pack
 from contactlab.pipeline.lost import run_all
 from contactlab.pipeline.passes import Session, run_passes
 from contactlab.pipeline.pool import LocalPool
 from contactlab.pipeline.provenance import engine, provenance
 from contactlab.pipeline.record import UNITS, VERSIONS, as_written
+from contactlab.pipeline.roster import Roster
 from contactlab.pipeline.stop import Stop
 from contactlab.plan import Plan
 from contactlab.scene import EFFECTS, Scene, lacking_records
@@ -39,11 +40,12 @@ class Ask:
         name: the sweep's name.
         source: the sweep file's text.
         overrides: options that changed it, as given.
-        store: the folder to write.
+        store: where the store is written.
         workers: processes; 0 for none but this one.
         fresh: whether to replace a store that is there.
         left_out: why runs are left out of the plan that only newer engines can do.
         cluster: where runs are computed, if not by worker processes of this machine.
+        retry_failed: whether stored runs that failed are run again.
     """
 
     plan: Plan
@@ -51,11 +53,12 @@ class Ask:
     name: str
     source: str
     overrides: tuple[str, ...]
-    store: Path
+    store: Address
     workers: int
     fresh: bool = False
     left_out: tuple[str, ...] = ()
     cluster: Executor | None = None
+    retry_failed: bool = False
 
     @property
     def executor(self) -> Executor:
@@ -78,21 +81,24 @@ def run_sweep(
         SweepFileError: the sweep cannot be run as asked.
         OutputError: the store cannot be written.
         StoreError: the store is another sweep's.
+        StoppedError: it was told to stop; the store is resumable.
     """
-    planned = list(planned_runs(ask.plan, ask.scene))
-    if not planned:
+    roster = Roster(ask.plan, ask.scene)
+    if not len(roster):
         raise SweepFileError(f"sweep '{ask.name}' has no runs; see `--plan`")
-    columns = _columns(ask, planned)
-    identity = _identity(ask, [run for run, _ in planned])
-    with writing(ask.store, identity, ask.scene.source.content, fresh=ask.fresh) as store:
+    columns = _columns(ask, roster)
+    identity = _identity(ask, roster)
+    content = ask.scene.source.content
+    begun = writing(ask.store, identity, content, fresh=ask.fresh, retry_failed=ask.retry_failed)
+    with begun as store:
         if isinstance(store, StoreManifest):
-            begin(len(planned), len(planned))
+            begin(len(roster), len(roster))
             return store
         session = Session(
-            task=_task(ask, store, len(planned)),
+            task=_task(ask, store, len(roster)),
             scene=ask.scene,
             store=store,
-            planned=planned,
+            roster=roster,
             executor=ask.executor,
             stop=stop or Stop(),
             begin=begin,
@@ -105,10 +111,11 @@ def run_sweep(
 
 
 def _run_rest(session: Session) -> None:
-    planned, store, executor = session.planned, session.store, session.executor
-    rest = [each for each in planned if each[0].run_id not in store.done]
-    session.begin(len(planned), len(planned) - len(rest))
-    jobs = pack(rest, session.scene, executor.workers)
+    roster, store, executor = session.roster, session.store, session.executor
+    done = roster.count(store.done)
+    session.begin(len(roster), done)
+    rest = roster.runs(store.done)
+    jobs = pack(rest, len(roster) - done, session.scene, executor.workers)
     for finished in run_all(session.task, jobs, executor, session.stop):
         store.append([each.row for each in finished])
         session.progress(finished)
@@ -120,7 +127,7 @@ def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
         expected=ask.plan.expected,
         name=ask.name,
         runs=runs,
-        store=ask.store.resolve(),
+        store=absolute(ask.store),
         scene=ask.scene.name,
         scene_folder=store.scene_folder.resolve(),
         scene_model=ask.scene.source.content.model.as_posix(),
@@ -129,9 +136,8 @@ def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
     )
 
 
-def _identity(ask: Ask, runs: Sequence[PlannedRun]) -> SweepIdentity:
+def _identity(ask: Ask, roster: Roster) -> SweepIdentity:
     manifest = ask.scene.source.manifest
-    digest = hashlib.sha256("".join(run.run_id for run in runs).encode())
     return SweepIdentity(
         name=ask.name,
         source=ask.source,
@@ -142,9 +148,9 @@ def _identity(ask: Ask, runs: Sequence[PlannedRun]) -> SweepIdentity:
         scene_model=ask.scene.source.content.model.as_posix(),
         engine=engine(),
         metric_versions=VERSIONS,
-        runs_asked=len(runs),
+        runs_asked=len(roster),
         lacking=lacking_records(driven=bool(manifest and manifest.control)),
-        plan_hash=digest.hexdigest()[:32],
+        plan_hash=roster.hash,
     )
 
 
@@ -158,20 +164,15 @@ def _shared(ask: Ask) -> Mapping[str, Any]:
     }
 
 
-def _columns(ask: Ask, planned: Planned) -> list[Column]:
+def _columns(ask: Ask, roster: Roster) -> list[Column]:
     """Return the columns of axes, typed by their values, of metrics, settings and effects."""
-    values: dict[str, dict[object, None]] = {}
+    values: dict[str, Sequence[object]] = {}
     settings: dict[str, object] = {}
-    for run, resolved in planned:
-        settings |= resolved.values
-        for name, value in run.values.items():
-            values.setdefault(name, {})[as_written(value)] = None
-    for name, taken in values.items():
-        if len({isinstance(value, str) for value in taken}) > 1:
-            raise SweepFileError(
-                f"axis '{name}' mixes single numbers with lists of them; write all as lists"
-            )
-    axes = [_axis_column(ask.scene, name, list(taken)) for name, taken in values.items()]
+    for shape, first in roster.firsts.items():
+        settings |= shape.first.values
+        values |= {name: [value] for name, value in first.items()}
+    values |= {axis.name: axis.values for axis in ask.plan.axes if axis.name in values}
+    axes = [_axis_column(ask.scene, name, taken) for name, taken in values.items()]
     metrics = [_metric_column(metric) for metric in METRICS.values()]
     effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
     return [*axes, *metrics, struct_column("settings", settings), effects]
@@ -191,4 +192,9 @@ def _metric_column(metric: Metric) -> Column:
 def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:
     spec = scene.catalogue.find(name)
     assert spec is not None
-    return axis_column(name, values, spec.unit, spec.description)
+    written = [as_written(value) for value in values]
+    if len({isinstance(value, str) for value in written}) > 1:
+        raise SweepFileError(
+            f"axis '{name}' mixes single numbers with lists of them; write all as lists"
+        )
+    return axis_column(name, written, spec.unit, spec.description)

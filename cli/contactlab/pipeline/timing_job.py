@@ -20,7 +20,7 @@ def work_of(preparer: Preparer, job: Job) -> list[Finished]:
     plans = preparer.plans(job)
     compiled = compile_plain(preparer.scene, plans[0].resolved)
     found: list[Finished] = []
-    with preparer.watchdog() as watch:
+    with preparer.watchdog_or_give_up() as watch:
         for plan in plans:
             model = prepare_plain(preparer.scene, plan.resolved, plan.start, compiled)
             work = count_work(model, plan.start, plan.resolved.steps, watch)

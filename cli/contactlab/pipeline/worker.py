@@ -1,16 +1,18 @@
 """Run a job: models, rollouts, metrics, labels, traces, records."""
 
+import time
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from pydantic_core import to_json
 
-from contactlab.evidence import TRACES, TraceExtras, TraceSummary, to_row, write_trace
+from contactlab.evidence import TraceExtras, TraceFolder, to_row
 from contactlab.pipeline.accuracy_job import errors_of
 from contactlab.pipeline.groups import Group, measured_groups
 from contactlab.pipeline.job import IMPULSE, Finished, Job, PlannedRun, Task
 from contactlab.pipeline.missed import missed_effects
-from contactlab.pipeline.preparing import Preparer
+from contactlab.pipeline.preparing import GivenUpError, Preparer, Proceed, always
 from contactlab.pipeline.record import Outcome, RecordMaker, RunPlan
 from contactlab.pipeline.timing_job import work_of
 from contactlab.scene import Starts, make_setup
@@ -26,24 +28,34 @@ from contactlab.sim import (
 )
 from contactlab.trace import Checks, Trace
 
+# How long a job's second pass lasts before it looks whether to stop [s].
+_GRACE = 1.0
 _RECORD_SCHEMA = b'{"type":"object"}'
 
 
 class Worker:
     """Runs jobs of one sweep, keeping models and memory between them."""
 
-    def __init__(self, task: Task, marker: Path | None) -> None:
+    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
         self._task = task
-        self._preparer = Preparer(task, marker)
+        self._proceed = proceed
+        self._preparer = Preparer(task, marker, proceed)
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
-        self._folders: set[Path] = set()
+        self._traces = TraceFolder(task.store)
         self._records = RecordMaker(task, self._scene.hash)
         model = self._scene.source.model
         self._model_xml = model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
-        """Do what the task is for with a job of runs."""
+        """Do what the task is for with a job of runs, or with a part of them if it should stop."""
+        if not self._proceed():
+            return []
+        with suppress(GivenUpError):
+            return self._do(job)
+        return []
+
+    def _do(self, job: Job) -> list[Finished]:
         if self._task.purpose == "errors":
             return errors_of(self._preparer, job)
         if self._task.purpose == "work":
@@ -55,11 +67,13 @@ class Worker:
         started = self._records.now()
         plans = self._preparer.plans(job)
         starts = Starts.joined([plan.start for plan in plans])
-        rollout, groups = self._measure(plans, starts, self._buffers)
-        labels = self._twin_labels(plans, starts)
+        rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
+        labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         finished: dict[int, Finished] = {}
         for group in groups:
             for row, place in zip(group.rows, group.places, strict=True):
+                if self._task.sweep.knife_edge and place not in labels:
+                    continue
                 outcome = Outcome(
                     plan=plans[place],
                     assessment=group.assessment,
@@ -73,12 +87,12 @@ class Worker:
                     twin_label=labels.get(place),
                 )
                 finished[place] = self._finish(outcome, group)
-        return [finished[place] for place in range(len(job))]
+        return [finished[place] for place in sorted(finished)]
 
     def _measure(
-        self, plans: Sequence[RunPlan], starts: Starts, buffers: Buffers
+        self, plans: Sequence[RunPlan], starts: Starts, buffers: Buffers, proceed: Proceed
     ) -> tuple[Rollout, Iterator[Group]]:
-        """Simulate runs from the given starts, and measure and label them."""
+        """Simulate runs from the given starts, and measure and label them; the first if told so."""
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
@@ -86,16 +100,18 @@ class Worker:
         by_hand = resolved[0].settings["engine"] == IMPULSE
         with self._preparer.watchdog() as watch:
             if by_hand:
-                rollout = roll_out_by_impulse(base, prepared, starts, steps, buffers)
+                rollout = roll_out_by_impulse(base, prepared, starts, steps, buffers, proceed)
             else:
-                rollout = roll_out(models, starts, steps, buffers, watch)
+                rollout = roll_out(models, starts, steps, buffers, watch, proceed)
+        done = len(rollout.steps)
+        resolved, prepared, models = resolved[:done], prepared[:done], models[:done]
         manifest, sweep = self._scene.source.manifest, self._task.sweep
         setup = make_setup(base, manifest, resolved, models, sweep.thresholds)
         trace = make_trace(base, prepared, rollout)
 
         def check(places: Sequence[int], picked: Trace) -> Checks:
             some = [prepared[place] for place in places]
-            return run_checks(base, some, starts.rows(places), picked)
+            return run_checks(base, some, starts.rows(places), picked, self._not_for_long())
 
         rule = "none" if by_hand else sweep.checks
         return rollout, measured_groups(trace, setup, rollout, rule, check)
@@ -104,16 +120,23 @@ class Worker:
         """Return the label that each run gets from a start that is hardly another, if asked."""
         if not self._task.sweep.knife_edge:
             return {}
-        nudged = self._scene.nudged(starts, [plan.resolved for plan in plans])
-        _, groups = self._measure(plans, nudged, self._twin_buffers)
+        resolved = [plan.resolved for plan in plans]
+        nudged = self._scene.nudged(starts.rows(range(len(plans))), resolved)
+        _, groups = self._measure(plans, nudged, self._twin_buffers, self._not_for_long())
         return {
             place: group.assessment.labels[row][0].label
             for group in groups
             for row, place in zip(group.rows, group.places, strict=True)
         }
 
+    def _not_for_long(self) -> Proceed:
+        """Return what lets a second pass over runs go on a little, so that they need not go."""
+        end = time.monotonic() + _GRACE
+        return lambda: time.monotonic() < end or self._proceed()
+
     def lost(self, run: PlannedRun, label: LabelEntry) -> Finished:
-        """Return the outcome of a run that no worker survives."""
+        """Return the outcome of a run that no worker survives; it has no trace."""
+        self._traces.remove(run.run_id)
         (plan,) = self._preparer.plans((run,))
         return _finished(self._records.lost(plan, label))
 
@@ -135,30 +158,14 @@ class Worker:
 
     def _write_trace(self, record: EvidenceRecord, outcome: Outcome, group: Group) -> TraceFile:
         """Write a run's trace; its record there has neither cost nor clock, so that it repeats."""
-        file = Path(TRACES) / record.run_id[:2] / f"{record.run_id}.mcap"
-        path = self._task.store / file
-        self._make(path.parent)
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),
             record_schema=_RECORD_SCHEMA,
             metadata=_metadata(record),
             model_xml=self._model_xml,
         )
-        summary: TraceSummary = write_trace(
-            path, group.trace, outcome.row, outcome.assessment.series, extras
-        )
-        return TraceFile(
-            file=file.as_posix(),
-            sha256=summary.sha256,
-            bytes=summary.size,
-            messages=dict(summary.messages),
-        )
-
-    def _make(self, folder: Path) -> None:
-        """Make a folder of traces; to ask the system for one that is there costs as much."""
-        if folder not in self._folders:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._folders.add(folder)
+        series = outcome.assessment.series
+        return self._traces.add(record.run_id, group.trace, outcome.row, series, extras)
 
 
 def _finished(record: EvidenceRecord) -> Finished:

@@ -4,7 +4,7 @@ from contactlab.plan.diagnostic import Diagnostic, Place, Source, SweepMistakesE
 from contactlab.plan.expression import Expression
 from contactlab.plan.other import read_as
 from contactlab.plan.override import Overrides
-from contactlab.plan.plan import CONFIRM_ABOVE, MOST_RUNS, Plan, Run, SweptAxis
+from contactlab.plan.plan import CONFIRM_ABOVE, MOST_RUNS, Plan, Row, Run, SweptAxis
 from contactlab.plan.reading import SweepFile, read_sweep
 from contactlab.plan.rows import Match
 from contactlab.plan.starter import SCHEMA_NAME, starter
@@ -21,6 +21,7 @@ __all__ = [
     "Overrides",
     "Place",
     "Plan",
+    "Row",
     "Run",
     "Source",
     "SweepFile",

@@ -1,7 +1,6 @@
 """The runs that a sweep asks for, streamed in a fixed order."""
 
-import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from contactlab.plan.diagnostic import Diagnostic
@@ -48,6 +47,21 @@ class Run:
     seed: int
 
 
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The runs of one row of settings.
+
+    Attributes:
+        first: the first run's position in the plan, from 0.
+        values: canonical settings by axis; see `Run`.
+        seeds: one for each run.
+    """
+
+    first: int
+    values: Mapping[str, object]
+    seeds: Sequence[int]
+
+
 @dataclass(frozen=True)
 class Plan:
     """What a sweep file, with the options of the command line, asks for.
@@ -68,12 +82,19 @@ class Plan:
     grid: Grid
     expected: tuple[tuple[Match, Expectation], ...]
 
-    def runs(self) -> Iterator[Run]:
-        """Yield the runs: the product in the order written, then included rows; seeds innermost."""
+    def rows(self) -> Iterator[Row]:
+        """Yield the rows: the product in the order written, then included rows."""
         seeds = self.sweep.seed_values
-        pairs = ((row, seed) for row in self.grid.rows() for seed in seeds)
-        for index, (row, seed) in enumerate(itertools.islice(pairs, self.count)):
-            yield Run(index, row, seed)
+        starts = range(0, self.count, len(seeds))
+        # Positions first: the rows beyond the last of them are not even made.
+        for first, values in zip(starts, self.grid.rows(), strict=False):
+            yield Row(first, values, seeds[: self.count - first])
+
+    def runs(self) -> Iterator[Run]:
+        """Yield the runs, row by row, seeds innermost."""
+        for row in self.rows():
+            for index, seed in enumerate(row.seeds, row.first):
+                yield Run(index, row.values, seed)
 
     def expectations(self, run: Run) -> tuple[Expectation, ...]:
         """Return what must come out of a run."""

@@ -64,7 +64,7 @@ def content(gathered: Gathered, ask: PageAsk, chart: dict[str, Any] | None) -> C
     if is_summed:
         columns |= sums(axes, gathered.outcomes, gathered.quantities)
     words = {
-        "store": str(gathered.store.path),
+        "store": str(gathered.store.address),
         "runs": len(rows),
         "total": gathered.store.columns.runs,
         "summed": is_summed,

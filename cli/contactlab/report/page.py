@@ -61,7 +61,7 @@ def _texts(gathered: Gathered) -> dict[str, Any]:
     return {
         "title": f"{manifest.sweep.name}: {manifest.sweep.scene}",
         "description": manifest.sweep.resolved.get("description") or "",
-        "store": str(store.path),
+        "store": str(store.address),
         "runs": manifest.runs,
         "facts": facts(store),
         "outcome": outcome,

@@ -124,7 +124,7 @@ def recommended(gathered: Gathered) -> Advice | None:
         step=_step(report, varying),
         notes=report.notes,
         nothing=[] if pick else _blockers(report),
-        command=f"contactlab tradeoff {gathered.store.path}",
+        command=f"contactlab tradeoff {gathered.store.address}",
     )
 
 

@@ -59,15 +59,15 @@ def versus(gathered: Gathered, baseline: Store) -> Versus:
     """
     store = gathered.store
     policy = _policy(baseline, store)
-    report = compare(baseline.path, store.path, policy)
-    pairing = paired(baseline.path, store.path, policy)
+    report = compare(baseline.address, store.address, policy)
+    pairing = paired(baseline.address, store.address, policy)
     return Versus(
         report=report,
         checks=tuple(
             each for outcome in _TOLD for each in report.checks if each.outcome == outcome
         ),
         maps=dict(_maps(gathered, baseline, pairing)) if gathered.plane else {},
-        command=f"contactlab compare {baseline.path} {store.path}"
+        command=f"contactlab compare {baseline.address} {store.address}"
         + ("" if policy.match == "id" else " --match axes"),
     )
 

@@ -5,6 +5,7 @@ from contactlab.scene.capabilities import has_batch, lacking_records, why_lackin
 from contactlab.scene.catalogue import LenientCatalogue
 from contactlab.scene.effects import EFFECTS, FRICTIONS, NOT_THERE, Choice, Effect
 from contactlab.scene.flags import FLAGS
+from contactlab.scene.identity import ID_BYTES
 from contactlab.scene.inertia import inertia_faults, scene_inertia_faults
 from contactlab.scene.inertia_rules import InertiaFault
 from contactlab.scene.joints import TWIN, joints_of, twin_of
@@ -16,7 +17,9 @@ from contactlab.scene.pairs import Pair, can_collide
 from contactlab.scene.parameters import PARAMETERS, Parameter
 from contactlab.scene.plain import compile_plain, prepare_plain
 from contactlab.scene.quiet import quiet
-from contactlab.scene.scene import Resolved, Scene
+from contactlab.scene.resolved import Resolved
+from contactlab.scene.rows import ResolvedRow, Shape
+from contactlab.scene.scene import Scene
 from contactlab.scene.sensors import PREFIX, Layout
 from contactlab.scene.setup import make_setup
 from contactlab.scene.source import SceneSource, find_scene, stored_scene
@@ -27,6 +30,7 @@ __all__ = [
     "EFFECTS",
     "FLAGS",
     "FRICTIONS",
+    "ID_BYTES",
     "NOT_THERE",
     "NUMERICS",
     "OWN_START",
@@ -43,8 +47,10 @@ __all__ = [
     "Parameter",
     "Prepared",
     "Resolved",
+    "ResolvedRow",
     "Scene",
     "SceneSource",
+    "Shape",
     "Starts",
     "actuated_limbs",
     "as_reference",

@@ -74,8 +74,8 @@ def lacking_switches() -> frozenset[str]:
 
 def why_lacking(axis: str, value: object) -> str | None:
     """Return why this engine has no such value of an axis; None if it is not known to lack it."""
-    for each in _lacking():
-        if each.axis == axis and _same(each.value, value):
+    for each in ARRIVALS:
+        if each.axis == axis and _same(each.value, value) and not _reaches(each.version):
             return (
                 f"MuJoCo {VERSION} has no {_shown(each)}, which came with {each.version}; "
                 f"leave it out, or run with --mujoco {each.version}"

@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from contactlab.scene.scene import Resolved
+from contactlab.scene.resolved import Resolved
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ Contact parameters are those of the graded pairs; sources are MuJoCo's XML refer
 and its Modeling chapter (solver parameters).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -249,3 +249,9 @@ _SHELL_AXES = [
 _ALL = [*_OPTION, *_SOLREF_AXES, *_SOLIMP_AXES, *_FRICTION_AXES, *_SHELL_AXES]
 PARAMETERS: dict[str, Parameter] = {each.axis.name: each for each in _ALL}
 CONTACT_SETTINGS = ("solref", "solimp", "friction", "condim", "margin", "gap")
+_RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
+
+
+def application_order(names: Iterable[str]) -> list[str]:
+    """Return axes in the order in which their values are applied: parameters come first."""
+    return sorted(names, key=lambda name: _RANK.get(name, len(_RANK)))

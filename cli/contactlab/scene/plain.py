@@ -6,7 +6,8 @@ import mujoco
 
 from contactlab.scene.compile import compile_model
 from contactlab.scene.effects import is_straight, remove
-from contactlab.scene.scene import Resolved, Scene
+from contactlab.scene.resolved import Resolved
+from contactlab.scene.scene import Scene
 from contactlab.scene.starts import Starts
 
 

@@ -1,92 +1,25 @@
 """A scene ready for its runs: from a run's values to settings, model and start state."""
 
 import copy
-import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from contactlab.scene.base import Base, Prepared, compile_base
 from contactlab.scene.capabilities import lacking_switches
 from contactlab.scene.catalogue import SceneCatalogue
-from contactlab.scene.effects import EFFECTS, Situation, Wishes, is_straight, left_uncompiled
-from contactlab.scene.fields import is_as_written
-from contactlab.scene.flags import FLAGS, unusual
-from contactlab.scene.keyframes import OWN_START
-from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.effects import EFFECTS, Wishes, is_straight, left_uncompiled
+from contactlab.scene.identity import digest, entries_of, head_of, tail_of, written_over_of
+from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.resolved import Resolved
+from contactlab.scene.rows import Rows
 from contactlab.scene.settings import ENGINES
 from contactlab.scene.source import SceneSource, find_scene
 from contactlab.scene.start import StartState, nudged_states, start_states
 from contactlab.scene.starts import Starts
 from contactlab.scene.switching import is_auto, own_switches, switch_effect
 from contactlab.schema import InitialValue
-
-_RANK = {name: rank for rank, name in enumerate(PARAMETERS)}
-
-
-@dataclass(frozen=True, slots=True)
-class Resolved:
-    """Everything that decides one run's trajectory, but for the scene's own files.
-
-    Attributes:
-        structure: structure values, by name.
-        settings: every engine and contact setting.
-        changed: names of the settings that differ from the model as written.
-        flags: every engine switch.
-        initial: the scene's initial values.
-        seed: what perturbs the start state.
-        duration: simulated time [s].
-        wishes: what is asked of its effects.
-        without: effects that its model is compiled without.
-    """
-
-    structure: Mapping[str, object]
-    settings: Mapping[str, object]
-    changed: frozenset[str]
-    flags: Mapping[str, bool]
-    initial: Mapping[str, float]
-    seed: int
-    duration: float
-    wishes: Wishes
-    without: frozenset[str]
-
-    @property
-    def timestep(self) -> float:
-        """Length of a step [s]."""
-        return float(str(self.settings["timestep"]))
-
-    @property
-    def keyframe(self) -> str:
-        """The keyframe to start from, or `OWN_START`."""
-        return str(self.settings.get("keyframe", OWN_START))
-
-    @property
-    def steps(self) -> int:
-        """Steps that cover the duration; at least one."""
-        return max(1, round(self.duration / self.timestep))
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """Structure, settings and initial values in one table."""
-        return {**self.structure, **self.settings, **self.initial}
-
-    def edits(self) -> dict[str, object]:
-        """Return the settings and switches to write into the base model."""
-        # Model fields go last: they are more particular than the settings that write them too.
-        names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
-        edits = {name: self.settings[name] for name in names}
-        # Gravity is a setting, though there is a switch of that name too.
-        switched = sorted(self.changed & set(FLAGS) - set(self.settings))
-        edits |= {name: self.flags[name] for name in switched}
-        return edits | {name: self.wishes.asked[name] for name in self._written()}
-
-    def _written(self) -> list[str]:
-        """Return the effects asked for that are neither switches nor settings."""
-        asked = self.wishes.asked.keys() - set(FLAGS) - self.without
-        return sorted(name for name in asked if EFFECTS[name].turn and name in self.changed)
 
 
 class Scene:
@@ -183,7 +116,7 @@ class Scene:
         settings, flags = dict(base.settings), dict(base.flags)
         changed: set[str] = set()
         asked: dict[str, bool] = {}
-        for name in sorted(values, key=lambda name: _RANK.get(name, len(_RANK))):
+        for name in application_order(values):
             if name in PARAMETERS:
                 PARAMETERS[name].update(settings, values[name])
                 changed.add(PARAMETERS[name].sets)
@@ -222,20 +155,21 @@ class Scene:
         Runs that are resolved to the same model and start have the same one.
         """
         base = self.base(run.structure)
-        identity = {
-            "scene": self.hash,
-            "settings": {
-                name: _rounded(value)
-                for name, value in run.values.items()
-                if name in base.settings or not is_as_written(base.model, name, value)
-            },
-            "written_over": sorted(run.changed & base.varied),
-            "flags": unusual(run.flags) | _others(base, run),
-            "seed": run.seed,
-            "duration": run.duration,
-        }
-        text = json.dumps(identity, sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(text.encode()).hexdigest()[:16]
+        tail = tail_of(entries_of(base, run.values).values(), written_over_of(base, run))
+        return digest(head_of(base, run, self.hash), run.seed, tail).hex()
+
+    def rows(self, duration: float | None) -> Rows:
+        """Return what resolves the rows of a sweep faster than one by one.
+
+        Args:
+            duration: simulated time of each run [s]; the scene's own if None.
+        """
+        return Rows(self, self._switches, duration)
+
+    def is_plain(self, name: str) -> bool:
+        """Say whether an axis writes a setting or initial value, and no structure."""
+        manifest = self.source.manifest
+        return name not in self._lacking and not (manifest and name in manifest.structure)
 
     def starts(self, runs: Sequence[Resolved]) -> Starts:
         """Return the start states of runs of one structure."""
@@ -248,14 +182,19 @@ class Scene:
                 ]
             )
 
+    @property
+    def is_timed(self) -> bool:
+        """Whether anything in a run depends on time: control, or a hold."""
+        manifest = self.source.manifest
+        return manifest is not None and bool(manifest.control or manifest.hold)
+
     def check(self, run: Resolved) -> None:
         """Compute what depends on time in a run, so that mistakes show before anything runs.
 
         Raises:
             SceneError: times of its control decrease, or its hold is no stretch of time.
         """
-        manifest = self.source.manifest
-        if manifest is None or not (manifest.control or manifest.hold):
+        if not self.is_timed:
             return
         self.starts([run])
         holding = self.base(run.structure).holding
@@ -291,24 +230,3 @@ class Scene:
 
 def _without(values: Mapping[str, object], names: frozenset[str]) -> dict[str, object]:
     return {name: value for name, value in values.items() if name not in names}
-
-
-def _others(base: Base, run: Resolved) -> dict[str, bool]:
-    """Return the effects asked for that no switch or setting holds, if that changes anything.
-
-    What is left out because it provably changes nothing is no part of what a run is.
-    """
-    written = Situation(base.model, base.facts, straight=False)
-    names = run.wishes.asked.keys() & run.changed - set(FLAGS) - run.settings.keys()
-    return {
-        name: run.wishes.asked[name]
-        for name in sorted(names)
-        if "condim" in run.changed or EFFECTS[name].is_on(written) != run.wishes.asked[name]
-    }
-
-
-def _rounded(value: object) -> object:
-    """Drop the digits in which machines may differ when they compute one value."""
-    if isinstance(value, tuple):
-        return [_rounded(part) for part in value]
-    return float(f"{value:.12g}") if isinstance(value, float) else value

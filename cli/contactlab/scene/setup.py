@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.scene.base import Base
 from contactlab.scene.hold import Holding
 from contactlab.scene.pairs import Pair, colliding
-from contactlab.scene.scene import Resolved
+from contactlab.scene.resolved import Resolved
 from contactlab.scene.start import quaternions
 from contactlab.schema import SceneManifest
 from contactlab.trace import Barrier, FreeBody, Hold, Setup

@@ -1,7 +1,7 @@
 """A second, untimed pass over a group of runs, for what the recorded arrays cannot show."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -30,7 +30,13 @@ class _Again(NamedTuple):
     force: Floats
 
 
-def run_checks(base: Base, prepared: Sequence[Prepared], starts: Starts, trace: Trace) -> Checks:
+def run_checks(
+    base: Base,
+    prepared: Sequence[Prepared],
+    starts: Starts,
+    trace: Trace,
+    proceed: Callable[[], bool] = lambda: True,
+) -> Checks:
     """Return the self-checks of n runs that all went through.
 
     Args:
@@ -38,11 +44,16 @@ def run_checks(base: Base, prepared: Sequence[Prepared], starts: Starts, trace: 
         prepared: their models.
         starts: where they started.
         trace: what they did.
+        proceed: asked between runs; if it says no, only the first of them are checked.
     """
-    again = [_again(each.model, starts.pick(run), trace.steps) for run, each in enumerate(prepared)]
+    again = list[_Again]()
+    for run, each in enumerate(prepared):
+        if run and not proceed():
+            break
+        again.append(_again(each.model, starts.pick(run), trace.steps))
     jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
-    states = range(trace.runs)
+    states = range(len(again))
     geometry = [_geometry(base, prepared[run].model, trace, run, geometry_steps) for run in states]
     return Checks(
         residual=np.array([_residual(prepared[run].model, again[run]) for run in states]),

@@ -7,7 +7,7 @@ that step's row.
 """
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -76,9 +76,22 @@ class _Step:
 
 
 def roll_out_by_impulse(
-    base: Base, prepared: Sequence[Prepared], starts: Starts, steps: int, buffers: Buffers
+    base: Base,
+    prepared: Sequence[Prepared],
+    starts: Starts,
+    steps: int,
+    buffers: Buffers,
+    proceed: Callable[[], bool] = lambda: True,
 ) -> Rollout:
     """Return rollouts of a point mass by the impulse law, laid out as the engine's.
+
+    Args:
+        base: their structure.
+        prepared: (n) their models.
+        starts: where the runs start.
+        steps: N.
+        buffers: memory to record into; its arrays are overwritten by the next call.
+        proceed: asked between runs; if it says no, the rollout has only the first of them.
 
     Raises:
         SceneError: the scene is not a sphere above a plane, or something pushes it.
@@ -90,15 +103,18 @@ def roll_out_by_impulse(
     arrays.state[:], arrays.sensors[:], arrays.iterations[:] = 0.0, 0.0, 0
     cost = np.zeros(count)
     for run in range(count):
+        if run and not proceed():
+            count = run
+            break
         begin = time.thread_time()
         _fly(base, _mass_of(base, prepared[run]), starts.pick(run), arrays, run)
         cost[run] = time.thread_time() - begin
     return Rollout(
-        state=arrays.state,
-        sensors=arrays.sensors,
-        iterations=arrays.iterations,
+        state=arrays.state[:count],
+        sensors=arrays.sensors[:count],
+        iterations=arrays.iterations[:count],
         steps=(steps,) * count,
-        cost=cost,
+        cost=cost[:count],
         warnings=tuple({} for _ in range(count)),
         errors=(None,) * count,
     )

@@ -84,6 +84,7 @@ def roll_out(
     steps: int,
     buffers: Buffers,
     watch: Callable[[], None] = lambda: None,
+    proceed: Callable[[], bool] = lambda: True,
 ) -> Rollout:
     """Step every run by itself on this thread, so that its CPU time is its own.
 
@@ -95,6 +96,7 @@ def roll_out(
         steps: N.
         buffers: memory to record into; its arrays are overwritten by the next call.
         watch: called before each run, to start its time limit.
+        proceed: asked between runs; if it says no, the rollout has only the first of them.
     """
     count = len(models)
     batch = start_batch(models, starts)
@@ -108,6 +110,9 @@ def roll_out(
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
     for run in range(count):
+        if run and not proceed():
+            count = run
+            break
         out: dict[Any, np.ndarray] = {
             int(STATE): arrays.state[run : run + 1, 1:],
             "sensordata": arrays.sensors[run : run + 1],
@@ -128,13 +133,13 @@ def roll_out(
     if not has_batch():
         cost = np.array([_native_cost(models[run], starts, run, made[run]) for run in range(count)])
     return Rollout(
-        state=arrays.state,
-        sensors=arrays.sensors,
-        iterations=arrays.iterations,
+        state=arrays.state[:count],
+        sensors=arrays.sensors[:count],
+        iterations=arrays.iterations[:count],
         steps=made,
-        cost=cost,
+        cost=cost[:count],
         warnings=tuple(_warnings(batch.warning[run, :, _COUNT]) for run in range(count)),
-        errors=tuple(errors),
+        errors=tuple(errors[:count]),
     )
 
 

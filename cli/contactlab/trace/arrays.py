@@ -32,9 +32,10 @@ class PairTrace:
 
     Attributes:
         name: the pair's name, `geom1-geom2`.
-        slots: (n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out. Force and
-            velocity are in the contact frame, normal first; the normal points from the pair's
-            first side to its second and is in the world frame, as is the position.
+        slots: (n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out, those that
+            hold a contact first. Force and velocity are in the contact frame, normal first; the
+            normal points from the pair's first side to its second and is in the world frame, as
+            is the position.
         friction: (n, 5) effective coefficients (slide, slide, torsion, roll, roll).
     """
 

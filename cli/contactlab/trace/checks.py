@@ -31,3 +31,8 @@ class Checks:
     apart: Floats
     geometry_steps: NDArray[np.intp]
     repeats: NDArray[np.bool_]
+
+    @property
+    def runs(self) -> int:
+        """How many runs were checked."""
+        return len(self.repeats)

@@ -57,7 +57,7 @@ def error_measure(
     name = question.error or chosen_error(tolerances) or _measured_error(store, tolerances)
     if not _is_measured(store, name):
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
-        raise StoreError(f"no run in {store.path} has a value of {name}{hint}")
+        raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
     described = store.columns.measured.get(name)
     return ErrorMeasure(
         name=name,
@@ -106,7 +106,7 @@ def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
     found = next((name for name in candidates if _is_measured(store, name)), None)
     if found is None:
         raise StoreError(
-            f"{store.path} has neither an error nor a tolerated metric; sweep with "
+            f"{store.address} has neither an error nor a tolerated metric; sweep with "
             "`accuracy: {error: auto}`, or name a metric with --error"
         )
     return found
@@ -116,7 +116,7 @@ def _check_number(store: Store, name: str) -> None:
     known = [each for each in store.columns.schema.names if store.columns.is_number(each)]
     if name not in known:
         raise SweepFileError(
-            f"no number '{name}' in the table of {store.path}{did_you_mean(name, known)}\n"
+            f"no number '{name}' in the table of {store.address}{did_you_mean(name, known)}\n"
             "see `contactlab metrics`"
         )
 

@@ -51,7 +51,7 @@ def tradeoff(store: Store, question: Question = _NOTHING) -> TradeoffReport:
     is_modelling = error.kind != "discretisation"
     identity = store.manifest.sweep
     return TradeoffReport(
-        store=str(store.path),
+        store=str(store.address),
         sweep=identity.name,
         scene=identity.scene,
         knobs=tuple(runs.knobs),

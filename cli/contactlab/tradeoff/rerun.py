@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from contactlab import shipped
+from contactlab.errors import StoreError
 from contactlab.evidence import Store
 from contactlab.schema import ERRORS, Setting, Sweep, TradeoffReport
 
@@ -108,6 +109,11 @@ def _scene(store: Store, named: str, folder: Path) -> str:
     """Return what names the scene from a folder: its own name, or the store's copy."""
     if named in shipped.scene_names() or ":" in named:
         return named
+    if not isinstance(store.address, Path):
+        raise StoreError(
+            f"the scene '{named}' lies in {store.address} only; copy that to a folder and weigh it "
+            "there, so that the sweep file can name the scene"
+        )
     manifest = next(store.scene_folder.rglob(_MANIFEST), None)
     model = store.scene_folder / store.manifest.sweep.scene_model
     path = (manifest.parent if manifest else model).resolve()

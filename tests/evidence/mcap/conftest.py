@@ -47,7 +47,10 @@ class Sampler:
 
     def pair(self, name: str, runs: int, steps: int, slots: int) -> tuple[PairTrace, PairSeries]:
         values = self.floats(runs, steps, slots, SLOT_WIDTH)
-        touching = self.rng.random((runs, steps, slots)) < self.rng.choice([0.0, 0.3, 0.9])
+        counts = (self.rng.random((runs, steps, slots)) < self.rng.choice([0.0, 0.3, 0.9])).sum(
+            axis=2
+        )
+        touching = np.arange(slots) < counts[..., None]
         found = touching.sum(axis=2, keepdims=True) + self.rng.integers(0, 3, (runs, steps, 1))
         values[..., FOUND] = np.where(touching, found, 0)
         net = [self.floats(runs, steps) for _ in range(5)]
@@ -151,9 +154,15 @@ def _contacts(
                 "linear_velocity": list(slot[LINEAR_VELOCITY]),
                 "angular_velocity": list(slot[ANGULAR_VELOCITY]),
             }
-            for slot in slots
+            for slot in map(single, slots)
         ],
     }
+
+
+def single(values: np.ndarray[Any, Any]) -> np.ndarray[Any, np.dtype[np.float32]]:
+    """Return numbers as contact points hold them, rounded to single precision."""
+    with np.errstate(over="ignore"):
+        return values.astype(np.float32)
 
 
 def exact(value: Any) -> Any:

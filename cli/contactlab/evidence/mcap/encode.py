@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,6 +48,42 @@ POINT_FIELDS = {
     "angular_velocity": ANGULAR_VELOCITY,
 }
 
+_SINGLE = np.dtype("<f4")
+
+
+@cache
+def _blocks(point: np.dtype[np.void]) -> np.dtype[np.void]:
+    """Return a point's fields as blocks of bytes, which NumPy copies faster than numbers."""
+    places = list(point.fields.values()) if point.fields else []
+    return np.dtype(
+        {
+            "names": list(POINT_FIELDS),
+            "formats": [f"V{each[0].itemsize}" for each in places],
+            "offsets": [each[1] for each in places],
+            "itemsize": point.itemsize,
+        }
+    )
+
+
+def _slot_blocks() -> np.dtype[np.void]:
+    """Return the same of a contact slot in single precision."""
+    size = _SINGLE.itemsize
+    spans = [
+        range(SLOT_WIDTH)[each] if isinstance(each, slice) else range(each, each + 1)
+        for each in POINT_FIELDS.values()
+    ]
+    return np.dtype(
+        {
+            "names": list(POINT_FIELDS),
+            "formats": [f"V{len(span) * size}" for span in spans],
+            "offsets": [span.start * size for span in spans],
+            "itemsize": SLOT_WIDTH * size,
+        }
+    )
+
+
+_SLOT = _slot_blocks()
+
 
 @dataclass(frozen=True)
 class Group:
@@ -64,6 +100,16 @@ class Group:
     rows: Rows
     layout: Layout
     fill: Callable[[Items], None]
+
+    @property
+    def span(self) -> Rows | slice:
+        """The rows, as a slice where they follow one another, which indexes without a copy."""
+        return _span(self.rows)
+
+
+def _span(rows: Rows) -> Rows | slice:
+    follow = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if follow else rows
 
 
 def state_groups(trace: Trace, run: int) -> Iterator[Group]:
@@ -104,17 +150,15 @@ def contact_groups(
     channel: int, pair: PairTrace, series: PairSeries, run: int, timestep: float
 ) -> Iterator[Group]:
     """Yield the steps in which a pair touches, those with equally many points together."""
-    touching = pair.slots[run, :, :, FOUND] > 0
-    counts = np.count_nonzero(touching, axis=1)
-    slots = pair.slots[run].reshape(-1, SLOT_WIDTH)
-    for count in np.unique(counts[counts > 0]).tolist():
-        chosen = counts == count
-        rows = np.flatnonzero(chosen)
-        places = np.flatnonzero(touching & chosen[:, None]).reshape(len(rows), count)
+    counts, slots = series.contacts[run], pair.slots[run]
+    for count in np.flatnonzero(np.bincount(counts)).tolist():
+        if count == 0:
+            continue
+        rows = np.flatnonzero(counts == count)
 
-        def fill(items: Items, rows: Rows = rows, places: Rows = places) -> None:
+        def fill(items: Items, rows: Rows = rows, count: int = count) -> None:
             _fill_net(series, run, rows, timestep, items)
-            _fill_points(slots, places, items)
+            _fill_points(slots[_span(rows), :count], items)
 
         yield Group(channel, rows, contacts_record(count), fill)
 
@@ -133,15 +177,16 @@ def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: 
     items["penetration"] = np.maximum(0.0 - distance, 0.0)
 
 
-def _fill_points(slots: Floats, places: Rows, items: Items) -> None:
-    memory = SCRATCH.take("points", places.size * SLOT_WIDTH * slots.itemsize)
-    points = memory.view(np.float64).reshape(*places.shape, SLOT_WIDTH)
-    # Without a mode, NumPy copies once more before it writes to `out`.
-    np.take(slots, places, axis=0, out=points, mode="clip")
-    items["count"] = places.shape[1]
-    items["found"] = points[:, 0, FOUND]
-    for name, columns in POINT_FIELDS.items():
-        items["points"][name] = points[..., columns]
+def _fill_points(slots: Floats, items: Items) -> None:
+    """Write contact slots (m, count, 23) into as many points of each record."""
+    memory = SCRATCH.take("points", slots.size * _SINGLE.itemsize)
+    single = memory.view(_SINGLE).reshape(slots.shape)
+    with np.errstate(over="ignore"):
+        single[:] = slots
+    items["count"] = slots.shape[1]
+    items["found"] = slots[:, 0, FOUND]
+    points = items["points"]
+    points.view(_blocks(points.dtype))[:] = single.view(_SLOT)[..., 0]
 
 
 def blob_group(channel: int, row: int, content: bytes) -> Group:

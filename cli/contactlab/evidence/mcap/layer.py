@@ -12,7 +12,7 @@ from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Schema
 
 from contactlab.evidence.mcap.chunks import Times, overlapping
-from contactlab.evidence.mcap.container import Head, head
+from contactlab.evidence.mcap.container import Head, head, opening
 from contactlab.evidence.mcap.decode import Messages
 from contactlab.evidence.mcap.encode import Group, Items, Rows, blob_group
 from contactlab.evidence.mcap.foxglove import contact_forces, descriptors, scene, transforms
@@ -53,7 +53,7 @@ def write_with_layer(source: Path, target: Path, motion: Motion) -> TraceSummary
     [state] = [each.id for each in summary.channels.values() if each.topic == STATE_TOPIC]
     times = _log_times(messages[state])
     start = _head(reader, list(summary.schemas.values()), list(summary.channels.values()))
-    channels = {channel.topic: channel.id for channel in start.channels}
+    channels = {topic: number for number, topic in enumerate(start.opening.topics, start=1)}
     groups = [*_copied(messages, times), *_layer(motion, channels)]
     return write_messages(target, start, groups, times)
 
@@ -69,7 +69,8 @@ def _head(reader: SeekingReader, schemas: list[Schema], channels: list[Channel])
         channels.append(Channel(len(channels) + 1, topic, "protobuf", {}, numbers[message]))
     [attachment], [metadata] = reader.iter_attachments(), reader.iter_metadata()
     assert isinstance(attachment, Attachment)
-    return head(schemas, channels, attachment, metadata)
+    start = opening(schemas, channels, attachment)
+    return head(start, metadata.name, metadata.metadata)
 
 
 def _log_times(messages: Messages) -> Times:

@@ -31,14 +31,14 @@ MODE = EnumType("Mode", ("NO_CONTACT", "STICK", "SLIDE"))
 POINT = MessageType(
     "ContactPoint",
     (
-        Field(1, "position", Scalar.DOUBLE, repeated=True),
-        Field(2, "normal", Scalar.DOUBLE, repeated=True),
-        Field(3, "tangent", Scalar.DOUBLE, repeated=True),
-        Field(4, "distance", Scalar.DOUBLE),
-        Field(5, "force", Scalar.DOUBLE, repeated=True),
-        Field(6, "torque", Scalar.DOUBLE, repeated=True),
-        Field(7, "linear_velocity", Scalar.DOUBLE, repeated=True),
-        Field(8, "angular_velocity", Scalar.DOUBLE, repeated=True),
+        Field(1, "position", Scalar.FLOAT, repeated=True),
+        Field(2, "normal", Scalar.FLOAT, repeated=True),
+        Field(3, "tangent", Scalar.FLOAT, repeated=True),
+        Field(4, "distance", Scalar.FLOAT),
+        Field(5, "force", Scalar.FLOAT, repeated=True),
+        Field(6, "torque", Scalar.FLOAT, repeated=True),
+        Field(7, "linear_velocity", Scalar.FLOAT, repeated=True),
+        Field(8, "angular_velocity", Scalar.FLOAT, repeated=True),
     ),
 )
 

@@ -23,23 +23,28 @@ from contactlab.evidence.mcap.topics import EVIDENCE_TOPIC, STATE_TOPIC, pair_of
 _FOREIGN = (McapError, struct.error, zstandard.ZstdError, ValueError, LookupError)
 
 
-def read_trace(path: Path) -> StoredTrace:
+def read_trace(path: Path, named: object = None) -> StoredTrace:
     """Return the run that a trace file holds.
+
+    Args:
+        path: the file.
+        named: what messages call it, if it is not that file.
 
     Raises:
         StoreError: the file is missing, damaged, or not a trace of this version.
     """
+    named = named or path
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise StoreError(f"cannot read {path}: {error.strerror}") from error
+        raise StoreError(f"cannot read {named}: {error.strerror}") from error
     if problem := damage(data):
-        raise StoreError(f"{path}: {problem}; the run has to be repeated")
+        raise StoreError(f"{named}: {problem}; the run has to be repeated")
     try:
         return _decode(data)
     except _FOREIGN as error:
         raise StoreError(
-            f"{path} is no trace that this version of contactlab can read: {error}"
+            f"{named} is no trace that this version of contactlab can read: {error}"
         ) from error
 
 

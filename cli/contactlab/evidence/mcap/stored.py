@@ -49,7 +49,7 @@ class StoredPair:
         slip: (M,) magnitude of the force-weighted tangential velocity [m/s].
         distance: (M,) least signed distance [m].
         points: (K, 23) the contact points of all steps one after the other, each a contact slot
-            as `PairTrace` describes it.
+            as `PairTrace` describes it, rounded to single precision.
     """
 
     name: str
@@ -77,7 +77,9 @@ class StoredPair:
 
 @dataclass(frozen=True)
 class StoredTrace:
-    """One run of N steps, bit for bit as it was recorded; see `Trace` for the time alignment.
+    """One run of N steps; see `Trace` for the time alignment.
+
+    All but single contact points is bit for bit as it was recorded.
 
     Attributes:
         time: (N + 1,) simulated time [s].

@@ -151,5 +151,6 @@ def _chunk(frame: Frame, chunk: Chunk) -> tuple[SurveyedChunk, list[Frame]]:
         else:
             others.append(each)
     same = len(content) == chunk.uncompressed_size
-    sound = same and zlib.crc32(content) == chunk.uncompressed_crc
+    # Without a CRC, the compression's own checksum has been held against the content.
+    sound = same and chunk.uncompressed_crc in (0, zlib.crc32(content))
     return SurveyedChunk(frame, chunk, sound, messages), others

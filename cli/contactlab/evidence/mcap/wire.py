@@ -14,6 +14,7 @@ class Scalar(Enum):
     """A scalar kind: its number in descriptor.proto, its wire type, its NumPy format."""
 
     DOUBLE = (1, 1, "<f8")
+    FLOAT = (2, 5, "<f4")
     FIXED32 = (7, 5, "<u4")
 
 

@@ -8,15 +8,17 @@ import hashlib
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from mcap.records import Attachment, Channel, ChunkIndex, Metadata, Schema
+from mcap.records import Attachment, Channel, Schema
 
 from contactlab.errors import OutputError
 from contactlab.evidence.files import replacing
 from contactlab.evidence.mcap.chunks import Stream, Times, chunk_records, interleave
-from contactlab.evidence.mcap.container import Head, head, tail
+from contactlab.evidence.mcap.container import Head, Opening, head, opening, tail
 from contactlab.evidence.mcap.descriptor import file_descriptor_set
 from contactlab.evidence.mcap.encode import (
     STATE_CHANNEL,
@@ -26,13 +28,17 @@ from contactlab.evidence.mcap.encode import (
     state_groups,
 )
 from contactlab.evidence.mcap.messages import CONTACTS, PACKAGE, STATE
+from contactlab.evidence.mcap.records import ChunkEntry
 from contactlab.evidence.mcap.topics import EVIDENCE_TOPIC, STATE_TOPIC, contacts_topic
 from contactlab.trace import Floats, PairSeries, PairTrace, Trace
 
+Target = Path | BytesIO
 METADATA_NAME = "contactlab.run"
 MODEL_NAME = "model.xml"
 
 _NANOSECONDS = 1e9
+# How many scenes' openings are kept; a job is of one.
+_SCENES = 4
 # Readers in languages without unsigned integers take log time as a signed 64-bit number.
 _LATEST = 2.0**63
 
@@ -70,12 +76,13 @@ class TraceSummary:
 
 
 def write_trace(
-    path: Path, trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
+    path: Target, trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
 ) -> TraceSummary:
     """Write one run of a trace as an MCAP file.
 
     Args:
-        path: the file; one that is there is replaced as a whole. Its folder must exist.
+        path: the file; one that is there is replaced as a whole. Its folder must exist. Or a
+            buffer in memory.
         trace: arrays of a group of runs.
         run: which of them to write.
         series: net quantities of the trace's pairs, in the same order.
@@ -89,7 +96,9 @@ def write_trace(
     return write_messages(path, _head(trace, extras), groups, times)
 
 
-def write_messages(path: Path, start: Head, groups: Sequence[Group], times: Times) -> TraceSummary:
+def write_messages(
+    path: Target, start: Head, groups: Sequence[Group], times: Times
+) -> TraceSummary:
     """Write messages as an MCAP file.
 
     Args:
@@ -101,43 +110,49 @@ def write_messages(path: Path, start: Head, groups: Sequence[Group], times: Time
     Raises:
         OutputError: the file cannot be written.
     """
-    stream = interleave(groups, len(start.channels), times)
+    stream = interleave(groups, len(start.opening.topics), times)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
     digest, size = _save(path, _parts(start, stream, counts))
-    topics = (channel.topic for channel in start.channels)
-    return TraceSummary(digest, size, dict(zip(topics, counts, strict=True)))
+    return TraceSummary(digest, size, dict(zip(start.opening.topics, counts, strict=True)))
 
 
-def _log_times(path: Path, time: Floats) -> Times:
+def _log_times(path: Target, time: Floats) -> Times:
     """Return simulated time in whole nanoseconds."""
     times = np.rint(time * _NANOSECONDS)
     grows = np.all(times[1:] > times[:-1]) and np.all((times >= 0) & (times < _LATEST))
     if not grows:
+        named = path if isinstance(path, Path) else "a trace"
         raise OutputError(
-            f"cannot write {path}: the run's time must start at zero or later and grow by a "
+            f"cannot write {named}: the run's time must start at zero or later and grow by a "
             "nanosecond or more each step; cut the run where the engine stopped it"
         )
     return times.astype(np.uint64)
 
 
 def _head(trace: Trace, extras: TraceExtras) -> Head:
+    pairs = tuple(pair.name for pair in trace.pairs)
+    sizes = trace.qpos.shape[2], trace.qvel.shape[2]
+    start = _opening(pairs, sizes, extras.record_schema, extras.model_xml)
+    return head(start, METADATA_NAME, extras.metadata)
+
+
+@lru_cache(maxsize=_SCENES)
+def _opening(
+    pairs: tuple[str, ...], sizes: tuple[int, int], record_schema: bytes, model_xml: bytes
+) -> Opening:
     state, contacts, evidence = (
         Schema(1, file_descriptor_set(STATE), "protobuf", f"{PACKAGE}.{STATE.name}"),
         Schema(2, file_descriptor_set(CONTACTS), "protobuf", f"{PACKAGE}.{CONTACTS.name}"),
-        Schema(3, extras.record_schema, "jsonschema", f"{PACKAGE}.EvidenceRecord"),
+        Schema(3, record_schema, "jsonschema", f"{PACKAGE}.EvidenceRecord"),
     )
-    sizes = {"nq": str(trace.qpos.shape[2]), "nv": str(trace.qvel.shape[2])}
-    channels = [Channel(1, STATE_TOPIC, "protobuf", sizes, state.id)]
-    for number, pair in enumerate(trace.pairs, start=2):
-        topic = contacts_topic(pair.name)
-        channels.append(Channel(number, topic, "protobuf", {"pair": pair.name}, contacts.id))
+    nq, nv = map(str, sizes)
+    channels = [Channel(1, STATE_TOPIC, "protobuf", {"nq": nq, "nv": nv}, state.id)]
+    for number, name in enumerate(pairs, start=2):
+        topic = contacts_topic(name)
+        channels.append(Channel(number, topic, "protobuf", {"pair": name}, contacts.id))
     channels.append(Channel(len(channels) + 1, EVIDENCE_TOPIC, "json", {}, evidence.id))
-    return head(
-        [state, contacts, evidence],
-        channels,
-        Attachment(0, 0, MODEL_NAME, "application/xml", extras.model_xml),
-        Metadata(METADATA_NAME, dict(extras.metadata)),
-    )
+    model = Attachment(0, 0, MODEL_NAME, "application/xml", model_xml)
+    return opening([state, contacts, evidence], channels, model)
 
 
 def _groups(
@@ -153,23 +168,24 @@ def _groups(
 
 def _parts(start: Head, stream: Stream, counts: Sequence[int]) -> Iterator[bytes]:
     """Yield the file's bytes: its start, the chunks with their indexes, its end."""
-    yield start.data
-    crc, position = zlib.crc32(start.data), len(start.data)
-    entries: list[ChunkIndex] = []
+    data = start.data
+    yield data
+    crc, position = start.crc, len(data)
+    entries: list[ChunkEntry] = []
     for parts, entry in chunk_records(stream, position):
         for part in parts:
             yield part
             crc, position = zlib.crc32(part, crc), position + len(part)
         entries.append(entry)
-    yield tail(start, entries, dict(enumerate(counts, start=1)), position, crc)
+    yield tail(start, entries, counts, crc)
 
 
-def _save(path: Path, parts: Iterator[bytes]) -> tuple[str, int]:
+def _save(path: Target, parts: Iterator[bytes]) -> tuple[str, int]:
     """Write a file as a whole; return its SHA-256 and size."""
-    digest, size = hashlib.sha256(), 0
-    with replacing(path) as temporary, temporary.open("wb") as file:
-        for part in parts:
-            file.write(part)
-            digest.update(part)
-            size += len(part)
-    return digest.hexdigest(), size
+    content = b"".join(parts)
+    if isinstance(path, BytesIO):
+        path.write(content)
+    else:
+        with replacing(path) as temporary, temporary.open("wb") as file:
+            file.write(content)
+    return hashlib.sha256(content).hexdigest(), len(content)

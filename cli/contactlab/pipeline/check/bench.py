@@ -10,6 +10,7 @@ from typing import Any
 from contactlab.evidence import Store, StoredTrace
 from contactlab.pipeline.check.target import Target
 from contactlab.pipeline.job import Begin, Progress
+from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.sweep import Ask, run_sweep
 from contactlab.plan import read_sweep
 from contactlab.schema import EvidenceRecord
@@ -61,6 +62,7 @@ class Bench:
         workers: processes.
         begin: told how many runs a store has, and how many of them are done already.
         progress: told of runs as they finish.
+        stop: set when runs should end soon; None if they never should.
     """
 
     target: Target
@@ -68,6 +70,7 @@ class Bench:
     workers: int
     begin: Begin
     progress: Progress
+    stop: Stop | None = None
     _stores: dict[str, None] = field(default_factory=dict[str, None])
 
     @cached_property
@@ -130,7 +133,7 @@ class Bench:
             workers=self.workers if workers is None else workers,
             fresh=True,
         )
-        run_sweep(ask, self.begin, self.progress)
+        run_sweep(ask, self.begin, self.progress, self.stop)
         self._stores[name] = None
         store = Store.open(self.folder / name)
         ids = [scene.run_id(scene.resolve(row, 0, duration)) for row in rows]

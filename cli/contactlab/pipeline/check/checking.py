@@ -18,6 +18,7 @@ from contactlab.pipeline.check.target import open_target
 from contactlab.pipeline.check.timestep import check_timestep, kind_of
 from contactlab.pipeline.job import Begin, Progress
 from contactlab.pipeline.provenance import engine, provenance
+from contactlab.pipeline.stop import Stop
 from contactlab.schema import CheckName, CheckReport, CheckResult, TaskKind
 
 CHECKS: tuple[CheckName, ...] = get_args(CheckName)
@@ -45,23 +46,27 @@ class CheckAsk:
     workers: int = 0
 
 
-def check_model(ask: CheckAsk, begin: Begin, progress: Progress) -> CheckReport:
+def check_model(
+    ask: CheckAsk, begin: Begin, progress: Progress, stop: Stop | None = None
+) -> CheckReport:
     """Check a model; write `check.json`, `check.md` and `reference.json` beside the stores.
 
     Args:
         ask: what to check.
         begin: told how many runs a store has, and how many of them are done already.
         progress: told of runs as they finish.
+        stop: set when it should end soon.
 
     Raises:
         SceneError: there is no such model or keyframe, or it does not compile.
         SweepFileError: an option is wrong.
         OutputError: the folder cannot be written.
+        StoppedError: it was told to stop.
     """
     names = _chosen(ask.only)
     target = open_target(ask.model, ask.assign)
     kind, why = kind_of(target, ask.kind)
-    bench = Bench(target, ask.folder, ask.workers, begin, progress)
+    bench = Bench(target, ask.folder, ask.workers, begin, progress, stop)
     checks: dict[CheckName, Callable[[Bench], CheckResult]] = {
         "timestep": lambda bench: check_timestep(bench, kind),
         "free_motion": check_free_motion,

@@ -14,6 +14,7 @@ from contactlab.pipeline.effects.trials import BASE, Changed, Outcome, Trials
 from contactlab.pipeline.job import Progress
 from contactlab.pipeline.provenance import engine, provenance
 from contactlab.pipeline.record import as_written
+from contactlab.pipeline.stop import Stop
 from contactlab.scene import EFFECTS
 from contactlab.schema import (
     EffectFinding,
@@ -43,6 +44,7 @@ class Ablation:
         begin: told how many runs a store has, and how many of them are done already.
         progress: told of runs as they finish.
         rounds: how often runs are timed; None leaves costs out.
+        stop: set when it should end soon; None if it never should.
     """
 
     question: Question
@@ -51,6 +53,7 @@ class Ablation:
     begin: Callable[[int, int], None]
     progress: Progress
     rounds: int | None = 3
+    stop: Stop | None = None
 
     def report(self) -> EffectsReport:
         """Change one effect at a time, search for the smallest set, and verify it."""
@@ -95,6 +98,7 @@ class Ablation:
             begin=self.begin,
             progress=self.progress,
             rounds=self.rounds,
+            stop=self.stop,
         )
 
 

@@ -11,6 +11,7 @@ from contactlab.pipeline.asking import ask_for
 from contactlab.pipeline.effects.question import Question, Values
 from contactlab.pipeline.effects.toggles import Toggle
 from contactlab.pipeline.job import Progress
+from contactlab.pipeline.stop import Stop
 from contactlab.pipeline.sweep import run_sweep
 
 Row = Mapping[str, Any]
@@ -43,6 +44,7 @@ class Trials:
         begin: told how many runs a store has, and how many of them are done already.
         progress: told of runs as they finish.
         rounds: how often runs are timed, if they are; None for never.
+        stop: set when runs should end soon; None if they never should.
         stores: names of the stores written.
     """
 
@@ -53,6 +55,7 @@ class Trials:
     begin: Callable[[int, int], None]
     progress: Progress
     rounds: int | None
+    stop: Stop | None = None
     stores: list[str] = field(default_factory=list[str])
 
     def run(
@@ -100,7 +103,7 @@ class Trials:
             workers=self.workers,
             fresh=True,
         )
-        run_sweep(asked, self.begin, self.progress)
+        run_sweep(asked, self.begin, self.progress, self.stop)
         self.stores.append(name)
 
     def values(self, changed: Changed, scenario: Values) -> Values:

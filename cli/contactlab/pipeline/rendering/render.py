@@ -49,7 +49,8 @@ def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> Mot
         export_rrd(target, trace, motion)
     else:
         assert start.record.trace is not None, "its trace was read"
-        export_mcap(store.path / start.record.trace.file, target, motion)
+        with store.trace_file(start.record.trace) as source:
+            export_mcap(source, target, motion)
     return motion
 
 

@@ -1,0 +1,97 @@
+"""What a long journal costs: to go on with its store, to finish it, and to sum it up.
+
+Run: python -m bench.resuming [runs]...
+
+The journal is made up: rows of a real sweep, each with the id and the place of another run of it,
+up to some thousand places out of order. "going on" is all that the parent does until it knows that
+no run is left, planning and imports included; "finishing" writes table and manifest; "summary" is
+what the command then prints. Each size is a process of its own; memory is its peak until then.
+"""
+
+import contextlib
+import io
+import json
+import re
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from bench.planning import EnoughError, grid, spent_by
+
+SIZES = (100_000, 1_000_000)
+_OTHERS = "duration: 0.1\ntrace: none\nchecks: none\n"
+# By how many places a run may finish late.
+_LATE = 2000
+_HEAD = re.compile(rb'^\{"run_id":"\w+","index":\d+')
+
+
+def main() -> None:
+    """Make stores and measure each size in a process of its own, or be that process."""
+    if sys.argv[1:2] == ["--one"]:
+        resume(Path(sys.argv[2]))
+        return
+    sizes = [int(each) for each in sys.argv[1:]] or SIZES
+    print(f"{'runs':>9}  {'':10} {'wall [s]':>8} {'CPU [s]':>8} {'peak [MB]':>9}")
+    for runs in sizes:
+        with tempfile.TemporaryDirectory(prefix="contactlab-bench-") as name:
+            file = Path(name) / "sweep.yaml"
+            file.write_text(grid(runs) + _OTHERS, encoding="utf-8")
+            make_journal(file)
+            spent = spent_by([sys.executable, "-m", "bench.resuming", "--one", str(file)])
+        said = json.loads(spent.output)
+        for what, (wall, cpu, peak) in said.items():
+            print(f"{runs:9,}  {what:10} {wall:8.2f} {cpu:8.2f} {peak / 1e3:9,.0f}", flush=True)
+
+
+def make_journal(file: Path) -> None:
+    """Begin a sweep, and make up the rows of all its runs."""
+    from contactlab.pipeline import ask_for, run_sweep  # noqa: PLC0415
+    from contactlab.pipeline.roster import Roster  # noqa: PLC0415
+
+    ask = ask_for(file, file.stem, _store_of(file), folder=file.parent, workers=0)
+    with contextlib.suppress(EnoughError):
+        run_sweep(ask, lambda *_: None, _enough)
+    journal = _store_of(file) / "journal.jsonl"
+    rows = journal.read_bytes().splitlines(keepends=True)
+    ids = [run.run_id for run, _ in Roster(ask.plan, ask.scene).runs()]
+    late = np.random.default_rng(0).uniform(0, _LATE, len(ids))
+    with journal.open("wb") as made_up:
+        for place in np.argsort(np.arange(len(ids)) + late).tolist():
+            head = b'{"run_id":"%b","index":%d' % (ids[place].encode(), place)
+            made_up.write(_HEAD.sub(head, rows[place % len(rows)]))
+
+
+def _enough(_: object) -> None:
+    raise EnoughError
+
+
+def _store_of(file: Path) -> Path:
+    return file.with_suffix("")
+
+
+def resume(file: Path) -> None:
+    """Go on with a sweep of which all runs are stored, and print what it takes as JSON."""
+    times = [(time.time(), 0.0, 0)]
+    from contactlab.commands.output import Format  # noqa: PLC0415 - imports are measured
+    from contactlab.commands.summary import print_summary  # noqa: PLC0415
+    from contactlab.pipeline import ask_for, run_sweep  # noqa: PLC0415
+
+    def take(*_: object) -> None:
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        times.append((time.time(), time.process_time(), peak))
+
+    ask = ask_for(file, file.stem, _store_of(file), folder=file.parent, workers=0)
+    manifest = run_sweep(ask, take, lambda _: None)
+    take()
+    with contextlib.redirect_stdout(io.StringIO()):
+        print_summary(_store_of(file), manifest, Format.text)
+    take()
+    spent = zip(("going on", "finishing", "summary"), times[:-1], times[1:], strict=True)
+    print(json.dumps({name: (b[0] - a[0], b[1] - a[1], b[2]) for name, a, b in spent}))
+
+
+if __name__ == "__main__":
+    main()

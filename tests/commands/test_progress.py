@@ -1,0 +1,107 @@
+"""The display of a sweep costs the same however many runs finish, and says what is true of late."""
+
+import io
+import time
+from types import SimpleNamespace
+
+import pytest
+from rich.console import Console
+from rich.text import Text
+
+from contactlab.commands import progress as module
+from contactlab.commands.progress import DRAWN_PER_SECOND, Progress, progress
+from contactlab.pipeline import Finished
+
+LABELS = ("stable", "chatter", "tunneling")
+DONE = [[Finished(b"", label, "ok", None)] for label in LABELS]
+
+
+class Clock:
+    """A clock that goes as it is told."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.now = 1000.0
+        monkeypatch.setattr(module, "time", SimpleNamespace(monotonic=lambda: self.now))
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
+    return Clock(monkeypatch)
+
+
+def shown(live: bool = True) -> tuple[Progress, io.StringIO]:
+    out = io.StringIO()
+    return Progress(Console(file=out, width=200), live=live), out
+
+
+def test_a_million_runs_are_drawn_a_few_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
+    out, drawn = io.StringIO(), [0]
+    monkeypatch.setattr(module, "Console", lambda **_: Console(file=out, force_terminal=True))
+    line = Progress.line
+
+    def counted(self: Progress) -> Text:
+        drawn[0] += 1
+        return line(self)
+
+    monkeypatch.setattr(Progress, "line", counted)
+    began = time.monotonic()
+    with progress() as display:
+        display.begin(1_000_000, 0)
+        spent = time.process_time()
+        for index in range(1_000_000):
+            display.advance(DONE[index % 3])
+        spent = time.process_time() - spent
+    # One for each tick of the clock, one at the start and at most two at the end.
+    assert 1 <= drawn[0] <= DRAWN_PER_SECOND * (time.monotonic() - began) + 3
+    assert "1,000,000" in display.line().plain
+    # Counting takes about half a microsecond; formatting one line alone takes a hundred.
+    assert spent / 1_000_000 < 10e-6
+
+
+def test_plain_lines_come_every_ten_seconds(clock: Clock) -> None:
+    display, out = shown(live=False)
+    display.begin(100_000, 0)
+    for _ in range(60_000):
+        clock.now += 1e-3
+        display.advance(DONE[0])
+    lines = out.getvalue().splitlines()
+    assert len(lines) == 5
+    assert lines[-1].startswith("█" * 12)
+    assert "of 100,000  1,000/s" in lines[-1]
+    assert lines[-1].endswith(f"stable {50_000 + len(lines):,}")
+
+
+def test_what_is_stored_already_is_no_rate(clock: Clock) -> None:
+    display, out = shown()
+    display.begin(1_000_000, 900_000)
+    assert out.getvalue() == "900,000 of 1,000,000 runs are stored already\n"
+    assert "/s" not in display.line().plain
+    clock.now += 2.0
+    display.advance(DONE[0] * 200)
+    assert "900,200 of 1,000,000  100/s  16:38 left  stable 200" in display.line().plain
+
+
+def test_the_rate_is_that_of_late(clock: Clock) -> None:
+    display, _ = shown()
+    display.begin(1_000_000, 0)
+    for rate in (1000, 10):
+        for _ in range(240):
+            clock.now += 0.25
+            display.advance(DONE[1] * (rate // 4))
+            display.line()
+    text = display.line().plain
+    # A quarter of 10 is 2 runs in each of the last 120 quarters, so 8 a second.
+    assert "  8/s  " in text
+    assert " d " in text.partition("left")[0]
+
+
+def test_a_new_pass_counts_anew(clock: Clock) -> None:
+    display, _ = shown()
+    display.begin(10, 0)
+    display.advance(DONE[0] * 10)
+    display.begin(4, 0)
+    clock.now += 1.0
+    assert display.line().plain.endswith("░ 0 of 4")
+    display.advance(DONE[1] * 4)
+    assert display.line().plain.startswith("█" * 24 + " 4 of 4")
+    assert "stable" not in display.line().plain

@@ -1,0 +1,117 @@
+"""Signals that end a sweep are a wish at first, and an order where nobody heeds wishes."""
+
+import signal
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from contactlab.commands.stopping import obeying
+from contactlab.pipeline import Stop
+
+SAID = "finishing the runs in flight; again to stop at once\n"
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
+
+
+@pytest.mark.parametrize("first", NUMBERS)
+@pytest.mark.parametrize("second", NUMBERS)
+def test_the_first_is_a_wish_and_the_second_an_order(
+    first: signal.Signals, second: signal.Signals, capfd: pytest.CaptureFixture[str]
+) -> None:
+    stop = Stop()
+    with obeying(stop):
+        with stop.heeded():
+            signal.raise_signal(first)
+            assert stop.is_set
+            assert capfd.readouterr().err == SAID
+            with pytest.raises(KeyboardInterrupt):
+                signal.raise_signal(second)
+        assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize("number", NUMBERS)
+def test_it_is_an_order_where_no_runs_are_under_way(number: signal.Signals) -> None:
+    stop = Stop()
+    with obeying(stop), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(number)
+    with stop.heeded():
+        pass
+    with obeying(stop), pytest.raises(KeyboardInterrupt):
+        signal.raise_signal(number)
+
+
+class Finalized:
+    """Hears a signal where Python drops exceptions."""
+
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_an_order_that_gets_lost_stays_a_wish() -> None:
+    stop = Stop()
+    with obeying(stop):
+        Finalized()
+    assert stop.is_set
+
+
+def test_all_is_as_before_in_the_end() -> None:
+    before = [signal.getsignal(number) for number in NUMBERS]
+    with obeying(Stop()):
+        assert [signal.getsignal(number) for number in NUMBERS] != before
+    assert [signal.getsignal(number) for number in NUMBERS] == before
+
+
+def test_what_is_ignored_stays_so() -> None:
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        with obeying(Stop()):
+            signal.raise_signal(signal.SIGINT)
+        assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def test_other_threads_hear_nothing() -> None:
+    before = [signal.getsignal(number) for number in NUMBERS]
+    found: list[object] = []
+
+    def run() -> None:
+        with obeying(Stop()):
+            found.extend(signal.getsignal(number) for number in NUMBERS)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert found == before
+
+
+# As a signal that comes while the main thread is writing, which may not be begun twice.
+WRITING = """
+import io, os, signal, sys
+from contactlab.commands.stopping import obeying
+from contactlab.pipeline.stop import Stop
+
+class Interrupted(io.RawIOBase):
+    def writable(self):
+        return True
+
+    def write(self, data):
+        signal.raise_signal(signal.SIGTERM)
+        return os.write(2, data)
+
+stop = Stop()
+sys.stderr = io.TextIOWrapper(io.BufferedWriter(Interrupted()), write_through=True)
+with obeying(stop), stop.heeded():
+    sys.stderr.write("progress\\n")
+    sys.stderr.flush()
+assert stop.is_set
+"""
+
+
+def test_it_may_come_while_something_is_written() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", WRITING], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, SAID + "progress\n")
