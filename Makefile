@@ -13,7 +13,8 @@ test: .venv/dev
 	$(BIN)/python -m pytest
 
 test-slow: .venv/dev
-	$(BIN)/python -m pytest -m slow
+	$(BIN)/python -m pytest -m "slow and not timed"
+	$(BIN)/python -m pytest -n 0 -m "slow and timed"
 
 check: lint test
 

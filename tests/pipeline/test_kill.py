@@ -55,7 +55,7 @@ def test_killed_ten_times(
     table, traces = outcome(store)
     assert set(table["status_reason"]) == {None}, seed
     assert (code, seed) == (0, seed), err
-    assert f"of {RUNS} runs are stored already" in err
+    assert f"of {RUNS:,} runs are stored already" in err
     assert verify(store) == [], seed
     assert command.run("sweep", "long.yaml", "-o", "whole", "--workers", "2")[0] == 0
     assert (table, traces) == outcome(tmp_path / "whole"), seed

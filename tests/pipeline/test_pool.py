@@ -14,6 +14,7 @@ import pytest
 from contactlab.evidence import verify
 from contactlab.pipeline import Finished, Stop, pool
 from contactlab.pipeline.job import Job, Lost, PlannedRun
+from contactlab.pipeline.slot import Slot
 
 INNER: Any = pool
 FIRST: Job = (PlannedRun(0, "first", {}, 0),)
@@ -115,7 +116,7 @@ def slot(tmp_path: Path) -> tuple[Any, Any]:
     """A worker on its first job, and the worker's end of the pipe."""
     ours, theirs = multiprocessing.Pipe()
     process: Any = DeadProcess()
-    return INNER._Slot(process, ours, tmp_path / "marker", FIRST), theirs
+    return Slot(process, ours, tmp_path / "marker", FIRST), theirs
 
 
 def results(slots: list[Any], queue: Any) -> list[Any]:

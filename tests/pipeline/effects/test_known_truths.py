@@ -108,6 +108,7 @@ def test_a_thin_plate_at_speed_needs_contacts_ahead_of_touch(ablate: Ablate) -> 
 
 
 @pytest.mark.slow
+@pytest.mark.timed
 def test_a_stack_at_rest_may_sleep(ablate: Ablate) -> None:
     report = ablate(
         "version: 1\nscene: box_stack\naxes: {boxes: [5]}\n"
