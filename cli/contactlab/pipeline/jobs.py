@@ -24,7 +24,8 @@ def pack(
 ) -> Iterator[Job]:
     """Yield jobs, each bounded by `MOST_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
-    Runs are taken as they are needed: some hundred more than what is yielded.
+    Runs are taken as they are needed: some hundred more than what is yielded. Towards the end jobs
+    become smaller, so that no worker is left with a large one while the others have none.
 
     Args:
         runs: what is left to do.
@@ -36,16 +37,17 @@ def pack(
         SweepFileError: a run would record more than 1 GiB.
     """
     most = max(1, min(MOST_RUNS, count // (4 * max(1, workers))))
+    shares = 2 * workers if workers > 1 else 1
     waiting: dict[Key, list[PlannedRun]] = {}
     bounds: dict[Key, int] = {}
-    for run, resolved in runs:
+    for taken, (run, resolved) in enumerate(runs):
         key = _key(resolved)
         bound = bounds.get(key)
         if bound is None:
             bound = bounds[key] = _most_of(scene, resolved, most)
         group = waiting.setdefault(key, [])
         group.append(run)
-        if len(group) >= bound:
+        if len(group) >= min(bound, max(1, (count - taken) // shares)):
             yield tuple(waiting.pop(key))
         elif len(waiting) > _MOST_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
