@@ -5,7 +5,7 @@ import signal
 import threading
 import urllib.request
 import uuid
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -42,13 +42,28 @@ class ObjectServer:
         return name
 
 
+class OneByOne:
+    """Answers one request after another: moto looks at a condition and writes in two steps."""
+
+    def __init__(self, app: Callable[..., Any]) -> None:
+        self._app = app
+        self._turn = threading.Lock()
+
+    def __call__(self, *request: Any) -> Any:
+        with self._turn:
+            return self._app(*request)
+
+
 @pytest.fixture(scope="session")
 def _object_server() -> Iterator[ObjectServer]:
     pytest.importorskip("obstore", reason="obstore is an extra")
     moto = pytest.importorskip("moto.server", reason="moto is needed to test object stores")
     logging.getLogger("werkzeug").setLevel(logging.ERROR)
     server = moto.ThreadedMotoServer(ip_address="127.0.0.1", port=0, verbose=False)
-    server.start()
+    plain = moto.DomainDispatcherApplication
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(moto, "DomainDispatcherApplication", lambda *of: OneByOne(plain(*of)))
+        server.start()
     _, port = server.get_host_and_port()
     yield ObjectServer(server, port)
     server.stop()
