@@ -116,6 +116,14 @@ def amend_journal(store: Path, found: Mapping[str, Mapping[str, Any]]) -> None:
     if not found:
         return
     path = store / JOURNAL
-    rows = (row | dict(found.get(row["run_id"], {})) for row in read_lines(path))
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as amended:
-        amended.writelines(json.dumps(row) + "\n" for row in rows)
+    rewrite_lines(path, (row | dict(found.get(row["run_id"], {})) for row in read_lines(path)))
+
+
+def rewrite_lines(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
+    """Put other rows in the place of a journal's, all or none; they may be made of its own.
+
+    Raises:
+        OutputError: it cannot be written anew.
+    """
+    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as lines:
+        lines.writelines(json.dumps(row) + "\n" for row in rows)

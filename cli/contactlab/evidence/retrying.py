@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 from contactlab.errors import StoreError
 from contactlab.evidence.files import replacing, sync_filesystem
 from contactlab.evidence.identity import MANIFEST
-from contactlab.evidence.journal import JOURNAL, read_lines
+from contactlab.evidence.journal import JOURNAL, read_lines, rewrite_lines
 from contactlab.evidence.table import TABLE, read_table, reading
 from contactlab.schema import StoreManifest
 
@@ -76,9 +76,7 @@ def drop_failed(store: Path) -> None:
         return
     for trace in filter(None, failed.values()):
         (store / trace).unlink(missing_ok=True)
-    left = (row for row in read_lines(path) if row["run_id"] not in failed)
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as kept:
-        kept.writelines(json.dumps(row) + "\n" for row in left)
+    rewrite_lines(path, (row for row in read_lines(path) if row["run_id"] not in failed))
 
 
 def _has_failed(row: Mapping[str, Any]) -> bool:

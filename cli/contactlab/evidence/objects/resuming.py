@@ -8,7 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from contactlab.evidence.journal import JOURNAL, NOTES, mend_journal, read_lines
+from contactlab.evidence.journal import JOURNAL, NOTES, mend_journal
 from contactlab.evidence.objects.client import Client
 from contactlab.evidence.retrying import drop_failed, failed_traces
 from contactlab.evidence.writer import TRACES
@@ -35,7 +35,8 @@ def pull_rows(client: Client, folder: Path, *, retry_failed: bool) -> set[str]:
         return set()
     journal = folder / JOURNAL
     _bring(client, names, journal)
-    rows = sum(1 for _ in read_lines(journal))
+    with journal.open("rb") as lines:
+        rows = sum(1 for _ in lines)
     if retry_failed:
         client.delete(failed_traces(folder))
         drop_failed(folder)
