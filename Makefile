@@ -1,7 +1,7 @@
 # `make bounce` runs the main job, `make test` the tests; both build .venv by themselves.
 PYTHON ?= python3
 BIN := .venv/bin
-NODE_READER := tests/evidence/mcap/node
+NODE_READER := tests/store/mcap/node
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel bench clean

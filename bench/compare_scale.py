@@ -22,9 +22,9 @@ import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
 from contactlab.compare import as_junit, as_markdown, as_text, compare
-from contactlab.evidence import Store
 from contactlab.measure import LABELS, METRICS
 from contactlab.schema import ComparePolicy
+from contactlab.store import Store
 
 SIZES = (10_000, 1_000_000)
 SWEEP = "{version: 1, scene: box_slide, axes: {timestep: [1e-3, 2e-3]}, trace: none}"

@@ -11,8 +11,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from contactlab.evidence import Store, sha256_of
 from contactlab.schema import StoreManifest
+from contactlab.store import Store, sha256_of
 
 PART = 100_000
 Rows = NDArray[np.int64]

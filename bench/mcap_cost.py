@@ -18,9 +18,9 @@ from statistics import median
 import numpy as np
 from mcap.writer import Writer
 
-from contactlab.evidence.mcap import TraceExtras, read_trace, write_trace
-from contactlab.evidence.mcap.encode import POINT_FIELDS
-from contactlab.trace import FOUND, SLOT_WIDTH, STICK, Floats, PairSeries, PairTrace, Trace
+from contactlab.contact import FOUND, SLOT_WIDTH, STICK, Floats, PairSeries, PairTrace, Trace
+from contactlab.store.mcap import TraceExtras, read_trace, write_trace
+from contactlab.store.mcap.encode import POINT_FIELDS
 
 STEPS = 1500
 TIMESTEP = 0.002

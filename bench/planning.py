@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Finished
+    from contactlab.run import Finished
 
 SIZES = (10_000, 100_000, 1_000_000)
 # Ten values an axis and ten seeds; the number of axes decides how many runs there are.
@@ -158,7 +158,7 @@ class Taker:
 def hand_out(file: Path) -> None:
     """Plan a sweep, pack all its jobs, and print what that took as JSON."""
     start = time.time()
-    from contactlab.pipeline import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
 
     taker = Taker()
     ask = ask_for(file, file.stem, file.with_suffix(""), folder=file.parent, workers=2)

@@ -22,7 +22,8 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
-from contactlab.pipeline import Ask, ask_for, ray_cluster, run_sweep
+from contactlab.run import Ask, ask_for, run_sweep
+from contactlab.run.cluster import ray_cluster
 
 ROUNDS, SEEDS, NODES = 3, 40, 3
 SWEEP = """

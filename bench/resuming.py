@@ -48,8 +48,8 @@ def main() -> None:
 
 def make_journal(file: Path) -> None:
     """Begin a sweep, and make up the rows of all its runs."""
-    from contactlab.pipeline import ask_for, run_sweep  # noqa: PLC0415
-    from contactlab.pipeline.roster import Roster  # noqa: PLC0415
+    from contactlab.run import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run.roster import Roster  # noqa: PLC0415
 
     ask = ask_for(file, file.stem, _store_of(file), folder=file.parent, workers=0)
     with contextlib.suppress(EnoughError):
@@ -77,7 +77,7 @@ def resume(file: Path) -> None:
     times = [(time.time(), 0.0, 0)]
     from contactlab.commands.output import Format  # noqa: PLC0415 - imports are measured
     from contactlab.commands.summary import print_summary  # noqa: PLC0415
-    from contactlab.pipeline import ask_for, run_sweep  # noqa: PLC0415
+    from contactlab.run import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
 
     def take(*_: object) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

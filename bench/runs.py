@@ -4,9 +4,9 @@ from pathlib import Path
 
 from bench.plain import PlainRun
 
-from contactlab import shipped
-from contactlab.pipeline import Scenes
+from contactlab import resources
 from contactlab.plan import read_sweep
+from contactlab.run import Scenes
 
 
 def plain_runs(sweep: Path) -> list[PlainRun]:
@@ -22,7 +22,7 @@ def plain_runs(sweep: Path) -> list[PlainRun]:
         scene.resolve(run.values, run.seed, read.sweep.duration) for run in read.plan.runs()
     ]
     qpos, qvel, *_ = scene.starts(resolved)
-    text = (shipped.scene_folder(scene.name) / "scene.xml").read_text(encoding="utf-8")
+    text = (resources.scene_folder(scene.name) / "scene.xml").read_text(encoding="utf-8")
     boxes = resolved[0].structure.get("boxes", 10)
     model = sweep.with_suffix(".xml")
     model.write_text(text.replace('count="10"', f'count="{boxes}"'), encoding="utf-8")

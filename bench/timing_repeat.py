@@ -18,9 +18,9 @@ from statistics import median
 
 import numpy as np
 
-from contactlab import shipped
-from contactlab.evidence import Store
+from contactlab import resources
 from contactlab.schema import TradeoffReport
+from contactlab.store import Store
 from contactlab.tradeoff import tradeoff
 
 TARGET = 0.05
@@ -94,7 +94,7 @@ def _arguments(given: list[str]) -> tuple[list[str], list[str]]:
     if "--" in given:
         place = given.index("--")
         names, options = given[:place], given[place + 1 :]
-    every = sorted(path.stem for path in shipped.sweeps().glob("tradeoff-*.yaml"))
+    every = sorted(path.stem for path in resources.sweeps().glob("tradeoff-*.yaml"))
     return names or every, options
 
 

@@ -30,6 +30,10 @@ class EngineError(ContactlabError):
     """Another version of the engine cannot be had, or cannot run this."""
 
 
+class PluginError(ContactlabError):
+    """A plug-in cannot be loaded, or adds what is there already."""
+
+
 class ClusterError(ContactlabError):
     """A cluster cannot be reached, or a node of it does not fit."""
 

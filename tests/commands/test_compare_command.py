@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
-from contactlab.shipped import scene_folder
+from contactlab.resources import scene_folder
+from contactlab.run import ask_for, run_sweep
+from contactlab.store import Store
 
 Run = Callable[..., Any]
 SLIDE = """\

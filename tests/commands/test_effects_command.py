@@ -7,8 +7,8 @@ from typing import Any
 from typer.testing import CliRunner
 
 from contactlab.commands.main import app
-from contactlab.evidence import Store, verify
 from contactlab.schema import EffectsReport
+from contactlab.store import Store, verify
 
 SLIDE = "version: 1\nscene: box_slide\nduration: 0.2\ntolerances: {drift: 0.01}\n"
 

@@ -12,11 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.evidence import Store
-from contactlab.pipeline import Start
+from contactlab.run import Start
+from contactlab.store import Store
 
 Run = Callable[..., Any]
-replaying = importlib.import_module("contactlab.pipeline.replay")
+replaying = importlib.import_module("contactlab.run.replay")
 
 
 @pytest.fixture

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.evidence import ObjectAddress, located
-from contactlab.evidence.objects import connect
+from contactlab.store import ObjectAddress, located
+from contactlab.store.objects import connect
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.commands.main import app
-from contactlab.evidence import Store, verify
+from contactlab.store import Store, verify
 
 Run = Callable[..., Any]
 

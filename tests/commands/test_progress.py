@@ -10,7 +10,7 @@ from rich.text import Text
 
 from contactlab.commands import progress as module
 from contactlab.commands.progress import DRAWN_PER_SECOND, Progress, progress
-from contactlab.pipeline import Finished
+from contactlab.run import Finished
 
 LABELS = ("stable", "chatter", "tunneling")
 DONE = [[Finished(b"", label, "ok", None)] for label in LABELS]

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab.run import ask_for, run_sweep
+from contactlab.store import Store
 
 Run = Callable[..., Any]
 
@@ -94,7 +94,7 @@ def test_what_is_not_installed_is_named_with_how_to_get_it(
     module: str,
     extra: str,
 ) -> None:
-    ours = ("contactlab.pipeline.rendering", "contactlab.evidence.rrd", "contactlab.evidence.mcap")
+    ours = ("contactlab.view", "contactlab.store.rrd", "contactlab.store.mcap")
     for name in [each for each in sys.modules if each.startswith((f"{module}.", *ours))]:
         if not name.endswith((".mcap", ".rendering")):
             monkeypatch.delitem(sys.modules, name)

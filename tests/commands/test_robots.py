@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.evidence import Store, verify
 from contactlab.schema import EvidenceRecord
+from contactlab.store import Store, verify
 
 Run = Callable[..., Any]
 ROBOT = "menagerie:franka_emika_panda/panda"

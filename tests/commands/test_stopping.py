@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from contactlab.commands.stopping import obeying
-from contactlab.pipeline import Stop
+from contactlab.run import Stop
 
 SAID = "finishing the runs in flight; again to stop at once\n"
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
@@ -91,7 +91,7 @@ def test_other_threads_hear_nothing() -> None:
 WRITING = """
 import io, os, signal, sys
 from contactlab.commands.stopping import obeying
-from contactlab.pipeline.stop import Stop
+from contactlab.run.stop import Stop
 
 class Interrupted(io.RawIOBase):
     def writable(self):

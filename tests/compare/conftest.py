@@ -12,16 +12,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.evidence import (
-    SHARED,
-    StoreWriter,
-    axis_column,
-    metric_column,
-    sha256_of,
-    struct_column,
-    to_row,
-    writing,
-)
 from contactlab.schema import (
     Cost,
     Engine,
@@ -31,6 +21,16 @@ from contactlab.schema import (
     LabelEntry,
     Provenance,
     SweepIdentity,
+)
+from contactlab.store import (
+    SHARED,
+    StoreWriter,
+    axis_column,
+    metric_column,
+    sha256_of,
+    struct_column,
+    to_row,
+    writing,
 )
 
 # Name to unit, direction and resolution; `found` is of the second pass.

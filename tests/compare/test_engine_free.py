@@ -15,7 +15,7 @@ from contactlab.compare import as_junit, as_markdown, as_text, compare
 
 report = compare(Path(sys.argv[1]), Path(sys.argv[2]))
 assert as_text(report) and as_markdown(report) and as_junit(report)
-loaded = {"contactlab.pipeline", "contactlab.scene", "contactlab.sim", "scipy"} & set(sys.modules)
+loaded = {"contactlab.run", "contactlab.scene", "contactlab.engines", "scipy"} & set(sys.modules)
 print(report.verdict, sorted(loaded))
 """
 

@@ -10,8 +10,8 @@ import pytest
 from contactlab.compare import accept, acceptance, compare, read_policy
 from contactlab.compare.rules import kind_of, rule_of
 from contactlab.errors import PolicyError, SweepFileError
-from contactlab.evidence import Measured
 from contactlab.schema import ComparePolicy
+from contactlab.store import Measured
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

@@ -21,7 +21,7 @@ from contactlab.compare.verdicts import (
     counted,
     folded,
 )
-from contactlab.evidence import Numbers
+from contactlab.store import Numbers
 
 REALS = st.floats(-1e6, 1e6)
 RULES = st.builds(

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab.run import ask_for, run_sweep
+from contactlab.store import Store
 
 TEXT = (Path(__file__).parents[2] / "docs/evidence.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
@@ -48,7 +48,7 @@ def test_every_example_is_run() -> None:
 
 
 def test_own_means(example: Any, store: Store) -> None:
-    found = example("from contactlab import evidence")
+    found = example("from contactlab import store as evidence")
     assert found["store"].units["timestep"] == "s"
     assert found["errors"].shape == (4,)
     # Up to the last step, what the floor gives the ball is its change of momentum and its weight.

@@ -7,13 +7,13 @@ from typing import Any, NamedTuple
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab import shipped
+from contactlab import resources
+from contactlab.contact import PairSeries, Trace
+from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.measure import assess
-from contactlab.pipeline import ask_for, run_sweep
 from contactlab.plan import Overrides
+from contactlab.run import ask_for, run_sweep
 from contactlab.scene import Prepared, Scene, make_setup
-from contactlab.sim import Buffers, make_trace, roll_out
-from contactlab.trace import PairSeries, Trace
 
 Rows = list[dict[str, Any]]
 
@@ -60,7 +60,7 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
 
     def rows(name: str, **values: object) -> Rows:
         if name not in tables:
-            tables[name] = _run(shipped.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
+            tables[name] = _run(resources.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
         found = [row for row in tables[name] if all(row[key] == values[key] for key in values)]
         assert found
         return found

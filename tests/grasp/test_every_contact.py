@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from contactlab import shipped
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab import resources
+from contactlab.engines import Buffers, make_trace, roll_out
+from contactlab.run import ask_for, run_sweep
 from contactlab.scene import Scene
-from contactlab.sim import Buffers, make_trace, roll_out
+from contactlab.store import Store
 
 CONTACTS = 52
 """Of a mug of twelve wall boxes and a bottom that stands on the floor: four points each."""
@@ -59,7 +59,7 @@ def test_each_of_fifty_two_contacts_is_in_the_trace(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_labelled(tmp_path: Path) -> None:
     for name in ("mug_drop", "grasp_mug"):
         (tmp_path / name).mkdir()
-        for file in (shipped.models() / name).iterdir():
+        for file in (resources.models() / name).iterdir():
             (tmp_path / name / file.name).write_bytes(file.read_bytes())
     manifest = tmp_path / "mug_drop" / "scene.yaml"
     assert "slots: 64" in manifest.read_text()

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.law import rest_penetration
+from contactlab.contact import rest_penetration
 
 Run = Callable[..., Any]
 Rows = list[dict[str, Any]]

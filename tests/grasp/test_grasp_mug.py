@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.law import rest_penetration
+from contactlab.contact import rest_penetration
 from contactlab.scene import Scene
 
 WEIGHT = 0.2 * 9.81

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.trace import (
+from contactlab.contact import (
     DISTANCE,
     FORCE,
     FOUND,

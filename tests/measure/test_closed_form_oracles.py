@@ -5,9 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.law import damping_ratio_of
+from contactlab.contact import FreeBody, damping_ratio_of
 from contactlab.measure import assess
-from contactlab.trace import FreeBody
 
 GRAVITY, STEP, STEPS = 9.81, 2e-3, 100
 RADIUS = 0.05

@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contactlab.contact import Floats, Invariants
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.measure.discrepancy import angles
 from contactlab.scene.joints import joints_of
-from contactlab.trace import Floats, Invariants
 
 MODEL = """
 <mujoco>

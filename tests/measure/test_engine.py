@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.contact import Barrier, FreeBody, PairTrace, Setup, Trace
 from contactlab.measure import assess
-from contactlab.trace import Barrier, FreeBody, PairTrace, Setup, Trace
 
 FIELDS = "found force torque dist pos normal tangent linvel angvel"
 MODEL = """

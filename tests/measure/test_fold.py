@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contactlab.contact import Floats, PairTrace
 from contactlab.measure import pair_series
 from contactlab.measure.fold import fold
-from contactlab.trace import Floats, PairTrace
 
 ELLIPTIC, PYRAMIDAL = np.array([True]), np.array([False])
 

@@ -9,10 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.measure import METRICS, assess
-from contactlab.measure.context import context_of
-from contactlab.measure.hold import hold_switch_masks, window
-from contactlab.trace import (
+from contactlab.contact import (
     FORCE,
     LINEAR_VELOCITY,
     NORMAL,
@@ -24,6 +21,9 @@ from contactlab.trace import (
     Setup,
     Trace,
 )
+from contactlab.measure import METRICS, assess
+from contactlab.measure.context import context_of
+from contactlab.measure.hold import hold_switch_masks, window
 
 Make = Callable[..., Any]
 HELD = [name for name in METRICS if name.startswith("hold_")]

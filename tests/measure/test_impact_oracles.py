@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.contact import FreeBody
 from contactlab.measure import assess
-from contactlab.trace import FreeBody
 
 
 def found(trace: Any, setup: Any) -> list[float]:

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.contact import Barrier, FreeBody, Setup, Trace
 from contactlab.errors import SceneError
 from contactlab.measure import LABELS, THRESHOLDS, Outcome, assess, limits
-from contactlab.trace import Barrier, FreeBody, Setup, Trace
 
 ORDER = (
     "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence broken tunneling "

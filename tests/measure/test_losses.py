@@ -8,10 +8,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from contactlab.contact import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
 from contactlab.measure import assess
 from contactlab.measure.context import context_of
 from contactlab.measure.losses import losses
-from contactlab.trace import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
 
 STEPS = 500
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.contact import FreeBody, Trace
 from contactlab.measure import METRICS, assess
-from contactlab.trace import FreeBody, Trace
 
 NONE = np.nan
 

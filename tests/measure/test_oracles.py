@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.contact import FreeBody
 from contactlab.errors import SceneError
 from contactlab.measure import ORACLES, assess
-from contactlab.trace import FreeBody
 
 SOLREF, SOLIMP = (0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0)
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.contact import FreeBody
 from contactlab.measure import THRESHOLDS, assess, limits
-from contactlab.trace import FreeBody
 
 TILTED = np.array([[3.0, 0.0, -4.0]])
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from contactlab.contact import Barrier, Floats, FreeBody
 from contactlab.measure import assess
-from contactlab.trace import Barrier, Floats, FreeBody
 
 G, RADIUS, TIMESTEP = 9.81, 0.05, 1e-3
 

@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.contact import SLIDE, STICK
 from contactlab.measure import assess
-from contactlab.trace import SLIDE, STICK
 
 STEPS, PERIOD = 500, 10
 

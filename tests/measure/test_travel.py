@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab.run import ask_for, run_sweep
+from contactlab.store import Store
 
 _SWEEP = "version: 1\nscene: m.xml\nduration: {}\ntrace: none\n"
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.measure import assess
 from contactlab.scene import Scene, make_setup
-from contactlab.sim import Buffers, make_trace, roll_out
 
 
 @pytest.mark.parametrize("direction", [0.0, 11.0, 22.5, 33.0, 45.0])

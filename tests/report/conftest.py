@@ -7,9 +7,9 @@ from typing import Any
 
 import pytest
 
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
 from contactlab.report import write_page
+from contactlab.run import ask_for, run_sweep
+from contactlab.store import Store
 
 BOUNCE = """
 version: 1

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.evidence import Measured
+from contactlab.contact import Floats
 from contactlab.report.cells import (
     STATISTICS,
     Plane,
@@ -24,7 +24,7 @@ from contactlab.report.outcomes import CALM, Outcomes
 from contactlab.report.quantities import Quantity
 from contactlab.report.series import thinned
 from contactlab.report.sums import sums
-from contactlab.trace import Floats
+from contactlab.store import Measured
 
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.evidence import Store
 from contactlab.report import write_page
+from contactlab.store import Store
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]

@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from contactlab.commands.main import app
 from contactlab.errors import ContactlabError, OutputError, SweepFileError
-from contactlab.evidence import Store
+from contactlab.store import Store
 
 Swept = Callable[[str], Store]
 

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.evidence import Store
 from contactlab.schema import TradeoffReport
+from contactlab.store import Store
 from contactlab.tradeoff import Question, tradeoff
 
 Swept = Callable[[str], Store]

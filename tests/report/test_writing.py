@@ -13,11 +13,11 @@ import pytest
 
 from contactlab.compare import compare
 from contactlab.errors import OutputError, SweepFileError
-from contactlab.evidence import Store
 from contactlab.report import PageAsk, write_figures, write_page
 from contactlab.report.bounces import bouncing
 from contactlab.report.gathering import gather
 from contactlab.report.impacts import approaches
+from contactlab.store import Store
 from contactlab.tradeoff import Question
 
 Swept = Callable[[str], Store]
@@ -27,11 +27,11 @@ import sys
 from pathlib import Path
 
 sys.modules["mujoco"] = None
-from contactlab.evidence import Store
+from contactlab.store import Store
 from contactlab.report import write_page
 
 write_page(Store.open(Path(sys.argv[1])), Path(sys.argv[2]))
-print(sorted({"contactlab.pipeline", "contactlab.scene", "contactlab.sim"} & set(sys.modules)))
+print(sorted({"contactlab.run", "contactlab.scene", "contactlab.engines"} & set(sys.modules)))
 """
 
 

@@ -7,8 +7,8 @@ import mujoco
 import pytest
 
 from contactlab.errors import SweepFileError
-from contactlab.pipeline import Ask, ask_for
 from contactlab.plan import Overrides
+from contactlab.run import Ask, ask_for
 from contactlab.scene import FLAGS, PARAMETERS, Scene, capabilities
 from contactlab.scene.capabilities import ARRIVALS, Arrival, why_lacking
 

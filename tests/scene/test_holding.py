@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.errors import SceneError
 from contactlab.scene import Scene, make_setup
-from contactlab.sim import Buffers, make_trace, roll_out
 
 Make = Callable[..., Scene]
 MODEL = """

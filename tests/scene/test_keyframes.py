@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.engines import Buffers, roll_out
 from contactlab.errors import SceneError
 from contactlab.scene import Scene
-from contactlab.sim import Buffers, roll_out
 
 Make = Callable[..., Scene]
 # A slide with an integrating servo, which has an activation, and a body that is moved by hand.

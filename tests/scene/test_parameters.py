@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.law import damping_ratio, restitution_of, stiffness_damping
+from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
 from contactlab.scene import PARAMETERS, Scene
 from contactlab.scene.flags import FLAGS, read_flags, unusual, write_flags
 from contactlab.scene.parameters import CONTACT_SETTINGS

@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.contact import Setup
 from contactlab.scene import Scene, make_setup
-from contactlab.trace import Setup
 
 Make = Callable[..., Scene]
 BALL = "<worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody>"

@@ -9,7 +9,7 @@ import pytest
 from jsonschema import Draft7Validator, Draft202012Validator
 from pydantic import ValidationError
 
-from contactlab import shipped
+from contactlab import resources
 from contactlab.schema import Sweep, drift, published, written
 from contactlab.schema.export import EMITTED, WRITTEN
 
@@ -169,4 +169,4 @@ def test_schemas_of_files_that_contactlab_writes_are_sound(name: str) -> None:
 
 
 def test_the_published_schemas_are_those_of_the_models() -> None:
-    assert drift(shipped.schemas()) == []
+    assert drift(resources.schemas()) == []

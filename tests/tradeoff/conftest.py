@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab.run import ask_for, run_sweep
 from contactlab.schema import ErrorMeasure, TimeMeasure, TradeoffReport
+from contactlab.store import Store
 from contactlab.tradeoff import tradeoff
 from contactlab.tradeoff.configurations import Weighed, Weighing, weigh
 from contactlab.tradeoff.runs import Runs

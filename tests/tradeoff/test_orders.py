@@ -5,8 +5,8 @@ from collections.abc import Callable
 import mujoco
 import pytest
 
-from contactlab.evidence import Store
 from contactlab.schema import Order
+from contactlab.store import Store
 from contactlab.tradeoff import Question, tradeoff
 
 # Before MuJoCo 4.0, RK4 put its stages of a rotation together with an error of second order.

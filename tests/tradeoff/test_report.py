@@ -7,11 +7,11 @@ from pathlib import Path
 import jsonschema
 import pytest
 
-from contactlab import shipped
+from contactlab import resources
 from contactlab.errors import StoreError, SweepFileError
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab.run import ask_for, run_sweep
 from contactlab.schema import TradeoffReport
+from contactlab.store import Store
 from contactlab.tradeoff import Question, rerun_sweep, tradeoff
 
 Written = Callable[..., Store]
@@ -46,7 +46,7 @@ def test_every_number_is_the_slow_loops(store: Store, report: TradeoffReport) ->
 
 
 def test_the_answer_validates_against_its_published_schema(report: TradeoffReport) -> None:
-    schema = json.loads((shipped.schemas() / "tradeoff.schema.json").read_text())
+    schema = json.loads((resources.schemas() / "tradeoff.schema.json").read_text())
     data = json.loads(report.model_dump_json())
     jsonschema.Draft202012Validator(schema).validate(data)
     assert data["recommendation"]["configuration"]["timestep"] in (1e-3, 2e-3, 4e-3, 8e-3)
@@ -127,7 +127,7 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
     written: Written, tmp_path: Path
 ) -> None:
     model = tmp_path / "own.xml"
-    model.write_text((shipped.models() / "free_fall" / "scene.xml").read_text())
+    model.write_text((resources.models() / "free_fall" / "scene.xml").read_text())
     found = written(f'version: 1\nscene: "{model}"\naxes: {{timestep: [1.0e-3, 2.0e-3]}}\n')
     model.unlink()
     own = tradeoff(found, Question(error="energy_drift"))

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from contactlab import shipped
-from contactlab.evidence import Store
-from contactlab.pipeline import ask_for, run_sweep
+from contactlab import resources
+from contactlab.run import ask_for, run_sweep
 from contactlab.schema import TradeoffReport
+from contactlab.store import Store
 from contactlab.tradeoff import rerun_sweep, tradeoff
 
 Weighed = Callable[[str], tuple[Store, TradeoffReport]]
@@ -29,7 +29,7 @@ def weighed(tmp_path_factory: pytest.TempPathFactory) -> Weighed:
 
     def of(name: str) -> tuple[Store, TradeoffReport]:
         if name not in done:
-            store = run(shipped.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
+            store = run(resources.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
             done[name] = store, tradeoff(store)
         return done[name]
 

@@ -25,7 +25,7 @@ def update(
     output: FormatOption = Format.text,
 ) -> None:
     """Write a store without traces, small enough to commit."""
-    from contactlab.evidence import write_baseline
+    from contactlab.store import write_baseline
 
     manifest = write_baseline(store, dest)
     size = sum(path.stat().st_size for path in dest.rglob("*") if path.is_file())

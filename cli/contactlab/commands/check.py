@@ -51,7 +51,7 @@ def check(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
     from contactlab.commands.progress import progress
-    from contactlab.pipeline.check import CheckAsk, check_model
+    from contactlab.studies.check import CheckAsk, check_model
 
     ask = CheckAsk(
         model=model,

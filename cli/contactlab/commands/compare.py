@@ -160,7 +160,7 @@ def _targets(files: Sequence[Path]) -> list[tuple[Path, View]]:
 
 def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, View]]) -> None:
     """Write the files that were asked for and, in a GitHub job, its annotations and summary."""
-    from contactlab.evidence import cannot_write, replacing
+    from contactlab.store import cannot_write, replacing
 
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     try:

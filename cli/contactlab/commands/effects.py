@@ -38,7 +38,7 @@ def effects(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.commands.progress import progress
-    from contactlab.pipeline.effects import Ablation, ask, draw
+    from contactlab.studies.effects import Ablation, ask, draw
     from contactlab.tradeoff import check_figure
 
     if figure is not None:
@@ -66,7 +66,7 @@ def _tell(report: "EffectsReport", target: Path, output: Format) -> None:
 
 
 def _write(path: Path, report: "EffectsReport") -> None:
-    from contactlab.evidence import cannot_write
+    from contactlab.store import cannot_write
 
     try:
         path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")

@@ -11,7 +11,7 @@ import typer
 from contactlab.errors import SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Ask
+    from contactlab.run import Ask
 
 
 class Executing(StrEnum):
@@ -50,7 +50,7 @@ def executing(
     if executor is Executing.local:
         yield ask
         return
-    from contactlab.pipeline import ray_cluster
+    from contactlab.run.cluster import ray_cluster
 
     with ray_cluster(address, ask.workers if address is None else workers) as cluster:
         yield replace(ask, cluster=cluster)

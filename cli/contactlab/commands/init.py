@@ -17,10 +17,10 @@ def init(
     ),
 ) -> None:
     """Write a starter sweep file for a scene, with its schema beside it."""
-    from contactlab.evidence import cannot_write
-    from contactlab.pipeline import Scenes
     from contactlab.plan import SCHEMA_NAME, starter
+    from contactlab.run import Scenes
     from contactlab.schema import published
+    from contactlab.store import cannot_write
 
     text = starter(scene, Scenes(path.parent).vocabulary(scene))
     schema = path.parent / SCHEMA_NAME

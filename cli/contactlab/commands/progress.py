@@ -17,7 +17,7 @@ from rich.text import Text
 from contactlab.commands.output import style_of
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Finished
+    from contactlab.run import Finished
 
 DRAWN_PER_SECOND = 4
 _QUIET_SECONDS = 10.0

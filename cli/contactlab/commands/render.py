@@ -31,9 +31,9 @@ def render(  # noqa: PLR0913, PLR0917 - one argument an option
     camera: Annotated[str | None, typer.Option(help="A camera of the model.")] = None,
 ) -> None:
     """Show a stored run in 3D with its contact forces: for a viewer, as a film or as pictures."""
-    from contactlab.evidence import Store
-    from contactlab.pipeline import Look
-    from contactlab.pipeline import render as write
+    from contactlab.store import Store
+    from contactlab.view import Look
+    from contactlab.view import render as write
 
     look = Look(_size(size), camera, speed, tuple(at or ()))
     motion = write(Store.open(store), run, target, look)

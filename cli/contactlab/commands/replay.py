@@ -10,7 +10,7 @@ from contactlab.commands.stores import StoreArgument
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Replay
+    from contactlab.run import Replay
 
 
 def replay(
@@ -21,13 +21,13 @@ def replay(
     output: FormatOption = Format.text,
 ) -> None:
     """Run a stored run again and say whether every state is equal, bit for bit."""
-    from contactlab.evidence import Store
-    from contactlab.pipeline import prepare
-    from contactlab.pipeline import replay as run_again
+    from contactlab.run import prepare
+    from contactlab.run import replay as run_again
+    from contactlab.store import Store
 
     opened = Store.open(store)
     if view:
-        from contactlab.sim import view as open_viewer
+        from contactlab.view import view as open_viewer
 
         start = prepare(opened, run)
         open_viewer(start.prepared.model, start.state)

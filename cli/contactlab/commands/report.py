@@ -53,8 +53,8 @@ def report(  # noqa: PLR0913 - one argument an option
     ] = "png",
 ) -> None:
     """Draw a store as one page that needs no network: maps, accuracy against time, every run."""
-    from contactlab.evidence import Store
     from contactlab.report import PageAsk, write_figures, write_page
+    from contactlab.store import Store
     from contactlab.tradeoff import Question
 
     question = Question(error, tolerances_of(tolerance or ()))

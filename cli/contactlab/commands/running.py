@@ -13,7 +13,7 @@ from contactlab.commands.stopping import obeying
 from contactlab.errors import StoppedError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Stop
+    from contactlab.run import Stop
 
 RESULTS = Path("results")
 GOES_ON, AGAIN = "goes on where it stopped", "starts anew"
@@ -39,7 +39,7 @@ def go_elsewhere(asked: str | None, store: Path | None) -> None:
     """
     if asked is None:
         return
-    from contactlab.pipeline import find_engine, run_on, without_option
+    from contactlab.run import find_engine, run_on, without_option
 
     other = find_engine(asked, say)
     if other is None:
@@ -55,7 +55,7 @@ def resumable(then: str = GOES_ON) -> Generator["Stop"]:
     Args:
         then: what the same command does.
     """
-    from contactlab.pipeline import Stop
+    from contactlab.run import Stop
 
     stop = Stop()
     try:
@@ -72,11 +72,11 @@ def sweep_path(name: str) -> Path:
     Raises:
         SweepFileError: there is none.
     """
-    from contactlab import shipped
+    from contactlab import resources
 
     path = Path(name)
     if path.suffix in {".yaml", ".yml"} or "/" in name:
         if not path.is_file():
             raise SweepFileError(f"no sweep file {path}")
         return path
-    return shipped.sweep_file(name)
+    return resources.sweep_file(name)

@@ -19,10 +19,10 @@ def scenes(
 
 
 def _list_scenes(output: Format) -> None:
-    from contactlab import shipped
+    from contactlab import resources
     from contactlab.scene import find_scene
 
-    found = [find_scene(name) for name in shipped.scene_names()]
+    found = [find_scene(name) for name in resources.scene_names()]
     rows = [
         (each.name, each.manifest.title, each.manifest.duration) for each in found if each.manifest
     ]
@@ -33,7 +33,7 @@ def _list_scenes(output: Format) -> None:
 
 
 def _list_axes(name: str, output: Format) -> None:
-    from contactlab.pipeline import Scenes
+    from contactlab.run import Scenes
 
     scene = Scenes(None).open(name)
     specs = [scene.catalogue.find(each) for each in scene.catalogue.names]

@@ -20,7 +20,7 @@ def schema(
     from contactlab.schema import drift, published, written
 
     if write is not None:
-        from contactlab.evidence import cannot_write
+        from contactlab.store import cannot_write
 
         try:
             names = [path.name for path in written(write)]

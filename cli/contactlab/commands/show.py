@@ -9,8 +9,8 @@ from contactlab.commands.output import Format, FormatOption, print_json, print_t
 from contactlab.commands.stores import StoreArgument
 
 if TYPE_CHECKING:
-    from contactlab.evidence import Address
     from contactlab.schema import EvidenceRecord
+    from contactlab.store import Address
 
 
 def show(
@@ -22,7 +22,7 @@ def show(
 ) -> None:
     """Show the evidence of a run, or the summary of a store."""
     from contactlab.commands.summary import print_summary
-    from contactlab.evidence import Store
+    from contactlab.store import Store
 
     opened = Store.open(store)
     if run is None:

@@ -14,7 +14,7 @@ from contactlab.commands.stores import folder_at
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import CaseResult
+    from contactlab.studies.stability import CaseResult
 
 _MOST_MISSES = 5
 _RESULTS = RESULTS / "stability"
@@ -38,7 +38,7 @@ def stability(
 ) -> None:
     """Run hard cases and say what held, what failed, and whether that is what should."""
     from contactlab.commands.progress import progress
-    from contactlab.pipeline import find_cases, run_case
+    from contactlab.studies.stability import find_cases, run_case
 
     go_elsewhere(mujoco, None if results != _RESULTS else results)
     processes = cores() if workers is None else workers

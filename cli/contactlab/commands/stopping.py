@@ -10,7 +10,7 @@ from types import FrameType
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Stop
+    from contactlab.run import Stop
 
 _WISHES = (signal.SIGINT, signal.SIGTERM)
 _SAID = "finishing the runs in flight; again to stop at once\n"

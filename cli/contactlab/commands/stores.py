@@ -8,7 +8,7 @@ import typer
 from contactlab.errors import OutputError
 
 if TYPE_CHECKING:
-    from contactlab.evidence import Address
+    from contactlab.store import Address
 else:
     # What people write; the parser makes an address of it. To know its type here, as typer wants
     # to, would load Arrow before any command is chosen.
@@ -24,7 +24,7 @@ def store_at(text: str) -> "Address":
     Raises:
         OutputError: it is none of a store.
     """
-    from contactlab.evidence import located
+    from contactlab.store import located
 
     return located(text)
 

@@ -9,10 +9,10 @@ import typer
 from contactlab.commands.output import Format, print_json, print_table
 
 if TYPE_CHECKING:
-    from contactlab.evidence import Address, RunColumns
-    from contactlab.pipeline import Forecast
     from contactlab.plan import Plan
+    from contactlab.run import Forecast
     from contactlab.schema import StoreManifest
+    from contactlab.store import Address, RunColumns
 
 _MOST_ROWS = 60
 _MOST_VALUES = 12
@@ -29,7 +29,7 @@ _SHOWN = {
 
 def print_summary(path: "Address", manifest: "StoreManifest", output: Format) -> None:
     """Print what a store holds: its runs if they are few, then counts by label."""
-    from contactlab.evidence import Store
+    from contactlab.store import Store
 
     store = Store.open(path)
     if output is Format.json:

@@ -58,8 +58,8 @@ def sweep(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Run a sweep into a store; the same command resumes one that was interrupted."""
     from contactlab.commands.summary import print_plan, print_summary
-    from contactlab.pipeline import ask_for, forecast, run_sweep
     from contactlab.plan import Overrides
+    from contactlab.run import ask_for, forecast, run_sweep
 
     check_executor(executor, address, workers)
     path = sweep_path(name)

@@ -5,13 +5,13 @@ from contactlab.commands.output import Format, FormatOption, print_json, print_t
 
 def sweeps(output: FormatOption = Format.text) -> None:
     """List the shipped sweeps."""
-    from contactlab import shipped
-    from contactlab.pipeline import Scenes
+    from contactlab import resources
     from contactlab.plan import read_sweep
+    from contactlab.run import Scenes
 
     rows: list[tuple[str, str, int, str]] = []
-    for name in shipped.sweep_names():
-        path = shipped.sweep_file(name)
+    for name in resources.sweep_names():
+        path = resources.sweep_file(name)
         read = read_sweep(path, Scenes(path.parent).vocabulary)
         rows.append((name, read.sweep.scene, read.plan.count, read.sweep.description or ""))
     keys = ("sweep", "scene", "runs", "description")

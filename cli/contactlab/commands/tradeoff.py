@@ -14,7 +14,7 @@ from contactlab.commands.stores import METAVAR, Address, store_at
 from contactlab.errors import ExpectationError, OutputError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.pipeline import Ask
+    from contactlab.run import Ask
     from contactlab.schema import Sweep, TradeoffReport
     from contactlab.tradeoff import Question
 
@@ -55,7 +55,7 @@ def tradeoff(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Weigh accuracy against time, and recommend the cheapest configuration that will do."""
     from contactlab.commands.tradeoff_text import print_tradeoff
-    from contactlab.evidence import Store
+    from contactlab.store import Store
     from contactlab.tradeoff import Question, draw, rerun_sweep
     from contactlab.tradeoff import tradeoff as weighed
 
@@ -130,7 +130,7 @@ def _store(name: str, target: Address | None, workers: int, question: "Question"
 
 def _run(path: Path, target: Address | None, workers: int, question: "Question") -> Address:
     from contactlab.commands.progress import progress
-    from contactlab.pipeline import run_sweep
+    from contactlab.run import run_sweep
 
     ask = _ask(path, target or RESULTS / "tradeoff" / path.stem, workers, question)
     for warning in ask.plan.warnings:
@@ -142,8 +142,8 @@ def _run(path: Path, target: Address | None, workers: int, question: "Question")
 
 def _ask(path: Path, store: Address, workers: int, question: "Question") -> "Ask":
     """Return what to run: the sweep, with errors and times measured even if it does not ask."""
-    from contactlab.pipeline import ask_for
     from contactlab.plan import Overrides
+    from contactlab.run import ask_for
 
     plain = ask_for(path, path.stem, store, folder=path.parent, workers=workers)
     added = _added(plain.plan.sweep, question)
@@ -186,8 +186,8 @@ def _fail_on(report: "TradeoffReport") -> None:
 
 
 def _write(path: Path, text: str, report: "TradeoffReport") -> None:
-    from contactlab.evidence import cannot_write
     from contactlab.schema import ERRORS
+    from contactlab.store import cannot_write
 
     try:
         path.write_text(text, encoding="utf-8")

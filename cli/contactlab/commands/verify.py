@@ -12,8 +12,8 @@ def verify(
     output: FormatOption = Format.text,
 ) -> None:
     """Check every file of a store against its hash, its schema and its structure."""
-    from contactlab.evidence import Store
-    from contactlab.evidence import verify as find_problems
+    from contactlab.store import Store
+    from contactlab.store import verify as find_problems
 
     problems = find_problems(store)
     manifest = Store.open(store).manifest

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from contactlab.compare.pairing import Pairing
 from contactlab.compare.sides import Side
-from contactlab.evidence import Numbers
 from contactlab.schema import ComparePolicy, RunPair, Setting
+from contactlab.store import Numbers
 
 Value = float | str | None
 

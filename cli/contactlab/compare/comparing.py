@@ -24,8 +24,8 @@ from contactlab.compare.sides import Side, open_sides
 from contactlab.compare.summing import advice, exit_code, headline, overall
 from contactlab.compare.unreadable import readable
 from contactlab.errors import StoreError
-from contactlab.evidence import Address
 from contactlab.schema import ComparePolicy, ComparisonReport, PairCounts
+from contactlab.store import Address
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 

@@ -10,8 +10,8 @@ from contactlab.compare.groups import groups
 from contactlab.compare.rules import Rule, kind_of, rule_of
 from contactlab.compare.sameness import difference
 from contactlab.compare.series import Series
-from contactlab.evidence import Measured
 from contactlab.schema import Check
+from contactlab.store import Measured
 
 
 def metric_checks(compared: Compared) -> Iterator[Check]:

@@ -8,9 +8,9 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from contactlab.errors import PolicyError, did_you_mean
-from contactlab.evidence import replacing
 from contactlab.plan import read_as
 from contactlab.schema import AcceptedCheck, Check, ComparePolicy, ComparisonReport
+from contactlab.store import replacing
 
 _NEW = """\
 # What `contactlab compare` accepts; see `contactlab schema policy`.

@@ -8,8 +8,8 @@ from contactlab.compare.compared import Compared
 from contactlab.compare.verdicts import BETTER, CHANGED, SAME, WORSE
 from contactlab.compare.wording import settings, share
 from contactlab.errors import ContactlabError
-from contactlab.evidence import Store
 from contactlab.schema import Check, Configuration, TradeoffReport
+from contactlab.store import Store
 from contactlab.tradeoff import tradeoff
 
 _FASTER = 0.15

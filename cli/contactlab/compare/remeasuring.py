@@ -13,8 +13,8 @@ from contactlab.compare.rules import REMEASURED, rule_of
 from contactlab.compare.timer import Timer, timing
 from contactlab.compare.verdicts import BETTER, SAME, WORSE
 from contactlab.compare.wording import share, some
-from contactlab.evidence import Measured
 from contactlab.schema import Check, RunPair
+from contactlab.store import Measured
 
 _CONFIDENCE = 0.95
 _LEAST = 0.05

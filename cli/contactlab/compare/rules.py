@@ -6,8 +6,8 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from contactlab.errors import PolicyError, did_you_mean
-from contactlab.evidence import Measured
 from contactlab.schema import CheckKind, ComparePolicy, Level, MetricRule, Sameness, Statistic
+from contactlab.store import Measured
 
 _LEAST = 1e-6
 """Allowed change of every metric in its own unit, beside the share; about what noise does to 0."""

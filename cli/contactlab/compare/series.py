@@ -12,8 +12,8 @@ from contactlab.compare.rules import Rule
 from contactlab.compare.values import allowed, gaps, judged, reduced
 from contactlab.compare.verdicts import CHANGED, NAMES, SAME, WORSE, Verdicts, counted
 from contactlab.compare.wording import change, of, share
-from contactlab.evidence import Measured, Numbers
 from contactlab.schema import Check, RunPair, Verdict
+from contactlab.store import Measured, Numbers
 
 _FOUND: Mapping[Verdict, str] = {
     "not comparable": "not a number",

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.errors import PolicyError, StoreError
-from contactlab.evidence import Address, RunColumns, Store, verify
 from contactlab.schema import ComparedStore, StoreManifest
+from contactlab.store import Address, RunColumns, Store, verify
 
 _MOST_PROBLEMS = 3
 

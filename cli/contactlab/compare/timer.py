@@ -9,7 +9,7 @@ from typing import IO, Any
 
 from contactlab.errors import PolicyError, StoreError
 
-_MODULE = "contactlab.pipeline.remeasuring"
+_MODULE = "contactlab.run.remeasuring"
 _PATIENCE = 10.0
 """How long a process may take to end when it is told to [s]."""
 

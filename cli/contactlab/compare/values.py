@@ -15,8 +15,8 @@ from contactlab.compare.verdicts import (
     WORSE,
     Verdicts,
 )
-from contactlab.evidence import Numbers
-from contactlab.trace import Floats
+from contactlab.contact import Floats
+from contactlab.store import Numbers
 
 _SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}
 _STATISTICS: Mapping[str, Callable[[Floats], np.float64]] = {

@@ -4,11 +4,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactlab.contact import Checks, Floats, PairSeries, Setup, Trace
 from contactlab.measure.context import context_of
 from contactlab.measure.label import Case, Outcome
 from contactlab.measure.labels import LABELS, STABLE
 from contactlab.measure.metrics import METRICS
-from contactlab.trace import Checks, Floats, PairSeries, Setup, Trace
 
 
 @dataclass(frozen=True)

@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Checks, Floats
 from contactlab.measure.context import Context
 from contactlab.measure.label import Case, Finding, Findings, first, rows
 from contactlab.measure.metric import Metric
 from contactlab.measure.solver import saturated
-from contactlab.trace import Checks, Floats
 
 _SUSTAINED = 0.99
 """Quantile of the residual over the steps with contact: a single hard step is no failure."""

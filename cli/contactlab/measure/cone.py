@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.trace import Floats, PairTrace
+from contactlab.contact import Floats, PairTrace
 
 Complexes = NDArray[np.complex128]
 """Numbers two by two: components along two tangents, or just neighbours that move as one."""

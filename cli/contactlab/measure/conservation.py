@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import (
     Context,
     budget,
@@ -13,7 +14,6 @@ from contactlab.measure.context import (
     speed_squared,
 )
 from contactlab.measure.metric import Metric
-from contactlab.trace import Floats
 
 _SETTLED = 1e-6
 _LENGTH = 1e-3

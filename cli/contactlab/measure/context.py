@@ -8,9 +8,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Checks, Floats, FreeBody, PairSeries, Setup, Trace
 from contactlab.measure.fold import Folded, fold
 from contactlab.measure.friction import series_of
-from contactlab.trace import Checks, Floats, FreeBody, PairSeries, Setup, Trace
 
 Shared = TypeVar("Shared")
 

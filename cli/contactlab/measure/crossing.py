@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Barrier, Floats
 from contactlab.measure.context import Context
-from contactlab.trace import Barrier, Floats
 
 
 def first_crossings(context: Context, barrier: Barrier) -> dict[int, int]:

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.trace import Floats, Invariants, Joints
+from contactlab.contact import Floats, Invariants, Joints
 
 _LENGTH = 1e-3
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats, PairTrace
 from contactlab.measure.cone import Cone, cones
 from contactlab.measure.slots import Columns, gather, sum_slots
-from contactlab.trace import Floats, PairTrace
 
 _FORCELESS = 1e-9
 """Share of a run's largest normal force below which a contact's force direction is rounding."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactlab.contact import Floats, PairSeries, PairTrace, Setup, Trace
 from contactlab.measure.fold import Folded, fold
 from contactlab.measure.modes import modes
-from contactlab.trace import Floats, PairSeries, PairTrace, Setup, Trace
 
 
 def pair_series(pair: PairTrace, trace: Trace, setup: Setup) -> PairSeries:

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
+from contactlab.contact import Mode as ModeName
 from contactlab.measure.context import Context
 from contactlab.measure.hold import hold_switch_masks, window, window_seconds
 from contactlab.measure.label import Case, Finding, Findings, rows
 from contactlab.measure.losses import all_losses
 from contactlab.measure.modes import Modes, spans
 from contactlab.measure.sliding import switch_masks
-from contactlab.trace import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
-from contactlab.trace import Mode as ModeName
 
 _SPREAD = 0.25
 """Share of the time in contact that the middle half of chatter's events spans at least."""

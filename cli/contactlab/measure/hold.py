@@ -7,12 +7,7 @@ does are not measured.
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.measure.context import Context, contact_depths, shared
-from contactlab.measure.metric import Metric
-from contactlab.measure.penetration import worst_pair
-from contactlab.measure.rest import down
-from contactlab.measure.sliding import switch_masks
-from contactlab.trace import (
+from contactlab.contact import (
     FORCE,
     LINEAR_VELOCITY,
     NORMAL,
@@ -23,6 +18,11 @@ from contactlab.trace import (
     PairSeries,
     PairTrace,
 )
+from contactlab.measure.context import Context, contact_depths, shared
+from contactlab.measure.metric import Metric
+from contactlab.measure.penetration import worst_pair
+from contactlab.measure.rest import down
+from contactlab.measure.sliding import switch_masks
 
 _ROUNDING = 1e-6
 """Share of a step by which a time may miss a whole number of steps."""

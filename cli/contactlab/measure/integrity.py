@@ -4,11 +4,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.checks import unconverged
 from contactlab.measure.context import Context, energy
 from contactlab.measure.label import Case, Finding, Findings, first, rows
 from contactlab.measure.solver import cut_by_pair, saturated
-from contactlab.trace import Floats
 
 _FEWEST_ITERATIONS = 2
 

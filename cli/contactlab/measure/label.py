@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.thresholds import limits
-from contactlab.trace import Floats
 
 
 class Finding(NamedTuple):

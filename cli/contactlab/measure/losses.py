@@ -9,11 +9,11 @@ every time.
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import FORCE, LINEAR_VELOCITY, STICK, TORQUE, Floats, PairSeries
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
 from contactlab.measure.modes import HELD_USAGE, Spans, spans
 from contactlab.measure.penetration import worst_pair
-from contactlab.trace import FORCE, LINEAR_VELOCITY, STICK, TORQUE, Floats, PairSeries
 
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)
 """Two tangential forces, the torsion and two rolling torques, in the order of the coefficients."""

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context, contact_depths, shared
 from contactlab.measure.metric import Metric
-from contactlab.trace import Floats
 
 _RESTING = 0.9
 """Share of the last half in which a pair must touch to count as resting."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactlab.contact import Floats, FreeBody
 from contactlab.measure.context import Context, speed_squared
 from contactlab.measure.metric import Metric
-from contactlab.trace import Floats, FreeBody
 
 
 def moved(context: Context, body: FreeBody, run: int) -> Floats:

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactlab.contact import Barrier, Floats
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
 from contactlab.measure.modes import Rows, Spans, spans
-from contactlab.trace import Barrier, Floats
 
 _IMPACTS = 5
 _WEAKEST = 0.3

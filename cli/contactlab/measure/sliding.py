@@ -3,11 +3,11 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import SLIDE, STICK, Floats, PairSeries
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
 from contactlab.measure.modes import HELD_USAGE, spans, switches
 from contactlab.measure.penetration import worst_pair
-from contactlab.trace import SLIDE, STICK, Floats, PairSeries
 
 
 def changes(series: PairSeries) -> NDArray[np.bool_]:

@@ -7,8 +7,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import DISTANCE, FORCE, LINEAR_VELOCITY, NORMAL, TANGENT, Floats
 from contactlab.measure.cone import Complexes, Cone
-from contactlab.trace import DISTANCE, FORCE, LINEAR_VELOCITY, NORMAL, TANGENT, Floats
 
 _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)

@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
-from contactlab.trace import Floats
 
 
 @shared

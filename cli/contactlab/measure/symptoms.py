@@ -4,12 +4,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.conservation import energy_scale, speed_bound
 from contactlab.measure.context import Context, contact_depths, energy, speed_squared
 from contactlab.measure.crossing import first_crossings
 from contactlab.measure.label import Case, Finding, Findings, first, rows
 from contactlab.measure.penetration import steady_by_pair
-from contactlab.trace import Floats
 
 
 def tunneling(case: Case) -> Findings:

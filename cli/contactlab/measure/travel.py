@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.metric import Metric
-from contactlab.trace import Floats
 
 
 def _joint_travel(context: Context) -> Floats:

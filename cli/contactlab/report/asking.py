@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from contactlab.evidence import Store
+from contactlab.store import Store
 from contactlab.tradeoff import Question
 
 DEFAULT_TRACES = 60

@@ -5,13 +5,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.evidence import Store, StoredPair, StoredTrace
-from contactlab.law import damping_ratio, restitution_of
+from contactlab.contact import Floats, damping_ratio, restitution_of
 from contactlab.report.coordinates import coordinates
 from contactlab.report.grid import GridAxis
 from contactlab.report.series import thinned
 from contactlab.schema import EvidenceRecord
-from contactlab.trace import Floats
+from contactlab.store import Store
+from contactlab.store.mcap import StoredPair, StoredTrace
 
 MOST_RUNS = 6
 _MOST_READ = 200

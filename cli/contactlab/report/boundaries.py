@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.evidence import Store
-from contactlab.law import damping_ratio, restitution_of
+from contactlab.contact import Floats, damping_ratio, restitution_of
 from contactlab.report.cells import Plane
 from contactlab.report.grid import GridAxis
-from contactlab.trace import Floats
+from contactlab.store import Store
 
 Rows = list[dict[str, Any]]
 

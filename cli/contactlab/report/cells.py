@@ -7,10 +7,10 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.report.grid import SEED, Codes, GridAxis
 from contactlab.report.outcomes import STABLE, Outcomes
 from contactlab.report.quantities import Quantity
-from contactlab.trace import Floats
 
 Statistic = Literal["worst", "median", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")

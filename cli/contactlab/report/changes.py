@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.report.grid import Codes, GridAxis, combined
 from contactlab.report.outcomes import Outcomes
 from contactlab.report.quantities import Quantity
-from contactlab.trace import Floats
 
 _MOST_VALUES = 12
 

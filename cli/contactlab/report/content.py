@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.evidence import Store
 from contactlab.report.asking import PageAsk
 from contactlab.report.charts import templates
 from contactlab.report.details import packed_series, records, told
@@ -17,6 +16,7 @@ from contactlab.report.packing import ids, pack, real, whole
 from contactlab.report.picks import picked
 from contactlab.report.sums import summed_axes, sums
 from contactlab.report.weighing import Weighing
+from contactlab.store import Store
 from contactlab.tradeoff import mjcf_lines
 
 _FEW = 5_000

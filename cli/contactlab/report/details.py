@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 
 from contactlab.errors import StoreError
-from contactlab.evidence import Store, from_row
 from contactlab.report.packing import pack, real, whole
 from contactlab.report.series import RunSeries, run_series
 from contactlab.schema import EvidenceRecord
+from contactlab.store import Store, from_row
 
 _BITS = 12
 

@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 from typing import NamedTuple
 
-from contactlab.evidence import Store
 from contactlab.schema import StoreManifest, Sweep
+from contactlab.store import Store
 
 MOST_MISSED = 50
 

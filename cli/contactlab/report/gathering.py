@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from contactlab.evidence import Store
 from contactlab.report.boundaries import Boundary, read_boundary
 from contactlab.report.cells import Plane, telling_plane
 from contactlab.report.grid import GridAxis, read_grid
 from contactlab.report.outcomes import Outcomes, read_outcomes
 from contactlab.report.quantities import Quantity, read_quantities
 from contactlab.report.weighing import Weighing, weigh_store, weighing
+from contactlab.store import Store
 from contactlab.tradeoff import Question
 
 _NOTHING = Question()

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.evidence import RunColumns, Store
+from contactlab.contact import Floats
 from contactlab.schema import Role, Sweep, role
-from contactlab.trace import Floats
+from contactlab.store import RunColumns, Store
 
 Codes = NDArray[np.int64]
 

@@ -10,9 +10,9 @@ import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.report.cells import Plane, main_failure
 from contactlab.report.outcomes import Outcomes
-from contactlab.trace import Floats
 from contactlab.tradeoff import INK
 
 Rows = list[dict[str, Any]]

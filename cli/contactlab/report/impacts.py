@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.evidence import Store, StoredPair
-from contactlab.law import damping_ratio, restitution_of, sticking_speed
+from contactlab.contact import LINEAR_VELOCITY, STICK, damping_ratio, restitution_of, sticking_speed
 from contactlab.schema import EvidenceRecord
-from contactlab.trace import LINEAR_VELOCITY, STICK
+from contactlab.store import Store
+from contactlab.store.mcap import StoredPair
 
 _MOST_READ = 600
 _FEWEST = 3

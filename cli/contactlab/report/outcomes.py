@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.evidence import Store
 from contactlab.measure import LABELS
+from contactlab.store import Store
 from contactlab.tradeoff import COLOURS, REST
 
 STABLE = "stable"

@@ -3,7 +3,6 @@
 from importlib import resources
 from typing import TYPE_CHECKING, Any
 
-from contactlab.evidence import Store
 from contactlab.report.asking import PageAsk
 from contactlab.report.changes import changes
 from contactlab.report.charts import default_map, label_bar, pictured
@@ -15,6 +14,7 @@ from contactlab.report.packing import as_json, packed_text
 from contactlab.report.scatter import tradeoff_chart
 from contactlab.report.tables import change_table, front_table, label_table, map_table, recommended
 from contactlab.report.versus import Versus, versus
+from contactlab.store import Store
 
 if TYPE_CHECKING:
     from jinja2 import Environment

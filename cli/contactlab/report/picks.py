@@ -4,10 +4,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactlab.evidence import Store
 from contactlab.report.cells import Plane
 from contactlab.report.outcomes import Outcomes
 from contactlab.schema import TradeoffReport
+from contactlab.store import Store
 
 _PER_LABEL = 3
 _OTHERS = 60

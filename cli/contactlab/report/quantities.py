@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.evidence import Measured, Store
+from contactlab.contact import Floats
 from contactlab.report.grid import titled
-from contactlab.trace import Floats
+from contactlab.store import Measured, Store
 
 
 @dataclass(frozen=True)

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.evidence import StoredPair, StoredTrace
+from contactlab.contact import NO_CONTACT, Floats
 from contactlab.report.coordinates import Coordinate, coordinates
-from contactlab.trace import NO_CONTACT, Floats
+from contactlab.store.mcap import StoredPair, StoredTrace
 
 POINTS = 400
 MOST_COORDINATES = 6

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.report.cells import STATISTICS, Plane, label_counts
 from contactlab.report.grid import SEED, GridAxis
 from contactlab.report.outcomes import Outcomes
 from contactlab.report.packing import real, whole
 from contactlab.report.quantities import Quantity
-from contactlab.trace import Floats
 
 MOST_AXES = 8
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import altair as alt
 
-from contactlab.trace import MODE_COLOURS, NO_CONTACT, SLIDE, STICK
+from contactlab.contact import MODE_COLOURS, NO_CONTACT, SLIDE, STICK
 from contactlab.tradeoff import COLOURS, INK
 
 MODES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.compare import DEFAULT_POLICY, Pairing, compare, paired
-from contactlab.evidence import Store
 from contactlab.report.cells import Plane, label_counts, statistic
 from contactlab.report.gathering import Gathered
 from contactlab.report.heatmap import (
@@ -24,6 +23,7 @@ from contactlab.report.outcomes import CALM, Outcomes, read_outcomes
 from contactlab.report.quantities import Quantity, read_quantities
 from contactlab.report.theme import configured
 from contactlab.schema import Check, ComparePolicy, ComparisonReport, Outcome
+from contactlab.store import Store
 from contactlab.tradeoff import COLOURS
 
 _WORSE, _BETTER, _SAME = 0, 1, 2

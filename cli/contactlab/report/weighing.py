@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact import Floats
 from contactlab.errors import StoreError
-from contactlab.evidence import Store
 from contactlab.report.grid import Codes
 from contactlab.report.quantities import Quantity
 from contactlab.schema import TradeoffReport
-from contactlab.trace import Floats
+from contactlab.store import Store
 from contactlab.tradeoff import ESTIMATES, Question, tradeoff
 
 

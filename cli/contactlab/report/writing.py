@@ -4,9 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab.errors import OutputError
-from contactlab.evidence import Store, replacing
 from contactlab.report.asking import PageAsk, Written
 from contactlab.report.drawing import FORMATS, check_libraries, rendered
+from contactlab.store import Store, replacing
 from contactlab.tradeoff import Question
 
 _EVERYTHING = PageAsk()

@@ -7,12 +7,12 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.errors import SceneError
 from contactlab.plan import Expression
 from contactlab.scene.coordinates import match
 from contactlab.scene.formula import computed, read_formula
 from contactlab.schema import SceneManifest, Term
-from contactlab.trace import Floats
 
 _INPUTS = "ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz"
 

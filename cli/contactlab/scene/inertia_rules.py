@@ -17,8 +17,8 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.scene.shape import extent, solid_geoms, volume
-from contactlab.trace import Floats
 
 Kind = Literal[
     "not_positive", "triangle", "balanced", "density", "outside", "too_large", "too_small"

@@ -3,8 +3,8 @@
 import mujoco
 import numpy as np
 
+from contactlab.contact import Joints
 from contactlab.scene.starts import Starts
-from contactlab.trace import Joints
 
 _JOINT = mujoco.mjtJoint
 TWIN = 1e-8

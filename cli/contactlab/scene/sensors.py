@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import mujoco
 from mujoco._specs import MjsSensor
 
+from contactlab.contact import SLOT_WIDTH
 from contactlab.scene.capabilities import has_contact_sensors
 from contactlab.scene.hold import Holding
 from contactlab.scene.pairs import Pair
-from contactlab.trace import SLOT_WIDTH
 
 PREFIX = "contactlab/"
 _ALL_FIELDS = (1 << 9) - 1

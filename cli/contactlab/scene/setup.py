@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
+from contactlab.contact import Barrier, FreeBody, Hold, Setup
 from contactlab.scene.base import Base
 from contactlab.scene.hold import Holding
 from contactlab.scene.pairs import Pair, colliding
 from contactlab.scene.resolved import Resolved
 from contactlab.scene.start import quaternions
 from contactlab.schema import SceneManifest
-from contactlab.trace import Barrier, FreeBody, Hold, Setup
 
 _GEOM = mujoco.mjtGeom
 _PUSH = re.compile(r"\.[ft][xyz]$")

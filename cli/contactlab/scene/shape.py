@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from contactlab.trace import Floats
+from contactlab.contact import Floats
 
 _GEOM = mujoco.mjtGeom
 

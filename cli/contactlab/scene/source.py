@@ -9,7 +9,7 @@ from pydantic import ValidationError
 from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
-from contactlab import shipped
+from contactlab import resources
 from contactlab.errors import SceneError
 from contactlab.scene.content import Content, collect
 from contactlab.scene.menagerie import is_menagerie, menagerie_model, menagerie_name
@@ -66,7 +66,7 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
         return _bare_model(path, path.stem)
     if "/" in reference or (path / MANIFEST).is_file():
         return _folder(path, path.resolve().name)
-    return _folder(shipped.scene_folder(reference), reference)
+    return _folder(resources.scene_folder(reference), reference)
 
 
 def stored_scene(folder: Path, model: str, name: str) -> SceneSource:

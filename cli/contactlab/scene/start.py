@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.plan import Expression
 from contactlab.scene.control import Programme, drawn, read_programmes
 from contactlab.scene.coordinates import match
@@ -13,7 +14,6 @@ from contactlab.scene.formula import computed, read_formula
 from contactlab.scene.keyframes import start_data
 from contactlab.scene.starts import Starts
 from contactlab.schema import SceneManifest
-from contactlab.trace import Floats
 
 _PERTURBATION = 1e-4
 _NUDGE = 1e-6

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.trace import Floats
+from contactlab.contact import Floats
 
 
 class Starts(NamedTuple):

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, MutableMapping
 from functools import cache
 
-from contactlab.law import damping_ratio_of, stiffness_damping
+from contactlab.contact import damping_ratio_of, stiffness_damping
 
 Settings = MutableMapping[str, object]
 Update = Callable[[Settings, object], None]

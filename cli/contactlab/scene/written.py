@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 from mujoco._specs import MjsBody
 
+from contactlab.contact import Floats
 from contactlab.scene.inertia_rules import InertiaFault, closes, not_positive, open_triangle
-from contactlab.trace import Floats
 
 
 @dataclass(frozen=True)

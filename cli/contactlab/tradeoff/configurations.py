@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.schema import Configuration, ErrorMeasure, Outcomes, TimeMeasure
-from contactlab.trace import Floats
 from contactlab.tradeoff.interval import wilson
 from contactlab.tradeoff.runs import ESTIMATES, Group, Runs, group
 

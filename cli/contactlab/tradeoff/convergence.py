@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.schema import Floor, Order
-from contactlab.trace import Floats
 
 FEWEST = 3
 # An error this many times what hides it is off by a third at most, from one side.

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.trace import Floats
+from contactlab.contact import Floats
 
 
 def front(time: Floats, error: Floats) -> list[int]:

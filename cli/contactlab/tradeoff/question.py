@@ -8,8 +8,8 @@ from typing import Literal
 import numpy as np
 
 from contactlab.errors import StoreError, SweepFileError, did_you_mean
-from contactlab.evidence import Store
 from contactlab.schema import ERRORS, ErrorMeasure, Sweep, TimeMeasure
+from contactlab.store import Store
 
 MODELLING = "oracle_error"
 TIMED = "time_median"

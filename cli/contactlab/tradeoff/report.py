@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from contactlab.evidence import Store
 from contactlab.schema import (
     Blocker,
     FrontPoint,
@@ -11,6 +10,7 @@ from contactlab.schema import (
     Recommendation,
     TradeoffReport,
 )
+from contactlab.store import Store
 from contactlab.tradeoff.choice import (
     SAFE_MARGIN,
     equally_fast,

@@ -4,10 +4,10 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from contactlab import shipped
+from contactlab import resources
 from contactlab.errors import StoreError
-from contactlab.evidence import Store
 from contactlab.schema import ERRORS, Setting, Sweep, TradeoffReport
+from contactlab.store import Store
 
 FRESH_SEEDS = 10
 _MANIFEST = "scene.yaml"
@@ -107,7 +107,7 @@ def _accuracy(store: Store, report: TradeoffReport) -> object:
 
 def _scene(store: Store, named: str, folder: Path) -> str:
     """Return what names the scene from a folder: its own name, or the store's copy."""
-    if named in shipped.scene_names() or ":" in named:
+    if named in resources.scene_names() or ":" in named:
         return named
     if not isinstance(store.address, Path):
         raise StoreError(

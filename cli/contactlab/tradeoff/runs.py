@@ -3,9 +3,9 @@
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from contactlab.evidence import Store
+from contactlab.contact import Floats
 from contactlab.schema import Role, Setting, Sweep, role
-from contactlab.trace import Floats
+from contactlab.store import Store
 
 # What runs carry beside errors and times, where the sweep asked for it.
 BESIDE = ("step_p99", "impacts")

@@ -6,14 +6,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab import shipped
-from contactlab.scene import EFFECTS, FLAGS, Prepared, Scene
+from contactlab import resources
+from contactlab.engines import Buffers, roll_out
+from contactlab.scene import EFFECTS, FLAGS, Prepared, Scene, quiet
 from contactlab.scene.effects import Situation
-from contactlab.sim import Buffers, quiet, roll_out
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., Prepared]
-SCENES = shipped.scene_names()
+SCENES = resources.scene_names()
 _STEPS = 150
 _BALL = (
     '<body name="ball" pos="0 0 1"><freejoint name="ball"/><geom name="ball" size=".05"/></body>'

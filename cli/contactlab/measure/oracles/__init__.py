@@ -1,5 +1,6 @@
 """Closed forms that scenes are measured against, by name."""
 
+from contactlab.contact import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure.context import Context, shared
 from contactlab.measure.metric import Metric
@@ -25,7 +26,6 @@ from contactlab.measure.oracles.stack_sag import STACK_SAG
 from contactlab.measure.oracles.swing_transfer import SWING_TRANSFER
 from contactlab.measure.oracles.throw import THROW
 from contactlab.measure.oracles.tip_travel import TIP_TRAVEL
-from contactlab.trace import Floats
 
 __all__ = ["ORACLES", "ORACLE_METRICS", "Oracle", "OracleResult"]
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.trace import Floats
+from contactlab.contact import Floats
 
 
 def to_world(quaternion: Floats, vector: Floats) -> Floats:

@@ -1,8 +1,8 @@
 """How far a damped joint turns before it stands."""
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context, kinetic
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 
 def _braking_angle(context: Context) -> tuple[Floats, Floats]:

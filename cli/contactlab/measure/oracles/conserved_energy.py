@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.conservation import energy_scale
 from contactlab.measure.context import Context, energy
 from contactlab.measure.oracles.oracle import Oracle
-from contactlab.trace import Floats
 
 
 def _conserved_energy(context: Context) -> tuple[Floats, Floats]:

@@ -4,10 +4,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.motion import along, fall, moved, pulled, sliding_friction
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 
 def _incline(context: Context) -> tuple[Floats, Floats]:

@@ -1,12 +1,11 @@
 """How deep a foot stands in the ground under the robot that it carries."""
 
-from contactlab.law import rest_penetration
+from contactlab.contact import Floats, rest_penetration
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.motion import fall
 from contactlab.measure.oracles.oracle import Oracle, setting
 from contactlab.measure.oracles.stack_sag import CORNERS
 from contactlab.measure.penetration import steady_by_pair
-from contactlab.trace import Floats
 
 _TRUNK = 10.0
 

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.motion import pulled
 from contactlab.measure.oracles.oracle import Oracle
-from contactlab.trace import Floats
 
 
 def _free_fall(context: Context) -> tuple[Floats, Floats]:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.motion import sliding_friction
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 _LENGTH = 1.0
 _LEAN = 2

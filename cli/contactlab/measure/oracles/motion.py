@@ -3,9 +3,9 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import setting
-from contactlab.trace import Floats
 
 
 def semi_implicit(context: Context) -> Floats:

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
-from contactlab.trace import Floats
 
 
 class OracleResult(NamedTuple):

@@ -2,10 +2,10 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.attitude import to_world
 from contactlab.measure.oracles.oracle import Oracle
-from contactlab.trace import Floats
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 

@@ -1,10 +1,9 @@
 """How deep a single contact lets a body sink under its weight."""
 
-from contactlab.law import rest_penetration
+from contactlab.contact import Floats, rest_penetration
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.motion import fall
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 
 def _rest_penetration(context: Context) -> tuple[Floats, Floats]:

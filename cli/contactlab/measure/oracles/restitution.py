@@ -1,10 +1,9 @@
 """Restitution from the damping ratio."""
 
-from contactlab.law import damping_ratio, restitution_of
+from contactlab.contact import Floats, damping_ratio, restitution_of
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
 from contactlab.measure.restitution import restitution
-from contactlab.trace import Floats
 
 
 def _restitution(context: Context) -> tuple[Floats, Floats]:

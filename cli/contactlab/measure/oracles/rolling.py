@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.motion import (
     along,
@@ -13,7 +14,6 @@ from contactlab.measure.oracles.motion import (
     spin,
 )
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 _LEFT = 0.05
 """Share of the slip at the start that counts as rolling: well above the creep of soft contact."""

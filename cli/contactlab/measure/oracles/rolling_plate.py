@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 _SPHERE = 3.5
 """1 + m r^2 / I of a homogeneous sphere."""

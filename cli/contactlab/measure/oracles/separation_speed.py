@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from contactlab.law import damping_ratio, restitution_of, stiffness_damping
+from contactlab.contact import Floats, damping_ratio, restitution_of, stiffness_damping
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 
 def _separation_speed(context: Context) -> tuple[Floats, Floats]:

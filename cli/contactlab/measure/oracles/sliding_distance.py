@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactlab.contact import Floats, FreeBody
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats, FreeBody
 
 
 def _sliding_distance(context: Context) -> tuple[Floats, Floats]:

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from contactlab.law import rest_penetration
+from contactlab.contact import DISTANCE, FOUND, Floats, PairTrace, rest_penetration
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import DISTANCE, FOUND, Floats, PairTrace
 
 CORNERS = 4
 """Contacts between two boxes, or a box and the floor, that meet face to face."""

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 
 def _swing_transfer(context: Context) -> tuple[Floats, Floats]:

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from contactlab.law import damping_ratio, restitution_of
+from contactlab.contact import NORMAL, Floats, damping_ratio, restitution_of
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import NORMAL, Floats
 
 _INERTIA = 2 / 7
 """What a hit at a solid ball's surface has to overcome sideways, as a share: 1 / (1 + 5 / 2)."""

@@ -4,9 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.oracles.oracle import Oracle, setting
-from contactlab.trace import Floats
 
 _HALF_LENGTH = 0.5
 _RADIUS = 0.01

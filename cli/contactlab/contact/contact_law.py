@@ -1,0 +1,133 @@
+"""Closed forms of MuJoCo's soft contact: what solref and solimp make of an impact and of rest.
+
+Along the normal, penetration r of a contact with constant impedance d obeys
+``r'' = -B r' - K r + (1 - d) a``, with the force clipped at zero. So K [1/s^2] is a stiffness and
+B [1/s] a damping, both per unit of effective mass, and a is the acceleration without the contact.
+Source: MuJoCo's documentation, Computation, "Parameters"; solved for impact and for rest.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from contactlab.contact import Floats
+
+_BISECTIONS = 60
+_IMPEDANCE_RANGE = (1e-4, 0.9999)
+
+
+def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
+    """Return (K [1/s^2], B [1/s]) of solref (..., 2) in either form.
+
+    The standard form is (time constant [s], damping ratio), both positive; the direct form is
+    (-K, -B).
+    """
+    first, second = np.moveaxis(np.asarray(solref, dtype=np.float64), -1, 0)
+    direct = first <= 0
+    constant = np.where(direct, 1.0, first)
+    ratio = np.where(direct, 1.0, second)
+    stiffness = np.where(direct, -first, 1 / (constant * ratio) ** 2)
+    return stiffness, np.where(direct, -second, 2 / constant)
+
+
+def timeconst_dampratio(stiffness: ArrayLike, damping: ArrayLike) -> Floats:
+    """Return the standard solref (..., 2) of K [1/s^2] and B [1/s], both positive."""
+    rate = np.sqrt(np.asarray(stiffness, dtype=np.float64))
+    damping = np.asarray(damping, dtype=np.float64)
+    return np.stack(np.broadcast_arrays(2 / damping, damping / (2 * rate)), axis=-1)
+
+
+def damping_ratio(solref: ArrayLike) -> Floats:
+    """Return zeta = B / (2 sqrt K) of solref (..., 2); infinite without stiffness."""
+    stiffness, damping = stiffness_damping(solref)
+    rate = np.sqrt(np.maximum(stiffness, 0))
+    undriven = rate == 0
+    return np.where(undriven, np.inf, damping / (2 * np.where(undriven, 1, rate)))
+
+
+def restitution_of(zeta: ArrayLike) -> Floats:
+    """Return the ratio of rebound to approach speed for damping ratio zeta >= 0, without gravity.
+
+    The force pushes only: the bodies part when it would turn to pull, which is before the
+    oscillator is back at zero. So ``e = exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2))``, with acosh
+    and ``zeta^2 - 1`` above 1, and e = exp(-2) at 1.
+    """
+    zeta = np.asarray(zeta, dtype=np.float64)
+    cosine = np.minimum(zeta, 1)
+    sine = np.sqrt((1 - cosine) * (1 + cosine))
+    below = np.where(sine > 0, np.arctan2(sine, cosine) / np.where(sine > 0, sine, 1), 1)
+    secant = np.maximum(zeta, 1)
+    slope = np.sqrt(1 - secant**-2)
+    above = np.where(slope > 0, np.arccosh(secant) / np.where(slope > 0, slope, 1), 1)
+    return np.where(zeta <= 1, np.exp(-2 * cosine * below), np.exp(-2 * above))
+
+
+def damping_ratio_of(restitution: ArrayLike) -> Floats:
+    """Return the zeta whose `restitution_of` is asked for, each in (0, 1].
+
+    Raises:
+        ValueError: a restitution is not in (0, 1].
+    """
+    wanted = np.asarray(restitution, dtype=np.float64)
+    if not np.all((wanted > 0) & (wanted <= 1)):
+        raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")
+    # e < 1 / zeta^2 everywhere, so the root lies below 1 / sqrt(e).
+    low, high = np.zeros_like(wanted), 1 / np.sqrt(wanted)
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        bouncy = restitution_of(middle) > wanted
+        low, high = np.where(bouncy, middle, low), np.where(bouncy, high, middle)
+    return (low + high) / 2
+
+
+def impedance(penetration: ArrayLike, solimp: ArrayLike) -> Floats:
+    """Return d(r) in (0, 1) at a penetration [m] for solimp (..., 5).
+
+    From d0 at the surface to dwidth at `width`, along two power curves that meet at `midpoint`.
+    """
+    return _impedance_curve(solimp)(np.abs(penetration))
+
+
+def rest_penetration(
+    load: ArrayLike, inverse_mass: ArrayLike, solref: ArrayLike, solimp: ArrayLike
+) -> Floats:
+    """Return the penetration [m] at which one contact carries `load` [N] at rest.
+
+    It solves ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)`` with A = 1/m1 + 1/m2 [1/kg] of the two
+    bodies, for impedances that do not fall with depth. Exact for elliptic cones and frictionless
+    contacts; pyramids soften it.
+    """
+    stiffness, _ = stiffness_damping(solref)
+    end = np.clip(np.asarray(solimp, dtype=np.float64)[..., 1], *_IMPEDANCE_RANGE)
+    weight = np.asarray(load, dtype=np.float64) * np.asarray(inverse_mass, dtype=np.float64)
+    scale = weight * end**2 / stiffness
+    curve = _impedance_curve(solimp)
+
+    def carried(depth: Floats) -> Floats:
+        d = curve(depth)
+        return scale * (1 - d) / (d * d)
+
+    # d grows with r, so that the right side falls, from its value at the surface to the last one.
+    low, high = carried(np.full_like(scale, np.inf)), carried(np.zeros_like(scale))
+    for _ in range(_BISECTIONS):
+        middle = (low + high) / 2
+        shallow = carried(middle) > middle
+        low, high = np.where(shallow, middle, low), np.where(shallow, high, middle)
+    return (low + high) / 2
+
+
+def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:
+    values = np.moveaxis(np.asarray(solimp, dtype=np.float64), -1, 0)
+    start, end, middle = (np.clip(values[index], *_IMPEDANCE_RANGE) for index in (0, 1, 3))
+    width, power = np.maximum(values[2], 0), np.maximum(values[4], 1)
+    low, high = middle ** (1 - power), (1 - middle) ** (1 - power)
+
+    def curve(depth: Floats) -> Floats:
+        share = np.minimum(depth / np.where(width > 0, width, 1), 1)
+        rise = np.where(
+            share <= middle, low * share**power, 1 - high * np.maximum(1 - share, 0) ** power
+        )
+        return start + np.where(width > 0, rise, 0.5) * (end - start)
+
+    return curve

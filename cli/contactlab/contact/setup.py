@@ -1,0 +1,127 @@
+"""What is known of a group of runs before they start: the yardsticks for their traces."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.arrays import Floats
+
+Mode = Literal["stick", "slide"]
+
+
+@dataclass(frozen=True)
+class FreeBody:
+    """A body on a free joint.
+
+    Attributes:
+        name: the body's name.
+        qpos: index of its x coordinate in qpos (then y, z, and the quaternion w x y z).
+        dof: index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body]).
+        mass: (n,) mass of its subtree [kg].
+    """
+
+    name: str
+    qpos: int
+    dof: int
+    mass: Floats
+
+
+@dataclass(frozen=True)
+class Barrier:
+    """A fixed plane or box face that a free body of a graded pair must not pass.
+
+    Attributes:
+        pair: index of the pair in the trace.
+        body: the free body.
+        point: (3,) a point of the mid-plane of the barrier [m, world].
+        normal: (3,) unit normal of the thin direction [world].
+        reach: radius [m] about `point`, within the mid-plane, that the barrier surely covers;
+            infinite for a plane.
+    """
+
+    pair: int
+    body: FreeBody
+    point: Floats
+    normal: Floats
+    reach: float
+
+
+@dataclass(frozen=True)
+class Hold:
+    """When n runs should hold their scene's subject.
+
+    Attributes:
+        start: (n,) from when [s].
+        stop: (n,) to when [s]; more than `start`.
+    """
+
+    start: Floats
+    stop: Floats
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is known of n runs beside their trace.
+
+    Attributes:
+        settings: every resolved setting and initial value, by name, n values each.
+        elliptic: (n,) whether the friction cone is elliptic (else pyramidal).
+        iterations: (n,) the solver's iteration limit.
+        gravity: (n, 3) gravity [m/s^2, world].
+        passive: whether nothing but gravity and contact acts, so that energy cannot grow.
+        quaternions: indices in qpos where a unit quaternion starts.
+        free_bodies: bodies on free joints.
+        barriers: fixed surfaces that free bodies of graded pairs must not pass.
+        thickness: (P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes.
+        slots: (P,) contact slots recorded for each pair.
+        duration: (n,) simulated time asked for [s].
+        first_mode: the mode that every graded pair should start in, if the scene says.
+        last_mode: the mode that every graded pair should end in, if the scene says.
+        oracle: name of the scene's closed form, if it has one.
+        oracle_tolerance: largest accepted relative or absolute oracle error, as the oracle defines.
+        thresholds: label thresholds by name, over the defaults.
+        speculative: (n,) whether the engine makes contacts ahead of touch, whose distance is then
+            no depth; None where no run does.
+        hold: when the subject should be held; None where the scene does not say.
+    """
+
+    settings: Mapping[str, Sequence[object]]
+    elliptic: NDArray[np.bool_]
+    iterations: NDArray[np.int32]
+    gravity: Floats
+    passive: bool
+    quaternions: tuple[int, ...]
+    free_bodies: tuple[FreeBody, ...]
+    barriers: tuple[Barrier, ...]
+    thickness: Floats
+    slots: NDArray[np.int32]
+    duration: Floats
+    first_mode: Mode | None = None
+    last_mode: Mode | None = None
+    oracle: str | None = None
+    oracle_tolerance: float = np.inf
+    thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
+    speculative: NDArray[np.bool_] | None = None
+    hold: Hold | None = None
+
+    def pick(self, runs: Sequence[int]) -> "Setup":
+        """Return the setup of the given runs."""
+        rows = list(runs)
+        bodies = {body.name: replace(body, mass=body.mass[rows]) for body in self.free_bodies}
+        return replace(
+            self,
+            settings={
+                name: [values[run] for run in rows] for name, values in self.settings.items()
+            },
+            elliptic=self.elliptic[rows],
+            iterations=self.iterations[rows],
+            gravity=self.gravity[rows],
+            duration=self.duration[rows],
+            speculative=None if self.speculative is None else self.speculative[rows],
+            hold=self.hold and Hold(self.hold.start[rows], self.hold.stop[rows]),
+            free_bodies=tuple(bodies.values()),
+            barriers=tuple(replace(each, body=bodies[each.body.name]) for each in self.barriers),
+        )

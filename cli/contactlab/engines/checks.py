@@ -1,0 +1,179 @@
+"""A second, untimed pass over a group of runs, for what the recorded arrays cannot show."""
+
+import copy
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Checks, Floats, Trace
+from contactlab.engines.rollout import STATE, driven, start_batch
+from contactlab.scene import Base, Pair, Prepared, Starts, can_collide
+
+_JACOBIAN_SAMPLES = 16
+_GEOMETRY_SAMPLES = 128
+# Forces and accelerations below this share of the run's largest may be rounding.
+_LEAST_SHARE = 1e-3
+_TIGHT = 1e-12
+_MOST_ITERATIONS = 1000
+_DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
+_SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+
+
+class _Again(NamedTuple):
+    """A second rollout: states after each step, forward against inverse, constraint forces."""
+
+    state: Floats
+    gap: Floats
+    force: Floats
+
+
+def run_checks(
+    base: Base,
+    prepared: Sequence[Prepared],
+    starts: Starts,
+    trace: Trace,
+    proceed: Callable[[], bool] = lambda: True,
+) -> Checks:
+    """Return the self-checks of n runs that all went through.
+
+    Args:
+        base: their structure.
+        prepared: their models.
+        starts: where they started.
+        trace: what they did.
+        proceed: asked between runs; if it says no, only the first of them are checked.
+    """
+    again = list[_Again]()
+    for run, each in enumerate(prepared):
+        if run and not proceed():
+            break
+        again.append(_again(each.model, starts.pick(run), trace.steps))
+    jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
+    geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
+    states = range(len(again))
+    geometry = [_geometry(base, prepared[run].model, trace, run, geometry_steps) for run in states]
+    return Checks(
+        residual=np.array([_residual(prepared[run].model, again[run]) for run in states]),
+        jacobian=np.array(
+            [_jacobian(prepared[run].model, trace, starts, run, jacobian_steps) for run in states]
+        ),
+        jacobian_steps=jacobian_steps,
+        overlap=np.array([overlap for overlap, _ in geometry]),
+        apart=np.array([apart for _, apart in geometry]),
+        geometry_steps=geometry_steps,
+        repeats=np.array([_repeats(trace, run, again[run].state) for run in states]),
+    )
+
+
+def _spread(steps: int, most: int) -> NDArray[np.intp]:
+    return np.unique(np.linspace(0, steps - 1, min(steps, most)).astype(np.intp))
+
+
+def _again(model: mujoco.MjModel, start: Starts, steps: int) -> _Again:
+    checked = copy.copy(model)
+    checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
+    fields = [int(STATE), "solver_fwdinv", "qfrc_constraint"]
+    out = start_batch([checked], start).rollout(
+        steps, record=fields, **driven(checked, start, 0, steps)
+    )
+    return _Again(*(out[field][0] for field in fields))
+
+
+def _residual(model: mujoco.MjModel, again: _Again) -> Floats:
+    """Return (N,) the contradiction between forward and inverse dynamics.
+
+    Noslip changes forces after the solver on purpose, so that there is nothing to compare.
+    """
+    gap = again.gap[:, 1]
+    if model.opt.noslip_iterations:
+        return np.full(len(gap), np.nan)
+    force = np.linalg.norm(again.force, axis=1)
+    return gap / np.maximum(force, max(_LEAST_SHARE * force.max(initial=0), np.finfo(float).tiny))
+
+
+def _jacobian(
+    model: mujoco.MjModel, trace: Trace, starts: Starts, run: int, steps: NDArray[np.intp]
+) -> Floats:
+    """Return (K,) how far the accelerations of a dense and a sparse Jacobian differ."""
+    dense, sparse = (
+        _accelerations(model, kind, trace, starts, run, steps) for kind in (_DENSE, _SPARSE)
+    )
+    size = np.abs(dense).max(axis=(1, 2), initial=0)
+    # Near rest, or without gravity, what is left of an acceleration may be rounding alone.
+    scale = np.maximum(size, max(_LEAST_SHARE * size.max(initial=0), np.finfo(float).tiny))
+    return np.abs(dense[:, 0] - sparse[:, 0]).max(axis=1, initial=0) / scale
+
+
+def _accelerations(
+    model: mujoco.MjModel,
+    kind: int,
+    trace: Trace,
+    starts: Starts,
+    run: int,
+    steps: NDArray[np.intp],
+) -> Floats:
+    """Return (K, 2, nv) accelerations with and without constraints, from a cold start."""
+    model = copy.copy(model)
+    model.opt.jacobian = kind
+    model.opt.tolerance = _TIGHT
+    model.opt.iterations = _MOST_ITERATIONS
+    data = mujoco.MjData(model)
+    found: list[Floats] = []
+    acting = starts.inputs(run, model.opt.timestep, steps)
+    for step, inputs in zip(steps, acting, strict=True):
+        data.ctrl[:] = inputs[: model.nu]
+        data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
+        data.qpos[:], data.qvel[:] = trace.qpos[run, step], trace.qvel[run, step]
+        data.qacc_warmstart[:] = 0
+        mujoco.mj_forward(model, data)
+        found.append(np.stack((data.qacc, data.qacc_smooth)))
+    return np.array(found)
+
+
+def _geometry(
+    base: Base, model: mujoco.MjModel, trace: Trace, run: int, steps: NDArray[np.intp]
+) -> tuple[Floats, Floats]:
+    """Return (L,) overlaps without contact, and distances beyond what contacts say."""
+    data = mujoco.MjData(model)
+    overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
+    speculative = _is_speculative(model)
+    graded = [
+        (pair, recorded)
+        for pair, recorded in zip(base.pairs, trace.pairs, strict=True)
+        if can_collide(model, pair)
+    ]
+    for sample, step in enumerate(steps):
+        data.qpos[:] = trace.qpos[run, step]
+        mujoco.mj_kinematics(model, data)
+        for pair, recorded in graded:
+            distance = _distance(model, data, pair)
+            slots = recorded.slots[run, step]
+            touching = slots[:, 0] > 0
+            if not touching.any():
+                overlap[sample] = max(overlap[sample], -distance)
+            elif distance > 0 and not speculative:
+                apart[sample] = max(apart[sample], distance - slots[touching, 7].min())
+    return overlap, apart
+
+
+def _distance(model: mujoco.MjModel, data: mujoco.MjData, pair: Pair) -> float:
+    """Return the signed distance of a pair by a route that shares nothing with its contacts."""
+    return min(
+        mujoco.mj_geomDistance(model, data, first, second, 1.0, None)
+        for first in pair.geoms[0]
+        for second in pair.geoms[1]
+    )
+
+
+def _is_speculative(model: mujoco.MjModel) -> bool:
+    bit = getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", None)
+    return bit is not None and bool(model.opt.enableflags & int(bit))
+
+
+def _repeats(trace: Trace, run: int, again: Floats) -> bool:
+    first = [trace.time[run][:, None], trace.qpos[run], trace.qvel[run]]
+    columns = sum(part.shape[1] for part in first)
+    return bool((np.concatenate(first, axis=1)[1:] == again[:, :columns]).all())

@@ -1,0 +1,168 @@
+"""What a model looks like, and where its bodies are in given configurations."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats, Form, Integers, Shape
+
+# As in MuJoCo's viewers, which do not show the groups above.
+_SHOWN_GROUPS = 3
+_UNSET_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
+_GEOM = mujoco.mjtGeom
+# The form of a kind of geom, and which of its half sizes lie along its three axes.
+_SOLIDS = {
+    int(_GEOM.mjGEOM_SPHERE): (Form.ellipsoid, [0, 0, 0]),
+    int(_GEOM.mjGEOM_ELLIPSOID): (Form.ellipsoid, [0, 1, 2]),
+    int(_GEOM.mjGEOM_BOX): (Form.box, [0, 1, 2]),
+    int(_GEOM.mjGEOM_CYLINDER): (Form.cylinder, [0, 0, 1]),
+    int(_GEOM.mjGEOM_CAPSULE): (Form.cylinder, [0, 0, 1]),
+}
+_SURFACES = {int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}
+_NO_VERTICES = np.empty((0, 3))
+_NO_TRIANGLES = np.empty((0, 3), np.int32)
+
+
+def body_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return a name for every body, unique in the model; the first is the world."""
+    names: list[str] = []
+    taken = {model.body(index).name for index in range(model.nbody)}
+    for index in range(model.nbody):
+        given = model.body(index).name
+        name = given or f"body{index}"
+        while not given and name in taken:
+            name += "_"
+        names.append(name)
+    return tuple(names)
+
+
+def moving_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (B,) whether each body can move."""
+    return model.body_weldid != 0
+
+
+def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
+    """Return the poses of all bodies.
+
+    Args:
+        model: the model, of B bodies.
+        qpos: (F, nq) configurations.
+
+    Returns:
+        (F, B, 3) positions [m] and (F, B, 4) unit quaternions w, x, y, z, world frame.
+    """
+    data = mujoco.MjData(model)
+    positions = np.empty((len(qpos), model.nbody, 3))
+    rotations = np.empty((len(qpos), model.nbody, 4))
+    for row, configuration in enumerate(qpos):
+        data.qpos[:] = configuration
+        mujoco.mj_kinematics(model, data)
+        positions[row], rotations[row] = data.xpos, data.xquat
+    return positions, rotations
+
+
+def shapes(model: mujoco.MjModel) -> tuple[Shape, ...]:
+    """Return the parts that are drawn: geoms of groups 0 to 2, or all of a body without such."""
+    low = model.geom_group < _SHOWN_GROUPS
+    bodies_shown = set(model.geom_bodyid[low].tolist())
+    geoms = [
+        geom
+        for geom in range(model.ngeom)
+        if low[geom] or int(model.geom_bodyid[geom]) not in bodies_shown
+    ]
+    return tuple(shape for geom in geoms if _colour(model, geom)[3] for shape in _of(model, geom))
+
+
+def _of(model: mujoco.MjModel, geom: int) -> Iterator[Shape]:
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom].copy()
+    if kind in _SOLIDS:
+        form, axes = _SOLIDS[kind]
+        yield _shape(model, geom, form, 2 * size[axes])
+    if kind == _GEOM.mjGEOM_CAPSULE:
+        yield from _caps(model, geom, radius=size[0], half=size[1])
+    elif kind == _GEOM.mjGEOM_PLANE:
+        yield _plane(model, geom, size)
+    elif kind == _GEOM.mjGEOM_HFIELD:
+        yield _mesh(model, geom, *_field(model, int(model.geom_dataid[geom])))
+    elif kind in _SURFACES:
+        yield _mesh(model, geom, *_surface(model, int(model.geom_dataid[geom])))
+
+
+def _caps(model: mujoco.MjModel, geom: int, radius: float, half: float) -> Iterator[Shape]:
+    for end, place in (("/top", half), ("/bottom", -half)):
+        offset = np.array([0.0, 0.0, place])
+        yield _shape(model, geom, Form.ellipsoid, np.full(3, 2 * radius), offset, end)
+
+
+def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> Shape:
+    """Return a thin box below the plane; one without end gets a length beyond the scene."""
+    reach = float(model.stat.extent)
+    half = np.where(size[:2] > 0, size[:2], 3 * reach)
+    thickness = reach / 100
+    below = np.array([0.0, 0.0, -thickness / 2])
+    return _shape(model, geom, Form.box, np.array([*(2 * half), thickness]), below)
+
+
+def _shape(
+    model: mujoco.MjModel,
+    geom: int,
+    form: Form,
+    size: Floats,
+    offset: Floats | None = None,
+    suffix: str = "",
+) -> Shape:
+    """Return a shape in the geom's frame, or off its centre by a vector in that frame."""
+    rotation, moved = model.geom_quat[geom].copy(), np.zeros(3)
+    if offset is not None:
+        mujoco.mju_rotVecQuat(moved, offset, rotation)
+    return Shape(
+        name=(model.geom(geom).name or f"geom{geom}") + suffix,
+        body=int(model.geom_bodyid[geom]),
+        form=form,
+        size=size,
+        position=model.geom_pos[geom] + moved,
+        rotation=rotation,
+        colour=_colour(model, geom),
+        vertices=_NO_VERTICES,
+        triangles=_NO_TRIANGLES,
+    )
+
+
+def _mesh(model: mujoco.MjModel, geom: int, vertices: Floats, triangles: Integers) -> Shape:
+    plain = _shape(model, geom, Form.mesh, np.ones(3))
+    return replace(plain, vertices=vertices, triangles=triangles)
+
+
+def _surface(model: mujoco.MjModel, mesh: int) -> tuple[Floats, Integers]:
+    start, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
+    first, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
+    vertices = model.mesh_vert[start : start + count].astype(np.float64)
+    return vertices, model.mesh_face[first : first + faces].copy()
+
+
+def _field(model: mujoco.MjModel, field: int) -> tuple[Floats, Integers]:
+    """Return a height field's upper side, each of its cells as two triangles."""
+    rows, columns = int(model.hfield_nrow[field]), int(model.hfield_ncol[field])
+    start = int(model.hfield_adr[field])
+    half_x, half_y, height, _ = model.hfield_size[field]
+    y, x = np.meshgrid(
+        np.linspace(-half_y, half_y, rows), np.linspace(-half_x, half_x, columns), indexing="ij"
+    )
+    z = model.hfield_data[start : start + rows * columns] * height
+    vertices = np.stack([x.ravel(), y.ravel(), z.astype(np.float64)], axis=1)
+    place = np.arange(rows * columns, dtype=np.int32).reshape(rows, columns)
+    low, right = place[:-1, :-1].ravel(), place[:-1, 1:].ravel()
+    up, far = place[1:, :-1].ravel(), place[1:, 1:].ravel()
+    cells = np.stack([low, right, far, low, far, up], axis=1)
+    return vertices, cells.reshape(-1, 3)
+
+
+def _colour(model: mujoco.MjModel, geom: int) -> Floats:
+    """Return a geom's colour, or its material's where it has none of its own."""
+    own, material = model.geom_rgba[geom], int(model.geom_matid[geom])
+    if material >= 0 and np.array_equal(own, _UNSET_COLOUR):
+        own = model.mat_rgba[material]
+    return own.astype(np.float64)

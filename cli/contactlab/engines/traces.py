@@ -1,0 +1,72 @@
+"""From what the engine recorded to a Trace."""
+
+import hashlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from contactlab.contact import SLOT_WIDTH, Floats, Held, PairTrace, Trace
+from contactlab.engines.rollout import Rollout
+from contactlab.scene import Base, Prepared
+
+
+def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trace:
+    """Return the trace of n runs, views of the rollout where NumPy allows.
+
+    Rows of runs that stopped early are not valid beyond `rollout.steps`; cut them with `pick`.
+    """
+    model, layout, sensors = base.model, base.layout, rollout.sensors
+    velocity = 1 + model.nq
+    # There are as many places as the engine could need, but at most one island a tree.
+    iterations = rollout.iterations[:, :, : max(1, model.ntree)]
+    mass = np.array([each.model.body_subtreemass[0] for each in models])
+    return Trace(
+        timestep=np.array([each.model.opt.timestep for each in models]),
+        steps_asked=sensors.shape[1],
+        time=rollout.state[:, :, 0],
+        qpos=rollout.state[:, :, 1:velocity],
+        qvel=rollout.state[:, :, velocity : velocity + model.nv],
+        kinetic=_number(sensors, layout.kinetic),
+        potential=_number(sensors, layout.potential),
+        contacts=sensors[:, :, layout.contacts].astype(np.int32),
+        least_distance=sensors[:, :, layout.contacts + 1],
+        iterations=iterations.sum(axis=2, dtype=np.int32),
+        iterations_most=iterations.max(axis=2),
+        momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
+        spin=_vector(sensors, layout.spin, np.ones((1, 1, 1))),
+        pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
+        warnings=rollout.warnings,
+        held=_held(sensors, layout.held),
+    )
+
+
+def trajectory_hash(rollout: Rollout, run: int) -> str:
+    """Return the SHA-256 of a run's valid state rows as float64 bytes, 32 hex digits of it."""
+    rows = rollout.state[run, : rollout.steps[run] + 1]
+    return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
+
+
+def _number(sensors: Floats, address: int | None) -> Floats:
+    """Return what a sensor measured, NaN if it is not there."""
+    return np.full(sensors.shape[:2], np.nan) if address is None else sensors[:, :, address]
+
+
+def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | None:
+    return None if address is None else sensors[:, :, address : address + 3] * factor
+
+
+def _held(sensors: Floats, address: int | None) -> Held | None:
+    if address is None:
+        return None
+    return Held(sensors[:, :, address : address + 3], sensors[:, :, address + 3 : address + 7])
+
+
+def _pair_trace(base: Base, models: Sequence[Prepared], sensors: Floats, index: int) -> PairTrace:
+    pair, address = base.pairs[index], base.layout.pairs[index]
+    block = sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
+    shape = (*block.shape[:2], pair.slots, SLOT_WIDTH)
+    return PairTrace(
+        name=pair.name,
+        slots=block.reshape(shape),
+        friction=np.array([each.pairs[pair.name].friction for each in models]),
+    )

@@ -1,0 +1,172 @@
+"""What a sweep will take, before it runs: counts, time, disk, and settings that look wrong."""
+
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cache, lru_cache, partial
+from typing import NamedTuple
+
+import numpy as np
+
+from contactlab.contact import stiffness_damping
+from contactlab.engines import Buffers, bytes_of_run, roll_out
+from contactlab.plan import Plan
+from contactlab.run.clamping import raises
+from contactlab.run.pass_forecast import accuracy_steps, timing_seconds
+from contactlab.run.roster import Roster
+from contactlab.scene import Resolved, Scene, Shape, has_batch, quiet
+
+# Above this product of step and natural frequency, contacts gain energy under the Euler family.
+_FASTEST = 0.8
+_SAMPLES = 12
+_SAMPLE_STEPS = 200
+_MOST_LOOKED = 1 << 12
+# What recording, metrics and traces add to the stepping, least and most.
+_OVERHEAD = (1.2, 2.5)
+# What compression leaves of a trace, least and most.
+_COMPRESSED = (0.1, 0.6)
+
+
+@dataclass(frozen=True)
+class Forecast:
+    """What a sweep will take.
+
+    Attributes:
+        runs: distinct runs.
+        steps: steps of all runs.
+        seconds: wall time of all passes, least and most likely [s].
+        accuracy_seconds: how much of it references and what is held against them take [s].
+        timing_seconds: how much of it times and work take [s].
+        bytes: size of the traces, least and most likely.
+        warnings: what looks wrong but stops nothing.
+    """
+
+    runs: int
+    steps: int
+    seconds: tuple[float, float]
+    accuracy_seconds: float
+    timing_seconds: float
+    bytes: tuple[float, float]
+    warnings: tuple[str, ...]
+
+
+@dataclass
+class _Sums:
+    """What is added up over the runs.
+
+    Attributes:
+        steps: of all runs.
+        bytes: that they record.
+        fast: runs that step too far for their contacts.
+        clamped: runs whose solref refsafe changes.
+        sampled: some of them.
+    """
+
+    steps: int = 0
+    bytes: int = 0
+    fast: int = 0
+    clamped: int = 0
+    sampled: list[Resolved] = field(default_factory=list[Resolved])
+
+
+def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
+    """Return what a sweep will take, from a few hundred steps of a few of its runs."""
+    roster = Roster(plan, scene)
+    sums, sweep = _summed(roster, scene), plan.sweep
+    per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
+    share = sums.steps / max(1, workers)
+    likely = float(np.median(per_step))
+    passes = list(roster.runs()) if sweep.accuracy or sweep.timing else []
+    accuracy = likely * accuracy_steps(sweep.accuracy, passes, scene) / max(1, workers)
+    # What is counted is run once more by the workers, before the clock runs.
+    counting = likely * share if sweep.timing else 0.0
+    timing = counting + timing_seconds(sweep.timing, passes, likely)
+    size = sums.bytes * _traced(sweep.trace, len(roster))
+    return Forecast(
+        runs=len(roster),
+        steps=sums.steps,
+        seconds=(
+            float(np.quantile(per_step, 0.25)) * share * _OVERHEAD[0] + accuracy + timing,
+            float(np.quantile(per_step, 0.75)) * share * _OVERHEAD[1] + accuracy + timing,
+        ),
+        accuracy_seconds=accuracy,
+        timing_seconds=timing,
+        bytes=(size * _COMPRESSED[0], size * _COMPRESSED[1]),
+        warnings=tuple(_warnings(plan, len(roster), sums)),
+    )
+
+
+def _summed(roster: Roster, scene: Scene) -> _Sums:
+    sums, bytes_of = _Sums(), cache(partial(_bytes_of, scene))
+    stride, runs = max(1, len(roster) // _SAMPLES), 0
+    for row, count in roster.rows():
+        steps, shape, solref = row.steps, row.shape, row.setting("solref")
+        sums.steps += count * steps
+        sums.bytes += count * bytes_of(shape, steps)
+        if isinstance(solref, tuple):
+            looked = _contact(solref, row.timestep, shape.first.flags["refsafe"])
+            sums.fast += count * looked.fast
+            sums.clamped += count * looked.clamped
+        # One for each multiple of the stride among the places of the row's runs.
+        samples = -(-(runs + count) // stride) - -(-runs // stride)
+        sums.sampled += [row.resolved(seed) for seed in range(samples)]
+        runs += count
+    return sums
+
+
+def _bytes_of(scene: Scene, shape: Shape, steps: int) -> int:
+    return bytes_of_run(scene.base_of(shape.first).model, steps)
+
+
+def _step_cost(scene: Scene, resolved: Resolved) -> float:
+    """Return CPU seconds a step."""
+    quiet()
+    steps = min(resolved.steps, _SAMPLE_STEPS)
+    starts = scene.starts([resolved])
+    model = scene.prepare(resolved, starts).model
+    begin = time.thread_time()
+    cost = float(roll_out([model], starts, steps, Buffers()).cost[0])
+    # Where Python makes the steps, what it takes for them counts as well.
+    return (cost if has_batch() else time.thread_time() - begin) / steps
+
+
+def _traced(rule: str, runs: int) -> float:
+    """Return the share of the runs whose traces may be kept."""
+    if rule == "none":
+        return 0.0
+    return min(1.0, int(rule.removeprefix("sample:")) / runs) if rule.startswith("sample:") else 1.0
+
+
+def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:
+    yield from (warning.message for warning in plan.warnings)
+    if plan.count > runs:
+        yield f"{plan.count - runs:,} runs are the same as others and run once"
+    if sums.fast:
+        yield (
+            f"{sums.fast:,} of {runs:,} runs step too far for their contacts: "
+            f"timestep / (timeconst * dampratio) is above {_FASTEST}, where contacts gain energy"
+        )
+    if sums.clamped:
+        yield (
+            f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
+            "2 timesteps, so that solref is not what the sweep says"
+        )
+
+
+class _Contact(NamedTuple):
+    """What a timestep is for a contact: too long, or so long that refsafe changes solref."""
+
+    fast: bool
+    clamped: bool
+
+
+def _contact(solref: tuple[float, ...], timestep: float, refsafe: bool) -> _Contact:
+    clamped = refsafe and raises(solref, timestep)
+    used = (2 * timestep, solref[1]) if clamped else solref
+    return _Contact(round(timestep * _frequency(used), 1) > _FASTEST, clamped)
+
+
+@lru_cache(_MOST_LOOKED)
+def _frequency(solref: tuple[float, ...]) -> float:
+    """Return the natural frequency of a contact [rad/s]."""
+    return float(stiffness_damping(solref)[0]) ** 0.5

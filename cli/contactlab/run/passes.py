@@ -1,0 +1,176 @@
+"""What a sweep asks of its runs once all are recorded: errors, work and times."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+from contactlab.run.accuracy import accuracies, families
+from contactlab.run.expectation import within
+from contactlab.run.job import (
+    IMPULSE,
+    Begin,
+    Executor,
+    Finished,
+    Job,
+    Lost,
+    Progress,
+    Purpose,
+    Task,
+)
+from contactlab.run.jobs import Planned, pack
+from contactlab.run.notes import Note, note, noted
+from contactlab.run.results import results_of
+from contactlab.run.roster import Roster
+from contactlab.run.stop import Stop
+from contactlab.run.stopwatch import Stopwatch
+from contactlab.run.timing import timings
+from contactlab.scene import Scene
+from contactlab.schema import ERRORS, Accuracy, Timing
+from contactlab.store import Column, StoreWriter, ratios
+
+
+class Outcome(NamedTuple):
+    """What the later passes must know of a recorded run.
+
+    Attributes:
+        status: whether it went through.
+        tolerances_met: whether every tolerance is met, those of errors aside; None without any.
+    """
+
+    status: str
+    tolerances_met: bool | None
+
+
+@dataclass(frozen=True)
+class Session:
+    """A sweep whose runs are all recorded.
+
+    Attributes:
+        task: what its jobs have in common.
+        scene: its scene.
+        store: where its runs are.
+        roster: all of them.
+        executor: where they are run.
+        stop: set when the sweep should end soon.
+        begin: told how many runs a pass has and how many of them are done already.
+        progress: told of runs as a pass is done with them.
+    """
+
+    task: Task
+    scene: Scene
+    store: StoreWriter
+    roster: Roster
+    executor: Executor
+    stop: Stop
+    begin: Begin
+    progress: Progress
+
+    @cached_property
+    def outcomes(self) -> dict[str, Outcome]:
+        """What came of each run, by its id."""
+        # A row that was in a table before says whether errors, too, were within theirs.
+        tolerances = self.task.sweep.tolerances
+        others = tolerances.keys() - set(ERRORS)
+        return {
+            row["run_id"]: Outcome(
+                row["status"], within(tolerances, {name: row[name] for name in others})
+            )
+            for row in self.store.rows()
+        }
+
+    @cached_property
+    def planned(self) -> Planned:
+        """All of its runs at once, with what they resolve to; only small sweeps have passes."""
+        return list(self.roster.runs())
+
+    @cached_property
+    def repeatable(self) -> Planned:
+        """The runs that the engine computed to their end; no others are run again."""
+        return [
+            (run, resolved)
+            for run, resolved in self.planned
+            if self.outcomes[run.run_id].status == "ok" and resolved.settings["engine"] != IMPULSE
+        ]
+
+
+class Found(NamedTuple):
+    """What passes found.
+
+    Attributes:
+        values: run id to values by column; empty if nothing was asked.
+        columns: columns of them that are not as usual.
+    """
+
+    values: dict[str, dict[str, Any]]
+    columns: Sequence[Column]
+
+
+def run_passes(session: Session) -> Found:
+    """Do what the sweep asks for beside its runs.
+
+    What was noted before an interruption is not done again.
+    """
+    found: dict[str, dict[str, Any]] = {}
+    columns: Sequence[Column] = ()
+    if session.task.sweep.accuracy is not None:
+        accurate = _accuracies(session)
+        found = {run_id: _row(session, run_id, each) for run_id, each in accurate.items()}
+        if any(each.error_kind == "invariants" for each in accurate.values()):
+            columns = ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
+    if session.task.sweep.timing is not None:
+        for run_id, timing in _timings(session, session.task.sweep.timing.rounds).items():
+            found[run_id] = found.get(run_id, {}) | timing.model_dump()
+    return Found(found, columns)
+
+
+def _accuracies(session: Session) -> dict[str, Accuracy]:
+    notes = _pooled(session, "errors", families(session.repeatable, session.scene))
+    return accuracies(session.task, session.scene, session.planned, notes)
+
+
+def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
+    """Return the columns of a run's accuracy, and whether it still meets every tolerance."""
+    row = accuracy.model_dump()
+    errors = within(session.task.sweep.tolerances, {name: row[name] for name in ERRORS})
+    others = session.outcomes[run_id].tolerances_met
+    told = [met for met in (errors, others) if met is not None]
+    return {**row, "tolerances_met": all(told) if told else None}
+
+
+def _timings(session: Session, rounds: int) -> dict[str, Timing]:
+    runs = session.repeatable
+    jobs = list(pack(runs, len(runs), session.scene, session.executor.workers))
+    work = _pooled(session, "work", jobs)
+    return timings(session.planned, rounds, work, _timed(session, rounds, work))
+
+
+def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
+    """Return what workers find of the runs of some jobs; nothing of those that end a worker."""
+    done = noted(session.store.notes(), purpose)
+    rest = [job for job in jobs if any(run.run_id not in done for run in job)]
+    runs = sum(map(len, jobs))
+    session.begin(runs, runs - sum(map(len, rest)))
+    task = replace(session.task, purpose=purpose)
+    for result in results_of(task, rest, session.executor, session.stop):
+        lost = isinstance(result, Lost)
+        each = [note(purpose, run.run_id, {}) for run in result.job] if lost else result
+        session.store.note([one.row for one in each])
+        session.progress(each)
+    return noted(session.store.notes(), purpose)
+
+
+def _timed(session: Session, rounds: int, work: dict[str, Note]) -> dict[str, Note]:
+    """Return the times of all runs, which are taken together or not at all."""
+    times = noted(session.store.notes(), "times")
+    runs = [each for each in session.repeatable if work.get(each[0].run_id)]
+    left = sum(run.run_id not in times for run, _ in runs)
+    session.begin(len(runs), len(runs) - left)
+    if not left:
+        return times
+    found: list[Finished] = []
+    for each in Stopwatch(session.scene, rounds).times(runs, work):
+        session.progress([each])
+        found.append(each)
+    session.store.note([each.row for each in found])
+    return noted(session.store.notes(), "times")

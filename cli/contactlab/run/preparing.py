@@ -1,0 +1,106 @@
+"""From planned runs to all that decides them; models are kept between jobs."""
+
+import faulthandler
+import signal
+from collections import OrderedDict
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+from contactlab.run.job import Job, Task
+from contactlab.run.jobs import most_models
+from contactlab.run.record import RunPlan
+from contactlab.scene import Prepared, Resolved, Scene, Starts, quiet, stored_scene
+from contactlab.schema import rest
+from contactlab.store.objects import local_scene
+
+_MOST_MODELS = 64
+Proceed = Callable[[], bool]
+
+
+def always() -> bool:
+    """Return that whoever asks may proceed."""
+    return True
+
+
+class GivenUpError(Exception):
+    """What was under way is not worth ending, since the sweep should stop."""
+
+
+class Preparer:
+    """Prepares the runs of one sweep.
+
+    Attributes:
+        task: what all jobs of the sweep have in common.
+        scene: theirs, as the store has it.
+        proceed: says between runs whether the next one should begin.
+    """
+
+    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
+        quiet()
+        self.task = task
+        self.proceed = proceed
+        folder = local_scene(task.store, task.scene_folder)
+        scene = Scene(stored_scene(folder, task.scene_model, task.scene))
+        self.scene = scene.with_effects(rest(task.sweep.effects))
+        self._marker = marker
+        self._models: OrderedDict[str, Prepared] = OrderedDict()
+
+    def plans(self, job: Job) -> list[RunPlan]:
+        """Return all that decides the runs of a job of one structure."""
+        resolved = [
+            self.scene.resolve(run.values, run.seed, self.task.sweep.duration) for run in job
+        ]
+        starts = self.scene.starts(resolved)
+        picked = [starts.pick(place) for place in range(len(job))]
+        return [
+            RunPlan(run, each, self._prepared(each, start), start)
+            for run, each, start in zip(job, resolved, picked, strict=True)
+        ]
+
+    def _prepared(self, run: Resolved, start: Starts) -> Prepared:
+        key = self.scene.model_key(run, start)
+        if key not in self._models:
+            self._models[key] = self.scene.prepare(run, start)
+            most = min(_MOST_MODELS, most_models(self.scene.base_of(run)))
+            while len(self._models) > most:
+                self._models.popitem(last=False)
+        self._models.move_to_end(key)
+        return self._models[key]
+
+    @contextmanager
+    def watchdog(self) -> Generator[Callable[[], None]]:
+        """End this process when a run takes too long, even one that never gives Python a turn.
+
+        It dies of SIGALRM, and where it was then stands in the marker, which else is empty.
+        """
+        if self._marker is None:
+            yield lambda: None
+            return
+        with self._marker.open("w") as file:
+            # A timer takes one call to the system; faulthandler's own starts a thread each time.
+            faulthandler.register(signal.SIGALRM, file=file, all_threads=False, chain=True)
+            try:
+                yield self._start_clock
+            finally:
+                signal.setitimer(signal.ITIMER_REAL, 0)
+                faulthandler.unregister(signal.SIGALRM)
+
+    @contextmanager
+    def watchdog_or_give_up(self) -> Generator[Callable[[], None]]:
+        """Do the same, and give up before the next run where the sweep should stop.
+
+        Raises:
+            GivenUpError: it should.
+        """
+
+        def watch() -> None:
+            if not self.proceed():
+                raise GivenUpError
+            start_clock()
+
+        with self.watchdog() as start_clock:
+            yield watch
+
+    def _start_clock(self) -> None:
+        signal.setitimer(signal.ITIMER_REAL, self.task.sweep.timeout)

@@ -1,0 +1,226 @@
+"""Put together the EvidenceRecord of a run."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from importlib.metadata import version
+from typing import Any
+
+from contactlab.measure import METRICS, Assessment
+from contactlab.run.expectation import judge, within
+from contactlab.run.job import IMPULSE, PlannedRun, Task
+from contactlab.scene import Prepared, Resolved, Starts
+from contactlab.schema import Cost, Engine, EvidenceRecord, InitialState, LabelEntry
+
+UNITS = {metric.name: metric.unit for metric in METRICS.values()}
+VERSIONS = {metric.name: metric.version for metric in METRICS.values()}
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """All that decides one run.
+
+    Attributes:
+        run: what was planned.
+        resolved: what it was resolved to.
+        prepared: its model.
+        start: its start state, n being 1.
+    """
+
+    run: PlannedRun
+    resolved: Resolved
+    prepared: Prepared
+    start: Starts
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """All that came of one run.
+
+    Attributes:
+        plan: what decided it.
+        assessment: of the group of runs that it was measured with.
+        row: its place in that group.
+        steps: steps made.
+        warnings: engine warnings by name.
+        error: the engine's error, or None.
+        trajectory_hash: of its state rows.
+        cpu: thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
+        started: when its job started.
+        twin_label: the label of the same run from a start 1e-6 away, if it was asked for.
+    """
+
+    plan: RunPlan
+    assessment: Assessment
+    row: int
+    steps: int
+    warnings: Mapping[str, int]
+    error: str | None
+    trajectory_hash: str
+    cpu: float
+    started: str
+    twin_label: str | None
+
+
+class RecordMaker:
+    """Makes the records of one sweep."""
+
+    def __init__(self, task: Task, scene_hash: str) -> None:
+        self._task = task
+        self._scene_hash = scene_hash
+
+    def now(self) -> str:
+        """Return the time, UTC, as records have it."""
+        return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+    def make(self, outcome: Outcome) -> EvidenceRecord:
+        """Return a run's record without cost and clock: equal runs have equal records."""
+        metrics = {
+            name: _finite(values[outcome.row])
+            for name, values in outcome.assessment.metrics.items()
+        }
+        return self._record(
+            outcome.plan,
+            metrics=metrics,
+            labels=_labels(outcome),
+            status=_status(outcome),
+            status_reason=_status_reason(outcome),
+            steps=outcome.steps,
+            warnings=dict(outcome.warnings),
+            trajectory_hash=outcome.trajectory_hash,
+            knife_edge=_is_knife_edge(outcome),
+        )
+
+    def lost(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
+        """Return the record of a run whose worker died twice: `crashed` or `timeout`."""
+        return self._record(
+            plan,
+            metrics=dict.fromkeys(UNITS),
+            labels=(label,),
+            status=label.label,
+            status_reason=label.reason,
+            steps=0,
+            warnings={},
+            trajectory_hash=None,
+            knife_edge=None,
+        )
+
+    def _record(
+        self,
+        plan: RunPlan,
+        *,
+        metrics: dict[str, float | None],
+        labels: tuple[LabelEntry, ...],
+        **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
+    ) -> EvidenceRecord:
+        run, resolved, sweep = plan.run, plan.resolved, self._task.sweep
+        picked = [each for match, each in self._task.expected if match.holds(run.values)]
+        verdict = judge(picked, [entry.label for entry in labels], metrics)
+        return EvidenceRecord(
+            run_id=run.run_id,
+            index=run.index,
+            sweep=self._task.name,
+            scene=self._task.scene,
+            scene_hash=self._scene_hash,
+            engine=self._engine(plan.resolved),
+            axes={name: as_written(value) for name, value in run.values.items()},
+            settings=resolved.values,
+            effects={name: each.on for name, each in plan.prepared.effects.items()},
+            effect_reasons={name: each.reason for name, each in plan.prepared.effects.items()},
+            pairs=dict(plan.prepared.pairs),
+            edited_geoms=plan.prepared.edited_geoms,
+            seed=run.seed,
+            initial=_initial(plan.start),
+            duration=resolved.duration,
+            steps_asked=resolved.steps,
+            metrics=metrics,
+            metric_versions=VERSIONS,
+            units=UNITS,
+            label=labels[0].label if labels else "stable",
+            labels=labels,
+            expected=verdict.expected,
+            expectation_met=verdict.met,
+            expectation_reason=verdict.reason,
+            tolerances_met=within(sweep.tolerances, metrics),
+            provenance=self._task.provenance,
+            **rest,
+        )
+
+    def _engine(self, resolved: Resolved) -> Engine:
+        if resolved.settings["engine"] == IMPULSE:
+            return Engine(name=IMPULSE, version=version("contactlab"))
+        return self._task.engine
+
+    def with_cost(self, record: EvidenceRecord, outcome: Outcome) -> EvidenceRecord:
+        """Return a record with what the run took, and when."""
+        clock = {"started": outcome.started, "finished": self.now()}
+        if math.isnan(outcome.cpu):
+            return record.model_copy(update=clock)
+        budget = self._task.sweep.latency_budget
+        simulated = outcome.steps * outcome.plan.resolved.timestep
+        cost = Cost(
+            cpu_s=outcome.cpu,
+            cpu_per_sim_s=outcome.cpu / simulated if simulated else 0.0,
+            latency_budget_s=budget,
+            latency_used=outcome.cpu / outcome.steps / budget if budget and outcome.steps else None,
+        )
+        return record.model_copy(update={"cost": cost, **clock})
+
+
+def _is_knife_edge(outcome: Outcome) -> bool | None:
+    if outcome.twin_label is None:
+        return None
+    return outcome.twin_label != outcome.assessment.labels[outcome.row][0].label
+
+
+def _initial(start: Starts) -> InitialState:
+    applied = start.applied[0]
+    return InitialState(
+        qpos=tuple(start.qpos[0].tolist()),
+        qvel=tuple(start.qvel[0].tolist()),
+        ctrl=tuple(start.ctrl[0].tolist()),
+        applied=tuple(applied.tolist()) if applied.any() else (),
+    )
+
+
+def as_written(value: object) -> bool | int | float | str:
+    """Return an axis value as its column has it: several numbers as one word, "0.02 1"."""
+    if isinstance(value, tuple):
+        return " ".join(_short(number) for number in value)
+    assert isinstance(value, (bool, int, float, str))
+    return value
+
+
+def _short(number: object) -> str:
+    assert isinstance(number, (int, float))
+    return f"{number:g}" if float(f"{number:g}") == number else repr(number)
+
+
+def _labels(outcome: Outcome) -> tuple[LabelEntry, ...]:
+    found = tuple(
+        LabelEntry(label=label, reason=reason, step=step)
+        for label, reason, step in outcome.assessment.labels[outcome.row]
+    )
+    if outcome.error is None:
+        return found
+    return (LabelEntry(label="invalid", reason=outcome.error, step=0), *found)
+
+
+def _status(outcome: Outcome) -> str:
+    if outcome.error is not None:
+        return "error"
+    return "ok" if outcome.steps == outcome.plan.resolved.steps else "stopped"
+
+
+def _status_reason(outcome: Outcome) -> str | None:
+    if outcome.error is not None:
+        return outcome.error
+    if outcome.steps == outcome.plan.resolved.steps:
+        return None
+    warnings = ", ".join(outcome.warnings) or "no warning"
+    return f"the engine stopped after {outcome.steps} steps: {warnings}"
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

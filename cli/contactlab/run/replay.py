@@ -1,0 +1,140 @@
+"""Simulate a stored run again from its store alone, and compare the trajectories bit for bit."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactlab.engines import Buffers, Rollout, roll_out, roll_out_by_impulse, trajectory_hash
+from contactlab.errors import StoreError
+from contactlab.run.job import IMPULSE
+from contactlab.scene import Base, Prepared, Resolved, Scene, Starts, quiet, stored_scene
+from contactlab.schema import EvidenceRecord, rest
+from contactlab.store import Store
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of running a stored run again.
+
+    Attributes:
+        run_id: the run.
+        equal: whether every state is equal, bit for bit.
+        stored_hash: of the stored trajectory.
+        hash: of the new one.
+        step: first step after which the states differ; None if equal, if no trace was
+            kept, or if the trace is equal although its hash is not.
+        difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
+        stored_engine: engine and version that stored it.
+    """
+
+    run_id: str
+    equal: bool
+    stored_hash: str | None
+    hash: str
+    step: int | None
+    difference: float | None
+    stored_engine: str
+
+
+@dataclass(frozen=True)
+class Start:
+    """A stored run, ready to be simulated again."""
+
+    record: EvidenceRecord
+    base: Base
+    prepared: Prepared
+    state: Starts
+
+    def roll_out(self) -> Rollout:
+        """Simulate it by the engine that it was stored with."""
+        steps = self.record.steps_asked
+        if self.record.engine.name == IMPULSE:
+            return roll_out_by_impulse(self.base, [self.prepared], self.state, steps, Buffers())
+        return roll_out([self.prepared.model], self.state, steps, Buffers())
+
+
+def prepare(store: Store, run: str) -> Start:
+    """Return a stored run's model and start state, made from the store's own files.
+
+    Raises:
+        StoreError: no such run, or its start state is not what its settings give.
+        SceneError: the stored scene does not compile with this engine.
+    """
+    record, scene, resolved = stored_run(store, run)
+    starts = scene.starts([resolved])
+    prepared = scene.prepare(resolved, starts)
+    state = _stored_start(record, prepared, starts)
+    return Start(record, scene.base_of(resolved), prepared, state)
+
+
+def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, Resolved]:
+    """Return a stored run, its scene and what it resolves to, made from the store's own files.
+
+    Raises:
+        StoreError: no such run, or its settings do not give its id.
+    """
+    record = store.record(run)
+    identity = store.manifest.sweep
+    source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
+    scene = Scene(source).with_effects(rest(identity.resolved.get("effects", {})))
+    values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
+    resolved = scene.resolve(values, record.seed, record.duration)
+    if scene.run_id(resolved) != record.run_id:
+        raise StoreError(
+            f"run {record.run_id}: the stored scene and settings give another id, "
+            f"{scene.run_id(resolved)}; the store or this version's defaults changed"
+        )
+    return record, scene, resolved
+
+
+def replay(store: Store, run: str) -> Replay:
+    """Simulate a stored run again and say whether it is the same, or where it first differs."""
+    quiet()
+    start = prepare(store, run)
+    record = start.record
+    rollout = start.roll_out()
+    found = trajectory_hash(rollout, 0)
+    equal = found == record.trajectory_hash
+    step, difference = (None, None) if equal else _first_difference(store, record, rollout)
+    return Replay(
+        run_id=record.run_id,
+        equal=equal,
+        stored_hash=record.trajectory_hash,
+        hash=found,
+        step=step,
+        difference=difference,
+        stored_engine=f"{record.engine.name} {record.engine.version}",
+    )
+
+
+def _stored_start(record: EvidenceRecord, prepared: Prepared, again: Starts) -> Starts:
+    """Return the state as stored; what drives it over time is part of scene and settings."""
+    initial = record.initial
+    applied = initial.applied or (0.0,) * (6 * prepared.model.nbody)
+    rows = (initial.qpos, initial.qvel, initial.ctrl, applied)
+    qpos, qvel, ctrl, forces = (np.array([row], dtype=np.float64) for row in rows)
+    return again._replace(qpos=qpos, qvel=qvel, ctrl=ctrl, applied=forces)
+
+
+def _parsed(scene: Scene, name: str, value: object) -> object:
+    spec = scene.catalogue.find(name)
+    if spec is None:
+        raise StoreError(f"the stored scene has no axis '{name}'")
+    return spec.parse(value)
+
+
+def _first_difference(
+    store: Store, record: EvidenceRecord, rollout: Rollout
+) -> tuple[int | None, float | None]:
+    if record.trace is None:
+        return None, None
+    stored = store.trace(record)
+    width = stored.qpos.shape[1] + stored.qvel.shape[1]
+    old = np.concatenate([stored.qpos, stored.qvel], axis=1)
+    new = rollout.state[0, : rollout.steps[0] + 1, 1 : 1 + width]
+    rows = min(len(old), len(new))
+    differs = np.flatnonzero((old[:rows] != new[:rows]).any(axis=1))
+    if len(differs) == 0:
+        return None if len(old) == len(new) else rows, None
+    first = int(differs[0])
+    return first, float(np.abs(old[first] - new[first]).max())

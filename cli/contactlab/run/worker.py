@@ -1,0 +1,191 @@
+"""Run a job: models, rollouts, metrics, labels, traces, records."""
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from pydantic_core import to_json
+
+from contactlab.contact import Checks, Trace
+from contactlab.engines import (
+    Buffers,
+    Rollout,
+    make_trace,
+    roll_out,
+    roll_out_by_impulse,
+    run_checks,
+    trajectory_hash,
+)
+from contactlab.run.accuracy_job import errors_of
+from contactlab.run.groups import Group, measured_groups
+from contactlab.run.job import IMPULSE, Finished, Job, PlannedRun, Task
+from contactlab.run.missed import missed_effects
+from contactlab.run.preparing import GivenUpError, Preparer, Proceed, always
+from contactlab.run.record import Outcome, RecordMaker, RunPlan
+from contactlab.run.timing_job import work_of
+from contactlab.scene import Starts, make_setup
+from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
+from contactlab.store import TraceFolder, to_row
+from contactlab.store.mcap import TraceExtras
+
+# How long a job's second pass lasts before it looks whether to stop [s].
+_GRACE = 1.0
+_RECORD_SCHEMA = b'{"type":"object"}'
+
+
+class Worker:
+    """Runs jobs of one sweep, keeping models and memory between them."""
+
+    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
+        self._task = task
+        self._proceed = proceed
+        self._preparer = Preparer(task, marker, proceed)
+        self._scene = self._preparer.scene
+        self._buffers, self._twin_buffers = Buffers(), Buffers()
+        self._traces = TraceFolder(task.store)
+        self._records = RecordMaker(task, self._scene.hash)
+        model = self._scene.source.model
+        self._model_xml = model.read_bytes()
+
+    def run(self, job: Job) -> list[Finished]:
+        """Do what the task is for with a job of runs, or with a part of them if it should stop."""
+        if not self._proceed():
+            return []
+        with suppress(GivenUpError):
+            return self._do(job)
+        return []
+
+    def _do(self, job: Job) -> list[Finished]:
+        if self._task.purpose == "errors":
+            return errors_of(self._preparer, job)
+        if self._task.purpose == "work":
+            return work_of(self._preparer, job)
+        return self._record(job)
+
+    def _record(self, job: Job) -> list[Finished]:
+        """Run a job of runs that share structure and step count; write their traces."""
+        started = self._records.now()
+        plans = self._preparer.plans(job)
+        starts = Starts.joined([plan.start for plan in plans])
+        rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
+        labels = self._twin_labels(plans[: len(rollout.steps)], starts)
+        finished: dict[int, Finished] = {}
+        for group in groups:
+            for row, place in zip(group.rows, group.places, strict=True):
+                if self._task.sweep.knife_edge and place not in labels:
+                    continue
+                outcome = Outcome(
+                    plan=plans[place],
+                    assessment=group.assessment,
+                    row=row,
+                    steps=rollout.steps[place],
+                    warnings=rollout.warnings[place],
+                    error=rollout.errors[place],
+                    trajectory_hash=trajectory_hash(rollout, place),
+                    cpu=float(rollout.cost[place]),
+                    started=started,
+                    twin_label=labels.get(place),
+                )
+                finished[place] = self._finish(outcome, group)
+        return [finished[place] for place in sorted(finished)]
+
+    def _measure(
+        self, plans: Sequence[RunPlan], starts: Starts, buffers: Buffers, proceed: Proceed
+    ) -> tuple[Rollout, Iterator[Group]]:
+        """Simulate runs from the given starts, and measure and label them; the first if told so."""
+        resolved = [plan.resolved for plan in plans]
+        prepared = [plan.prepared for plan in plans]
+        models = [each.model for each in prepared]
+        base, steps = self._scene.base_of(resolved[0]), resolved[0].steps
+        by_hand = resolved[0].settings["engine"] == IMPULSE
+        with self._preparer.watchdog() as watch:
+            if by_hand:
+                rollout = roll_out_by_impulse(base, prepared, starts, steps, buffers, proceed)
+            else:
+                rollout = roll_out(models, starts, steps, buffers, watch, proceed)
+        done = len(rollout.steps)
+        resolved, prepared, models = resolved[:done], prepared[:done], models[:done]
+        manifest, sweep = self._scene.source.manifest, self._task.sweep
+        setup = make_setup(base, manifest, resolved, models, sweep.thresholds)
+        trace = make_trace(base, prepared, rollout)
+
+        def check(places: Sequence[int], picked: Trace) -> Checks:
+            some = [prepared[place] for place in places]
+            return run_checks(base, some, starts.rows(places), picked, self._not_for_long())
+
+        rule = "none" if by_hand else sweep.checks
+        return rollout, measured_groups(trace, setup, rollout, rule, check)
+
+    def _twin_labels(self, plans: Sequence[RunPlan], starts: Starts) -> dict[int, str]:
+        """Return the label that each run gets from a start that is hardly another, if asked."""
+        if not self._task.sweep.knife_edge:
+            return {}
+        resolved = [plan.resolved for plan in plans]
+        nudged = self._scene.nudged(starts.rows(range(len(plans))), resolved)
+        _, groups = self._measure(plans, nudged, self._twin_buffers, self._not_for_long())
+        return {
+            place: group.assessment.labels[row][0].label
+            for group in groups
+            for row, place in zip(group.rows, group.places, strict=True)
+        }
+
+    def _not_for_long(self) -> Proceed:
+        """Return what lets a second pass over runs go on a little, so that they need not go."""
+        end = time.monotonic() + _GRACE
+        return lambda: time.monotonic() < end or self._proceed()
+
+    def lost(self, run: PlannedRun, label: LabelEntry) -> Finished:
+        """Return the outcome of a run that no worker survives; it has no trace."""
+        self._traces.remove(run.run_id)
+        (plan,) = self._preparer.plans((run,))
+        return _finished(self._records.lost(plan, label))
+
+    def _finish(self, outcome: Outcome, group: Group) -> Finished:
+        missed = missed_effects(group.trace, outcome.row, outcome.plan.prepared)
+        record = self._records.make(outcome).model_copy(update={"effects_missed": missed})
+        if self._keeps_trace(outcome.plan.run, record):
+            trace = self._write_trace(record, outcome, group)
+            record = record.model_copy(update={"trace": trace})
+        record = self._records.with_cost(record, outcome)
+        return _finished(record)
+
+    def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
+        rule = self._task.sweep.trace
+        if rule.startswith("sample:"):
+            wanted = int(rule.removeprefix("sample:"))
+            return run.index * wanted % self._task.runs < wanted
+        return rule == "all" or (rule == "flagged" and record.label != "stable")
+
+    def _write_trace(self, record: EvidenceRecord, outcome: Outcome, group: Group) -> TraceFile:
+        """Write a run's trace; its record there has neither cost nor clock, so that it repeats."""
+        extras = TraceExtras(
+            record_json=record.model_dump_json().encode(),
+            record_schema=_RECORD_SCHEMA,
+            metadata=_metadata(record),
+            model_xml=self._model_xml,
+        )
+        series = outcome.assessment.series
+        return self._traces.add(record.run_id, group.trace, outcome.row, series, extras)
+
+
+def _finished(record: EvidenceRecord) -> Finished:
+    return Finished(
+        row=to_json(to_row(record)),
+        label=record.label,
+        status=record.status,
+        expectation_met=record.expectation_met,
+    )
+
+
+def _metadata(record: EvidenceRecord) -> dict[str, str]:
+    return {
+        "run_id": record.run_id,
+        "sweep": record.sweep,
+        "scene": record.scene,
+        "scene_hash": record.scene_hash,
+        "seed": str(record.seed),
+        "label": record.label,
+        "engine": f"{record.engine.name} {record.engine.version}",
+        "contactlab": record.provenance.contactlab,
+    }

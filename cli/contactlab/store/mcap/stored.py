@@ -1,0 +1,134 @@
+"""What a trace file gives back."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats, Integers
+from contactlab.errors import StoreError, did_you_mean
+
+_PAIR_UNITS = {
+    "contacts": "1",
+    "found": "1",
+    "normal": "N",
+    "tangential": "N",
+    "usage": "1",
+    "slip": "m/s",
+    "distance": "m",
+}
+_UNITS = {
+    "time": "s",
+    "qpos": "m, rad",
+    "qvel": "m/s, rad/s",
+    "kinetic": "J",
+    "potential": "J",
+    "contacts": "1",
+    "least_distance": "m",
+    "iterations": "1",
+    "iterations_most": "1",
+    "momentum": "kg m/s",
+    "spin": "kg m^2/s",
+}
+
+
+@dataclass(frozen=True)
+class StoredPair:
+    """One pair's contacts, in the M steps in which it touched.
+
+    Attributes:
+        name: the pair's name.
+        steps: (M,) index of each such step, ascending.
+        contacts: (M,) contact points stored.
+        found: (M,) contacts that matched; more than `contacts` where the slots did not suffice.
+        mode: (M,) NO_CONTACT, STICK or SLIDE.
+        normal: (M,) net normal force [N].
+        tangential: (M,) magnitude of the net tangential force [N].
+        usage: (M,) share of the friction bound in use.
+        slip: (M,) magnitude of the force-weighted tangential velocity [m/s].
+        distance: (M,) least signed distance [m].
+        points: (K, 23) the contact points of all steps one after the other, each a contact slot
+            as `PairTrace` describes it, rounded to single precision.
+    """
+
+    name: str
+    steps: Integers
+    contacts: Integers
+    found: Integers
+    mode: NDArray[np.int8]
+    normal: Floats
+    tangential: Floats
+    usage: Floats
+    slip: Floats
+    distance: Floats
+    points: Floats
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each array of measured values."""
+        return _PAIR_UNITS
+
+    @property
+    def point_steps(self) -> Integers:
+        """(K,) step of each contact point."""
+        return np.repeat(self.steps, self.contacts)
+
+
+@dataclass(frozen=True)
+class StoredTrace:
+    """One run of N steps; see `Trace` for the time alignment.
+
+    All but single contact points is bit for bit as it was recorded.
+
+    Attributes:
+        time: (N + 1,) simulated time [s].
+        qpos: (N + 1, nq) configuration.
+        qvel: (N + 1, nv) velocity.
+        kinetic: (N,) kinetic energy [J].
+        potential: (N,) potential energy [J].
+        contacts: (N,) contacts in the whole model.
+        least_distance: (N,) smallest signed distance of any contact [m]; 0 where none.
+        iterations: (N,) solver iterations, summed over contact islands.
+        iterations_most: (N,) solver iterations of the busiest island.
+        momentum: (N, 3) linear momentum [kg m/s], or None where it was not recorded.
+        spin: (N, 3) angular momentum [kg m^2/s], or None likewise.
+        pairs: the graded contact pairs.
+        record_json: the EvidenceRecord.
+        metadata: the run's identity.
+        model_xml: the MJCF as simulated.
+    """
+
+    time: Floats
+    qpos: Floats
+    qvel: Floats
+    kinetic: Floats
+    potential: Floats
+    contacts: Integers
+    least_distance: Floats
+    iterations: Integers
+    iterations_most: Integers
+    momentum: Floats | None
+    spin: Floats | None
+    pairs: tuple[StoredPair, ...]
+    record_json: bytes
+    metadata: Mapping[str, str]
+    model_xml: bytes
+
+    @property
+    def units(self) -> Mapping[str, str]:
+        """The unit of each array; of coordinates that of sliding and that of turning joints."""
+        return _UNITS
+
+    def pair(self, name: str) -> StoredPair:
+        """Return a pair by its name.
+
+        Raises:
+            StoreError: no graded pair has it.
+        """
+        for pair in self.pairs:
+            if pair.name == name:
+                return pair
+        known = [pair.name for pair in self.pairs]
+        hint = did_you_mean(name, known) or f"; there is {', '.join(known) or 'none'}"
+        raise StoreError(f"no pair '{name}' was recorded{hint}")

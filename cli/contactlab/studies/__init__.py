@@ -1,0 +1,1 @@
+"""Studies of one scene or model: check, effects and stability."""

@@ -1,0 +1,151 @@
+"""What a configuration changes: every metric in units of its tolerance, and labels."""
+
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from math import inf
+from statistics import fmean
+
+from contactlab.measure import METRICS
+from contactlab.run.record import as_written
+from contactlab.schema import MetricChange
+from contactlab.studies.effects.question import Question, Values
+from contactlab.studies.effects.tolerances import JUDGED, tolerance_of
+from contactlab.studies.effects.trials import Outcome, Row
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What changed between matched pairs of runs.
+
+    Attributes:
+        changes: of every metric, in the scenario where it changes most; largest first.
+        labels: label changes beyond those between seeds, with their counts.
+    """
+
+    changes: tuple[MetricChange, ...]
+    labels: Mapping[str, int]
+
+    @property
+    def matters(self) -> bool:
+        """Whether anything changed beyond tolerance and spread."""
+        return bool(self.labels) or any(each.matters for each in self.changes)
+
+    @property
+    def within_spread(self) -> tuple[str, ...]:
+        """Metrics that changed by more than their tolerance, but less than between seeds."""
+        return tuple(
+            each.metric
+            for each in self.changes
+            if not each.matters and each.times is not None and each.times > 1
+        )
+
+    @property
+    def reason(self) -> str:
+        """What changed most, in words."""
+        if self.labels:
+            return ", ".join(self.labels)
+        worst = next((each for each in self.changes if each.matters), None)
+        if worst is not None:
+            return _told(worst)
+        if self.within_spread:
+            named = {each.metric: each for each in self.changes}
+            first = named[self.within_spread[0]]
+            return (
+                f"{first.metric} changes by {first.change:.3g} {first.unit}, within the spread "
+                f"of {first.spread:.3g} over seeds"
+            )
+        return "no metric changes by its tolerance"
+
+
+def difference(
+    question: Question,
+    scenarios: Sequence[Values],
+    base: Outcome,
+    other: Outcome,
+    exempt: Collection[str] = (),
+) -> Difference:
+    """Return what a configuration changes over scenarios and seeds.
+
+    Args:
+        question: says tolerances.
+        scenarios: those of the outcomes.
+        base: without the change.
+        other: with it.
+        exempt: metrics that the change leaves unmeasured by what it is.
+    """
+    names = [name for name in question.tolerances or JUDGED if name not in exempt]
+    found = [max(_changes(name, question, scenarios, base, other), key=_weight) for name in names]
+    changes = sorted((each for each in found if _weight(each)[1]), key=_weight, reverse=True)
+    labels: Counter[str] = Counter()
+    for first, second in zip(base.rows, other.rows, strict=True):
+        labels.update(_label_changes(first, second))
+    return Difference(tuple(changes), dict(labels))
+
+
+def _weight(change: MetricChange) -> tuple[bool, float]:
+    return change.matters, inf if change.times is None else change.times
+
+
+def _changes(
+    name: str,
+    question: Question,
+    scenarios: Sequence[Values],
+    base: Outcome,
+    other: Outcome,
+) -> Iterator[MetricChange]:
+    for scenario, first, second in zip(scenarios, base.rows, other.rows, strict=True):
+        yield _change(name, question.tolerances, scenario, first, second)
+
+
+def _change(
+    name: str,
+    given: Mapping[str, float],
+    scenario: Values,
+    base: Sequence[Row],
+    other: Sequence[Row],
+) -> MetricChange:
+    """Compare a metric in one scenario; what differs between seeds alone is no change."""
+    own = [row[name] for row in base if row[name] is not None]
+    pairs = [
+        second[name] - first[name]
+        for first, second in zip(base, other, strict=True)
+        if first[name] is not None and second[name] is not None
+    ]
+    tolerance = tolerance_of(name, given, own)
+    spread = max(own) - min(own) if own else 0.0
+    # Measured in all runs of one configuration and in none of the other.
+    appears = not pairs and (
+        len(own) == len(base) or (not own and all(row[name] is not None for row in other))
+    )
+    mean = fmean(pairs) if pairs else None
+    size = abs(mean) if mean is not None else inf if appears else 0.0
+    return MetricChange(
+        metric=name,
+        unit=METRICS[name].unit,
+        change=mean,
+        tolerance=tolerance,
+        times=None if appears or (size and not tolerance) else size / (tolerance or 1.0),
+        spread=spread,
+        scenario={key: as_written(value) for key, value in scenario.items()},
+        matters=size > tolerance and size > spread,
+    )
+
+
+def _label_changes(base: Sequence[Row], other: Sequence[Row]) -> Iterator[str]:
+    """Yield label changes to what the scene shows from none of its seeds."""
+    usual = {row["label"] for row in base}
+    for first, second in zip(base, other, strict=True):
+        if second["label"] not in usual:
+            yield f"{first['label']} -> {second['label']}"
+
+
+def _told(change: MetricChange) -> str:
+    if change.change is None:
+        return f"{change.metric} can be measured in one case only"
+    unit = "" if change.unit in {"1", "any"} else f" {change.unit}"
+    where = ", ".join(f"{name} {value}" for name, value in change.scenario.items())
+    return (
+        f"{change.metric} {change.change:+.3g}{unit}, {change.times:.3g} tolerances"
+        f"{f' at {where}' if where else ''}"
+    )

@@ -1,0 +1,60 @@
+"""The impulse engine: the same scene by hand, in the same arrays."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.contact import Trace, resolve_impact
+from contactlab.engines import Buffers, make_trace, roll_out_by_impulse
+from contactlab.errors import SceneError
+from contactlab.scene import Scene
+
+
+def by_hand(name: str, values: dict[str, Any]) -> Trace:
+    scene = Scene.open(name)
+    run = scene.resolve({"engine": "impulse", **values}, 0, None)
+    base = scene.base(run.structure)
+    prepared = [base.prepare(run.edits())]
+    rollout = roll_out_by_impulse(base, prepared, scene.starts([run]), run.steps, Buffers())
+    return make_trace(base, prepared, rollout)
+
+
+@pytest.mark.parametrize("angle", [0.0, 20.0, 45.0, 70.0])
+@pytest.mark.parametrize(("restitution", "friction"), [(0.6, 0.1), (0.9, 0.6)])
+def test_the_last_velocity_is_that_of_the_law(
+    angle: float, restitution: float, friction: float
+) -> None:
+    """Zero gravity and one impact: exact, but for the bisection of the damping ratio (1e-15)."""
+    values = {"angle": angle, "restitution": restitution, "friction.slide": friction}
+    trace = by_hand("oblique_impact", values)
+    first, last = trace.qvel[0, 0], trace.qvel[0, -1]
+    expected = resolve_impact(1.0, first[None], (0, 0, 1), restitution, friction)
+    assert last == pytest.approx(expected.velocity[0], abs=1e-12)
+    force = trace.pairs[0].slots[0, :, 0, 1]
+    assert force.sum() * trace.timestep[0] == pytest.approx(expected.normal_impulse[0], abs=1e-12)
+
+
+def test_momentum_changes_by_the_recorded_forces() -> None:
+    trace = by_hand("ball_drop", {"restitution": 0.6, "timestep": 1e-3})
+    step = trace.timestep[0]
+    lift = trace.pairs[0].slots[0, :, 0, 1] - 9.81
+    # Sums of 3000 numbers of order 10.
+    assert np.diff(trace.qvel[0, :, 2]) == pytest.approx(lift * step, abs=1e-11)
+
+
+@pytest.mark.parametrize("timestep", [4e-3, 2e-3, 1e-3])
+def test_peaks_fall_by_restitution_squared(timestep: float) -> None:
+    """Semi-implicit flight gains or loses at most g h v a bounce, a share of 2 g h / v."""
+    trace = by_hand("ball_drop", {"restitution": 0.9, "timestep": timestep, "drop_height": 2.0})
+    height = trace.qpos[0, :, 2] - 0.05
+    inner = (height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])
+    peaks = height[1:-1][inner]
+    ratios = peaks[:2] / np.array([height[0], peaks[0]])
+    speed = np.sqrt(2 * 9.81 * peaks[:2])
+    assert (np.abs(ratios - 0.81) <= 4 * 9.81 * timestep / speed).all()
+
+
+def test_a_scene_that_is_no_sphere_above_a_plane_is_refused() -> None:
+    with pytest.raises(SceneError, match="impulse engine moves one sphere"):
+        by_hand("box_slide", {})

@@ -1,0 +1,277 @@
+"""Small sweeps, run in this process or by workers, and what of their outcome must repeat."""
+
+import contextlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sysconfig
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab.plan import read_sweep
+from contactlab.run import Ask, Finished, Scenes, run_sweep
+from contactlab.schema import StoreManifest
+
+BALL = """
+version: 1
+scene: ball_drop
+duration: 0.3
+seeds: 3
+axes:
+  timestep: [1.0e-3, 2.0e-3, 3.0e-3]
+  drop_height: [0.02, 0.1]
+"""
+SLIDE = """
+version: 1
+scene: box_slide
+duration: 0.2
+seeds: [0, 7]
+axes:
+  timestep: [2.0e-3, 4.0e-3]
+  cone: [pyramidal, elliptic]
+"""
+STACK = """
+version: 1
+scene: box_stack
+duration: 0.1
+seeds: 2
+axes:
+  boxes: [3]
+  timestep: [2.0e-3, 5.0e-3]
+  solver: [Newton, CG]
+"""
+# Python runs this before anything else, here in the process that workers are forked from.
+INJECT = """
+import sys
+if "forkserver" in " ".join(sys.orig_argv):
+    import injected_faults
+"""
+# What depends on the clock, not on the run.
+CLOCK = {"started", "finished", "compile_time"}
+COSTS = ("cost_", "time_", "step_p")
+
+
+def outcome_of(store: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return a store's table without costs and clock, and its traces' bytes by path."""
+    table = pq.read_table(store / "runs.parquet")
+    lasting = [
+        name for name in table.column_names if name not in CLOCK and not name.startswith(COSTS)
+    ]
+    traces = {
+        path.relative_to(store).as_posix(): path.read_bytes()
+        for path in (store / "traces").rglob("*.mcap")
+    }
+    return table.select(lasting).to_pydict(), traces
+
+
+class Sweeper:
+    """Runs sweep texts into stores below one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def run(
+        self,
+        text: str,
+        name: str = "store",
+        workers: int = 0,
+        progress: Callable[[Sequence[Finished]], None] = lambda _: None,
+    ) -> StoreManifest:
+        self.began: list[tuple[int, int]] = []
+        return run_sweep(
+            self.ask(text, name, workers),
+            begin=lambda total, done: self.began.append((total, done)),
+            progress=progress,
+        )
+
+    def ask(self, text: str, name: str = "store", workers: int = 0) -> Ask:
+        scenes = Scenes(self.folder)
+        read = read_sweep(text, scenes.vocabulary)
+        return Ask(
+            plan=read.plan,
+            scene=scenes.open(read.sweep.scene),
+            name="small",
+            source=text,
+            overrides=(),
+            store=self.folder / name,
+            workers=workers,
+        )
+
+    def outcome(self, name: str = "store") -> tuple[dict[str, Any], dict[str, bytes]]:
+        return outcome_of(self.folder / name)
+
+
+def parent_of(process: int) -> int | None:
+    """Return the parent of a process; None if it is gone."""
+    with contextlib.suppress(OSError):
+        return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[1])
+    return None
+
+
+def command_of(process: int) -> bytes:
+    """Return the command line of a process; nothing if it is gone."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/cmdline").read_bytes()
+    return b""
+
+
+class Command:
+    """The installed command, each call in a session of its own, as a shell starts it."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self._started: list[subprocess.Popen[str]] = []
+
+    def start(
+        self, *arguments: str, first: Path | None = None, stderr: int = subprocess.PIPE
+    ) -> subprocess.Popen[str]:
+        """Start the command; `first` is where Python looks for modules before all else."""
+        path = [str(first)] if first else []
+        path += filter(None, [os.environ.get("PYTHONPATH")])
+        process = subprocess.Popen(
+            [str(Path(sysconfig.get_path("scripts")) / "contactlab"), *arguments],
+            cwd=self.folder,
+            env=os.environ | {"PYTHONPATH": os.pathsep.join(path)},
+            stdout=subprocess.PIPE,
+            stderr=stderr,
+            text=True,
+            start_new_session=True,
+        )
+        self._started.append(process)
+        return process
+
+    def run(self, *arguments: str, first: Path | None = None) -> tuple[int, str, str]:
+        """Return exit code, stdout and stderr."""
+        process = self.start(*arguments, first=first)
+        out, err = process.communicate(timeout=300)
+        return process.returncode, out, err
+
+    def living(self, session: int) -> list[int]:
+        """Return the processes of a session that run, zombies left out."""
+        living: list[int] = []
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            try:
+                fields = stat.read_text().rpartition(")")[2].split()
+            except OSError:
+                continue
+            if int(fields[3]) == session and fields[0] != "Z":
+                living.append(int(stat.parent.name))
+        return living
+
+    def servers(self, session: int) -> list[int]:
+        """Return the processes that the workers of a session are forked from."""
+        return [
+            each
+            for each in self.living(session)
+            if parent_of(each) == session and b"forkserver" in command_of(each)
+        ]
+
+    def workers(self, session: int) -> list[int]:
+        """Return the workers of a session."""
+        servers = self.servers(session)
+        return [each for each in self.living(session) if parent_of(each) in servers]
+
+    def stop(self) -> None:
+        """End what a failed test left behind."""
+        for process in self._started:
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+
+
+def outcome_but(
+    outcome: tuple[dict[str, Any], dict[str, bytes]], left_out: Collection[int]
+) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return the outcome of all runs but those at some places of the plan."""
+    table, traces = outcome
+    kept = [row for row, index in enumerate(table["index"]) if index not in left_out]
+    ids = {table["run_id"][row] for row in kept}
+    return (
+        {name: [values[row] for row in kept] for name, values in table.items()},
+        {path: content for path, content in traces.items() if Path(path).stem in ids},
+    )
+
+
+@pytest.fixture(scope="session")
+def but() -> Callable[[Any, Collection[int]], Any]:
+    return outcome_but
+
+
+@pytest.fixture
+def inject(tmp_path: Path) -> Callable[..., Path]:
+    """Return what makes workers fail at runs: a folder that the command looks in first."""
+
+    def write(faults: Mapping[int, str], spare_bytes: int | None = None) -> Path:
+        folder = tmp_path / "injected"
+        folder.mkdir(exist_ok=True)
+        shutil.copy(Path(__file__).with_name("injected_faults.py"), folder)
+        (folder / "sitecustomize.py").write_text(INJECT)
+        plan = {"runs": dict(faults), "spare_bytes": spare_bytes}
+        (folder / "faults.json").write_text(json.dumps(plan))
+        return folder
+
+    return write
+
+
+@pytest.fixture
+def command(tmp_path: Path) -> Iterator[Command]:
+    command = Command(tmp_path)
+    yield command
+    command.stop()
+
+
+@pytest.fixture(scope="session")
+def until() -> Callable[[Callable[[], bool]], None]:
+    """Wait until something holds."""
+
+    def wait(holds: Callable[[], bool]) -> None:
+        deadline = time.monotonic() + 60
+        while not holds():
+            assert time.monotonic() < deadline, "waited for a minute"
+            time.sleep(0.005)
+
+    return wait
+
+
+@pytest.fixture(autouse=True)
+def _outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work outside of any repository, whose state records would name."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def outcome() -> Callable[[Path], tuple[dict[str, Any], dict[str, bytes]]]:
+    return outcome_of
+
+
+@pytest.fixture
+def sweeper(tmp_path: Path) -> Sweeper:
+    return Sweeper(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def make_sweeper() -> Callable[[Path], Sweeper]:
+    """Return a maker of sweepers, for sweeps that several tests look at."""
+    return Sweeper
+
+
+@pytest.fixture(params=[BALL, SLIDE, STACK], ids=["ball", "slide", "stack"])
+def sweep_text(request: pytest.FixtureRequest) -> str:
+    return request.param
+
+
+@pytest.fixture(scope="session")
+def ball() -> str:
+    return BALL
+
+
+@pytest.fixture(scope="session")
+def stack() -> str:
+    return STACK

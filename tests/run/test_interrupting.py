@@ -1,0 +1,239 @@
+"""Told to stop once, a sweep ends the runs in flight; told twice, it does not wait for them."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.errors import StoppedError
+from contactlab.run import Finished, Stop, run_sweep
+from contactlab.store import verify
+
+Until = Callable[[Callable[[], bool]], None]
+
+# Jobs of 16 runs and more, by up to two workers.
+MANY = """
+version: 1
+scene: ball_drop
+duration: 0.05
+seeds: 22
+axes:
+  timestep: [1.0e-3, 2.0e-3, 3.0e-3]
+  drop_height: [0.02, 0.1]
+"""
+RUNS, LEAST_OF_JOB = 132, 16
+PASSES = """
+version: 1
+scene: ball_drop
+duration: 0.1
+seeds: 3
+axes:
+  timestep: [2.0e-3, 3.0e-3]
+  drop_height: [0.01, 0.02]
+accuracy: {refine: 2}
+timing: {}
+"""
+
+# Python runs this before anything else; here it has every run write a byte, and then wait.
+SLOW = """
+import sys
+if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
+    import ctypes, time
+    from contextlib import contextmanager
+    from contactlab.run.preparing import Preparer
+    watchdog = Preparer.watchdog
+
+    @contextmanager
+    def slow(self):
+        with watchdog(self) as watch:
+            def begin():
+                with open({begun!r}, "ab") as file:
+                    file.write(b".")
+                {wait}
+                watch()
+            yield begin
+
+    Preparer.watchdog = slow
+"""
+FINISHING = "finishing the runs in flight; again to stop at once\n"
+INTERRUPTED = "interrupted; the same command goes on where it stopped\n"
+
+
+class Slow:
+    """Sweeps whose runs each take long, as files tell of."""
+
+    def __init__(self, command: Any, folder: Path) -> None:
+        self.command, self.folder = command, folder
+        (folder / "small.yaml").write_text(MANY)
+
+    @property
+    def begun(self) -> int:
+        """How many runs have begun."""
+        path = self.folder / "begun"
+        return path.stat().st_size if path.exists() else 0
+
+    @property
+    def rows(self) -> list[dict[str, Any]]:
+        """What is stored of an unfinished sweep."""
+        lines = (self.folder / "store" / "journal.jsonl").read_text().splitlines()
+        return [json.loads(line) for line in lines]
+
+    def start(self, workers: int, wait: str, *asked: str) -> subprocess.Popen[str]:
+        """Start a command, or the sweep; each run begins with what Python is to `wait` with."""
+        begun = str(self.folder / "begun")
+        (self.folder / "sitecustomize.py").write_text(SLOW.format(begun=begun, wait=wait))
+        asked = asked or ("sweep", "small.yaml", "-o", "store")
+        return self.command.start(*asked, "--workers", str(workers), first=self.folder)
+
+
+@pytest.fixture
+def slow(command: Any, tmp_path: Path) -> Slow:
+    return Slow(command, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("workers", "number", "tell"),
+    [
+        (1, signal.SIGINT, os.killpg),
+        (2, signal.SIGTERM, os.killpg),
+        pytest.param(0, signal.SIGINT, os.kill, marks=pytest.mark.slow),
+        pytest.param(0, signal.SIGTERM, os.kill, marks=pytest.mark.slow),
+        pytest.param(1, signal.SIGTERM, os.kill, marks=pytest.mark.slow),
+        pytest.param(2, signal.SIGINT, os.kill, marks=pytest.mark.slow),
+    ],
+)
+def test_told_once_it_keeps_the_runs_in_flight(
+    slow: Slow, sweeper: Any, until: Until, workers: int, number: signal.Signals, tell: Any
+) -> None:
+    process = slow.start(workers, "time.sleep(0.2)")
+    until(lambda: slow.begun > 2)
+    tell(process.pid, number)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out, err) == (130, "", FINISHING + INTERRUPTED)
+    assert slow.command.living(process.pid) == []
+    rows, store = slow.rows, slow.folder / "store"
+    assert len(rows) == slow.begun < LEAST_OF_JOB, "whole jobs were run"
+    assert {each["trace_file"] for each in rows} == {
+        path.relative_to(store).as_posix() for path in store.rglob("*.mcap*")
+    }
+    assert_goes_on(sweeper, len(rows))
+
+
+def assert_goes_on(sweeper: Any, stored: int) -> None:
+    """Copy the store, run the rest there, and compare with a sweep that nothing stopped."""
+    shutil.copytree(sweeper.folder / "store", sweeper.folder / "elsewhere")
+    sweeper.run(MANY, "elsewhere")
+    assert sweeper.began == [(RUNS, stored)]
+    sweeper.run(MANY, "whole")
+    assert sweeper.outcome("elsewhere") == sweeper.outcome("whole")
+    assert verify(sweeper.folder / "elsewhere") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("asked", "then"),
+    [
+        (("stability", "free_fall"), "runs the finished cases again and goes on with this one"),
+        (("tradeoff", "small.yaml"), "goes on where it stopped"),
+        (("effects", "ball_drop"), "starts anew"),
+        (("check", "ball_drop"), "starts anew"),
+    ],
+    ids=["stability", "tradeoff", "effects", "check"],
+)
+def test_every_command_that_sweeps_can_be_told(
+    slow: Slow, until: Until, asked: Sequence[str], then: str
+) -> None:
+    process = slow.start(1, "time.sleep(0.2)", *asked)
+    until(lambda: slow.begun > 0)
+    os.killpg(process.pid, signal.SIGTERM)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, ""), err
+    *_, finishing, interrupted = err.splitlines(keepends=True)
+    assert finishing == FINISHING
+    assert interrupted == f"interrupted; the same command {then}\n"
+    assert slow.command.living(process.pid) == []
+
+
+@pytest.mark.parametrize(
+    ("workers", "numbers", "tell"),
+    [
+        (2, (signal.SIGINT, signal.SIGINT), os.killpg),
+        (1, (signal.SIGTERM, signal.SIGTERM), os.killpg),
+        pytest.param(1, (signal.SIGTERM, signal.SIGINT), os.kill, marks=pytest.mark.slow),
+    ],
+)
+def test_told_twice_it_stops_at_once(
+    slow: Slow, until: Until, workers: int, numbers: tuple[int, int], tell: Any
+) -> None:
+    process = slow.start(workers, "time.sleep(600)")
+    until(lambda: slow.begun == workers)
+    first, second = numbers
+    all_of_them = slow.command.living(process.pid)
+    tell(process.pid, first)
+    assert process.stderr
+    assert process.stderr.readline() == FINISHING
+    assert slow.command.living(process.pid) == all_of_them, "a helper did not ignore the signal"
+    began = time.monotonic()
+    tell(process.pid, second)
+    out, err = process.communicate(timeout=60)
+    assert time.monotonic() - began < 30
+    assert (process.returncode, out, err) == (130, "", INTERRUPTED)
+    assert slow.command.living(process.pid) == []
+    assert slow.rows == []
+
+
+def test_a_worker_within_a_long_call_ends_with_its_parent(slow: Slow, until: Until) -> None:
+    """A library loaded as Python's own keeps all of Python waiting while it sleeps."""
+    process = slow.start(2, "ctypes.PyDLL(None).sleep(600)")
+    until(lambda: slow.begun == 2)
+    process.kill()
+    process.communicate(timeout=60)
+    until(lambda: slow.command.living(process.pid) == [])
+
+
+def test_one_sweep_a_store(slow: Slow, sweeper: Any, until: Until) -> None:
+    process = slow.start(1, "time.sleep(600)")
+    until(lambda: slow.begun == 1)
+    code, out, err = slow.command.run("sweep", "small.yaml", "-o", "store")
+    assert (code, out) == (2, "")
+    assert err == "error: store is in use by another sweep; wait or use -o\n"
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate(timeout=60)
+    assert (slow.folder / "store" / ".lock").exists()
+    sweeper.run(MANY)
+    assert verify(slow.folder / "store") == []
+
+
+class After:
+    """Wishes to stop when so many runs were told of."""
+
+    def __init__(self, label: str, count: int) -> None:
+        self.label, self.left, self.stop = label, count, Stop()
+        self.told = 0
+
+    def __call__(self, finished: Sequence[Finished]) -> None:
+        self.told += len(finished)
+        self.left -= sum(each.label == self.label for each in finished)
+        if self.left <= 0:
+            self.stop.set()
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow), 2])
+@pytest.mark.parametrize("label", ["held against references", "counted"])
+def test_a_pass_stops_and_goes_on(sweeper: Any, label: str, workers: int) -> None:
+    sweeper.run(PASSES, "whole")
+    after = After(label, 1)
+    with pytest.raises(StoppedError, match="the same command goes on where it stopped"):
+        run_sweep(sweeper.ask(PASSES, workers=workers), lambda *_: None, after, after.stop)
+    sweeper.run(PASSES)
+    first, *passes = sweeper.began
+    assert first == (12, 12), "runs were made again"
+    assert sum(done for _, done in passes) > 0
+    assert sweeper.outcome() == sweeper.outcome("whole")

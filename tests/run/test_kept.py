@@ -1,0 +1,76 @@
+"""What a store keeps of the runs it was asked for."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.store import Store, verify
+
+SWEEP = """
+version: 1
+scene: ball_drop
+duration: 0.3
+axes:
+  timestep: [2.0e-3, 2.0e-2]
+  drop_height: [0.02, 0.1, 0.3]
+"""
+
+
+def rows(sweeper: Any, text: str) -> list[dict[str, Any]]:
+    sweeper.run(text)
+    store: Path = sweeper.folder / "store"
+    assert verify(store) == []
+    return Store.open(store).table.to_pylist()
+
+
+def kept(found: list[dict[str, Any]]) -> list[int]:
+    return [row["index"] for row in found if row["trace_file"] is not None]
+
+
+@pytest.mark.parametrize(
+    ("rule", "indices"),
+    [
+        ("all", range(6)),
+        ("none", []),
+        ("sample:1", [0]),
+        ("sample:3", [0, 2, 4]),
+        ("sample:4", [0, 2, 3, 5]),
+        ("sample:9", range(6)),
+    ],
+)
+def test_which_traces_are_kept(sweeper: Any, rule: str, indices: Sequence[int]) -> None:
+    assert kept(rows(sweeper, f"{SWEEP}trace: {rule}\n")) == list(indices)
+
+
+def test_traces_of_flagged_runs_are_kept(sweeper: Any) -> None:
+    """A pyramidal cone stops a box that slides across its axes too late."""
+    axes = "axes: {cone: [elliptic, pyramidal], direction: [45.0]}"
+    found = rows(sweeper, f"version: 1\nscene: box_slide\n{axes}\ntrace: flagged\n")
+    assert [row["label"] for row in found] == ["stable", "oracle_miss"]
+    assert kept(found) == [1]
+
+
+def test_equal_runs_run_once(sweeper: Any) -> None:
+    found = rows(sweeper, f"{SWEEP}include:\n  - {{timestep: 2.0e-3, drop_height: 0.1}}\n")
+    assert len(found) == 6
+
+
+def test_settings_that_only_some_runs_have(sweeper: Any) -> None:
+    rare = "geom_friction[ball,0]"
+    included = f'{{timestep: 2.0e-3, drop_height: 0.2, "{rare}": 0.5}}'
+    found = rows(sweeper, f"{SWEEP}include:\n  - {included}\n  - {{timestep: 1.0e-3}}\n")
+    assert [row[rare] for row in found] == [None] * 6 + [0.5, None]
+    assert [row["drop_height"] for row in found[-2:]] == [0.2, None]
+    store = Store.open(sweeper.folder / "store")
+    assert [rare in record.settings for record in store.records()] == [False] * 6 + [True, False]
+
+
+def test_tolerances_and_the_latency_budget(sweeper: Any) -> None:
+    found = rows(sweeper, f"{SWEEP}tolerances: {{penetration_max: 0.005}}\nlatency_budget: 1.0\n")
+    for row in found:
+        assert row["tolerances_met"] == (row["penetration_max"] <= 0.005)
+        assert row["cost_latency_used"] == pytest.approx(row["cost_cpu_s"] / row["steps"])
+        assert row["cost_cpu_per_sim_s"] == pytest.approx(row["cost_cpu_s"] / row["duration"])
+    assert len({row["tolerances_met"] for row in found}) == 2

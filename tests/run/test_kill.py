@@ -1,0 +1,101 @@
+"""Killing a sweep from outside, at any moment, costs nothing but time."""
+
+import os
+import random
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.store import verify
+
+Until = Callable[[Callable[[], bool]], None]
+
+LONG = """
+version: 1
+scene: ball_drop
+duration: 0.5
+seeds: 100
+axes:
+  timestep: [1.0e-3, 1.5e-3, 2.0e-3, 3.0e-3]
+  drop_height: [0.1, 0.2, 0.3]
+  cone: [pyramidal, elliptic]
+"""
+RUNS = 2400
+
+
+@pytest.fixture(autouse=True)
+def _long(tmp_path: Path) -> None:
+    (tmp_path / "long.yaml").write_text(LONG)
+
+
+def size(path: Path) -> int:
+    return path.stat().st_size if path.exists() else 0
+
+
+@pytest.mark.slow
+def test_killed_ten_times(
+    command: Any, tmp_path: Path, until: Until, outcome: Callable[[Path], Any]
+) -> None:
+    seed = time.time_ns()
+    dice = random.Random(seed)  # noqa: S311
+    store, journal = tmp_path / "store", tmp_path / "store" / "journal.jsonl"
+    for _ in range(10):
+        before = size(journal)
+        process = command.start("sweep", "long.yaml", "-o", "store", "--workers", "2")
+        until(lambda before=before: size(journal) > before)
+        time.sleep(dice.uniform(0, 0.3))
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        assert not (store / "manifest.json").exists(), "the sweep is too short for this test"
+    code, _, err = command.run("sweep", "long.yaml", "-o", "store", "--workers", "2")
+    table, traces = outcome(store)
+    assert set(table["status_reason"]) == {None}, seed
+    assert (code, seed) == (0, seed), err
+    assert f"of {RUNS:,} runs are stored already" in err
+    assert verify(store) == [], seed
+    assert command.run("sweep", "long.yaml", "-o", "whole", "--workers", "2")[0] == 0
+    assert (table, traces) == outcome(tmp_path / "whole"), seed
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.2, 0.4])
+def test_interrupted_while_workers_start(
+    command: Any, tmp_path: Path, until: Until, delay: float
+) -> None:
+    """Ctrl-C reaches every process of the terminal, also those that are only just starting."""
+    process = command.start("sweep", "long.yaml", "-o", "store", "--workers", "2")
+    until((tmp_path / "store").exists)
+    time.sleep(delay)
+    os.killpg(process.pid, signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "Traceback" not in err
+    assert command.living(process.pid) == []
+
+
+def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> None:
+    limit = ("--limit", "100", "--workers", "2", "-o", "store")
+    process = command.start("sweep", "long.yaml", *limit)
+    until(lambda: size(tmp_path / "store" / "journal.jsonl") > 0)
+    os.killpg(process.pid, signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert (process.returncode, out) == (130, "")
+    assert err.splitlines()[-1] == "interrupted; the same command goes on where it stopped"
+    assert "Traceback" not in err
+    assert command.living(process.pid) == []
+    code, out, err = command.run("sweep", "long.yaml", *limit)
+    assert code == 0, err
+    assert "of 100 runs are stored already" in err
+    assert verify(tmp_path / "store") == []
+
+
+def test_workers_end_with_their_parent(command: Any, tmp_path: Path, until: Until) -> None:
+    process = command.start("sweep", "long.yaml", "-o", "store", "--workers", "2")
+    until(lambda: size(tmp_path / "store" / "journal.jsonl") > 0)
+    assert len(command.living(process.pid)) >= 4
+    process.kill()
+    process.communicate(timeout=60)
+    until(lambda: command.living(process.pid) == [])

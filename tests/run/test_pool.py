@@ -1,0 +1,160 @@
+"""A worker that dies takes with it what it was on, and nothing else."""
+
+import json
+import multiprocessing
+import os
+import signal
+from collections.abc import Sequence
+from pathlib import Path
+from textwrap import dedent
+from typing import Any
+
+import pytest
+
+from contactlab.run import Finished, Stop, pool
+from contactlab.run.job import Job, Lost, PlannedRun
+from contactlab.run.slot import Slot
+from contactlab.store import verify
+
+INNER: Any = pool
+FIRST: Job = (PlannedRun(0, "first", {}, 0),)
+SECOND: Job = (PlannedRun(1, "second", {}, 0),)
+
+# Python runs this before anything else, here in the process that workers are forked from.
+CULPRIT = """
+import os, signal, sys
+if "forkserver" in " ".join(sys.orig_argv):
+    from contactlab.run.worker import Worker
+    run = Worker.run
+
+    def deadly(self, job):
+        if any(each.index == 7 for each in job):
+            {death}
+        return run(self, job)
+
+    Worker.run = deadly
+"""
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
+def test_killing_workers_from_outside_loses_nothing(
+    sweeper: Any, ball: str, number: signal.Signals
+) -> None:
+    sweeper.run(ball, "quiet")
+    left = iter(range(3))
+
+    def kill_one(_: Sequence[Finished]) -> None:
+        if next(left, None) is not None:
+            os.kill(multiprocessing.active_children()[0].pid or 0, number)
+
+    sweeper.run(ball, workers=2, progress=kill_one)
+    assert next(left, None) is None
+    assert sweeper.outcome() == sweeper.outcome("quiet")
+    assert verify(sweeper.folder / "store") == []
+
+
+@pytest.mark.parametrize(
+    ("death", "reason"),
+    [
+        ("os.kill(os.getpid(), signal.SIGSEGV)", "the worker was ended by SIGSEGV"),
+        pytest.param("os.abort()", "the worker was ended by SIGABRT", marks=pytest.mark.slow),
+        ("os._exit(3)", "the worker exited with code 3"),
+    ],
+)
+def test_only_the_culprit_is_labelled(
+    command: Any, sweeper: Any, ball: str, tmp_path: Path, death: str, reason: str
+) -> None:
+    sweeper.run(ball, "quiet")
+    expected, traces = sweeper.outcome("quiet")
+    (tmp_path / "small.yaml").write_text(ball)
+    (tmp_path / "sitecustomize.py").write_text(dedent(CULPRIT).format(death=death))
+    code, out, err = command.run(
+        *("sweep", "small.yaml", "-o", "store", "--workers", "1", "--format", "json"),
+        first=tmp_path,
+    )
+    assert (code, err) == (4, "error: 1 of 18 runs crashed or ran out of time\n")
+    assert json.loads(out)["statuses"] == {"ok": 17, "crashed": 1}
+    found, found_traces = sweeper.outcome()
+    assert found["label"] == [*expected["label"][:7], "crashed", *expected["label"][8:]]
+    assert found["label_reason"][7] == found["status_reason"][7] == reason
+    assert found["trajectory_hash"][7] is None
+    others = [index for index in range(18) if index != 7]
+    assert [found["trajectory_hash"][index] for index in others] == [
+        expected["trajectory_hash"][index] for index in others
+    ]
+    del traces[expected["trace_file"][7]]
+    assert found_traces == traces
+    assert command.run("verify", "store")[0] == 0
+
+
+def test_a_slow_run_times_out(command: Any, stack: str, tmp_path: Path) -> None:
+    slow = stack.replace("duration: 0.1", "duration: 30\ntimeout: 0.05")
+    (tmp_path / "slow.yaml").write_text(slow)
+    only = ("--set", "seeds=1", "--set", "timestep=2e-3", "--only", "solver=Newton")
+    code, out, err = command.run(
+        *("sweep", "slow.yaml", "-o", "store", "--workers", "1", "--format", "json", *only)
+    )
+    assert (code, err) == (4, "error: 1 of 1 runs crashed or ran out of time\n")
+    summary = json.loads(out)
+    assert summary["labels"] == summary["statuses"] == {"timeout": 1}
+    (run_id,) = (json.loads(command.run("show", "store", "", "--format", "json")[1])["run_id"],)
+    record = json.loads(command.run("show", "store", run_id, "--format", "json")[1])
+    assert record["status_reason"].startswith("over 0.05 s: Stack (most recent call")
+
+
+class DeadProcess:
+    """A process that a signal ended."""
+
+    exitcode = -signal.SIGKILL
+
+    def join(self) -> None:
+        """Return at once."""
+
+
+@pytest.fixture
+def slot(tmp_path: Path) -> tuple[Any, Any]:
+    """A worker on its first job, and the worker's end of the pipe."""
+    ours, theirs = multiprocessing.Pipe()
+    process: Any = DeadProcess()
+    return Slot(process, ours, tmp_path / "marker", FIRST), theirs
+
+
+def results(slots: list[Any], queue: Any) -> list[Any]:
+    context: Any = None
+    task: Any = None
+    return list(INNER._next_results(context, task, slots, queue, Stop()))
+
+
+def test_a_worker_that_dies_between_jobs_loses_the_next(slot: tuple[Any, Any]) -> None:
+    worker, theirs = slot
+    slots = [worker]
+    theirs.send(["done"])
+    theirs.close()
+    queue = iter([SECOND])
+    assert results(slots, queue) == [["done"]]
+    assert results(slots, queue) == [
+        Lost(SECOND, "the worker was ended by SIGKILL", timed_out=False)
+    ]
+    assert slots == []
+
+
+def test_a_worker_that_dies_in_mid_message_loses_its_job(slot: tuple[Any, Any]) -> None:
+    worker, theirs = slot
+    os.write(theirs.fileno(), (1000).to_bytes(4, "big") + b"only the beginning")
+    theirs.close()
+    assert results([worker], iter(())) == [
+        Lost(FIRST, "the worker was ended by SIGKILL", timed_out=False)
+    ]
+
+
+def test_a_long_temporary_path_is_no_hindrance(
+    command: Any, ball: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Sockets take paths of 107 characters; those of batch systems may be longer by themselves."""
+    folder = tmp_path / ("job" * 30)
+    folder.mkdir()
+    monkeypatch.setenv("TMPDIR", str(folder))
+    (tmp_path / "small.yaml").write_text(ball)
+    code, _, err = command.run("sweep", "small.yaml", "-o", "store", "--workers", "1")
+    assert (code, err) == (0, "")
+    assert list(folder.iterdir()) == []

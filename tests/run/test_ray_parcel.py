@@ -1,0 +1,129 @@
+"""What is sent to nodes with a sweep, and what a process of a node does with it."""
+
+import os
+import pickle
+import signal
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.run.cluster import kept, parcel
+from contactlab.run.job import Lost, PlannedRun, Task
+from contactlab.scene import stored_scene
+from contactlab.store import ObjectAddress
+
+# Above what any system counts to.
+NO_PROCESS = 1 << 23
+
+
+@pytest.fixture
+def task(sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch) -> Task:
+    """The task of a small sweep, as its workers got it."""
+    taken: list[Task] = []
+    make = parcel_of_worker(taken)
+    monkeypatch.setattr("contactlab.run.worker.Worker.__init__", make)
+    with pytest.raises(AttributeError):
+        sweeper.run(ball)
+    return taken[0]
+
+
+def parcel_of_worker(taken: list[Task]) -> Any:
+    def init(_worker: Any, task: Task, *_: Any) -> None:
+        taken.append(task)
+
+    return init
+
+
+def test_nodes_that_see_the_store_read_the_scene_there(task: Task, tmp_path: Path) -> None:
+    assert parcel.unpacked(parcel.packed(task), tmp_path / "node") == task
+    assert not (tmp_path / "node").exists()
+
+
+def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path: Path) -> None:
+    far = replace(task, store=ObjectAddress("s3", "bucket", "prefix"))
+    sent = parcel.packed(far)
+    there = parcel.unpacked(sent, tmp_path / "node")
+    assert there == replace(far, scene_folder=there.scene_folder)
+    assert tmp_path / "node" in there.scene_folder.parents
+    hashes = {
+        stored_scene(folder, task.scene_model, task.scene).content.hash
+        for folder in (task.scene_folder, there.scene_folder)
+    }
+    assert len(hashes) == 1
+    assert parcel.unpacked(sent, tmp_path / "node") == there
+
+
+def test_folders_go_with_their_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("contactlab.run.cluster.parcel.gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    first = parcel.own_folder()
+    gone = Path(str(first).replace(f"-{os.getpid()}-", f"-{NO_PROCESS}-"))
+    (gone / "scene").mkdir(parents=True)
+    elsewhere = tmp_path / f"contactlab-of-another-{NO_PROCESS}-x"
+    elsewhere.mkdir()
+    second = parcel.own_folder()
+    assert set(tmp_path.iterdir()) == {first, second, elsewhere}
+
+
+INNER: Any = kept
+
+
+@pytest.fixture
+def process(task: Task) -> Iterator[Any]:
+    """Run a job of so many runs as a process of a node would."""
+
+    def run(runs: int, sweep: str = "one") -> Any:
+        values = {"timestep": 1e-3, "drop_height": 0.02}
+        job = tuple(PlannedRun(index, f"{index:016x}", values, 0) for index in range(runs))
+        return kept.run_kept(sweep, lambda: parcel.packed(task), pickle.dumps(job))
+
+    yield run
+    for worker in INNER._kept.values():
+        worker.end()
+    INNER._kept.clear()
+
+
+def number(token: str) -> int:
+    """Return the number of the process that is kept."""
+    (slot,) = INNER._kept[token]._slots
+    return slot.process.pid
+
+
+def test_a_worker_is_kept_between_jobs_of_one_sweep(process: Any) -> None:
+    assert [each.status for each in process(2)] == ["ok", "ok"]
+    first = number("one")
+    assert len(process(1)) == 1
+    assert number("one") == first
+    assert len(process(1, "another")) == 1
+    assert list(INNER._kept) == ["another"]
+    with pytest.raises(ProcessLookupError):
+        os.kill(first, 0)
+
+
+def test_a_worker_that_dies_loses_its_job_and_is_replaced(process: Any) -> None:
+    process(1)
+    os.kill(number("one"), signal.SIGKILL)
+    lost = process(1)
+    assert isinstance(lost, Lost)
+    assert (lost.reason, lost.timed_out) == ("the worker was ended by SIGKILL", False)
+    assert len(process(1)) == 1
+
+
+def test_a_job_that_is_called_back_ends_early(
+    process: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    unpickle = pickle.loads
+
+    def called_back(data: bytes) -> Any:
+        os.kill(os.getpid(), signal.SIGINT)
+        return unpickle(data)
+
+    process(1)
+    monkeypatch.setattr(pickle, "loads", called_back)
+    assert 1 <= len(process(2000)) < 2000
+    assert signal.getsignal(signal.SIGINT) is before
+    assert INNER._kept["one"]._slots == []

@@ -1,0 +1,62 @@
+"""The process that times stored runs on command."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+from contactlab.run import ask_for, run_sweep
+from contactlab.run.remeasuring import MOST_STEPS, course_of
+from contactlab.store import Store
+
+SWEEP = """\
+version: 1
+scene: ball_drop
+duration: 0.1
+trace: none
+axes: {timestep: [1.0e-3, 2.0e-3]}
+"""
+
+
+def test_it_times_runs_and_says_what_it_cannot(tmp_path: Path) -> None:
+    ask = ask_for(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    store = Store.open(tmp_path / "store")
+    ids = store.table["run_id"].to_pylist()
+    asked = [{"run": run, "repeats": 3} for run in (*ids, "nothing", ids[0])]
+    done = subprocess.run(
+        [sys.executable, "-m", "contactlab.run.remeasuring", str(store.path)],
+        input="".join(json.dumps(line) + "\n" for line in asked),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    assert done.stderr == ""
+    greeting, *answers = map(json.loads, done.stdout.splitlines())
+    assert greeting["engine"].startswith("mujoco ")
+    assert [each.get("steps") for each in answers] == [300, 150, None, 300]
+    assert all(each["seconds"] > 0 for each in answers if "seconds" in each)
+    assert "no run in" in answers[2]["error"]
+
+
+def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
+    ask = ask_for(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    store = Store.open(tmp_path / "store")
+    record = next(store.records())
+    course = course_of(store, record.run_id)
+    assert course.steps == record.steps
+    assert sum(course.lengths(MOST_STEPS)) == record.steps
+    assert course.model.opt.timestep == record.settings["timestep"]
+
+
+def test_no_store(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-m", "contactlab.run.remeasuring", str(tmp_path)],
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("error: ")

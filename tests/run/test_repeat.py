@@ -1,0 +1,44 @@
+"""The outcome of a sweep does not depend on who computes it, nor in what portions."""
+
+import multiprocessing
+from typing import Any
+
+import pytest
+
+from contactlab.run import jobs
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_workers_change_nothing(sweeper: Any, sweep_text: str, workers: int) -> None:
+    sweeper.run(sweep_text, "here", workers=0)
+    sweeper.run(sweep_text, "there", workers=workers)
+    assert sweeper.outcome("there") == sweeper.outcome("here")
+    assert multiprocessing.active_children() == []
+
+
+def test_portions_change_nothing(
+    sweeper: Any, sweep_text: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweeper.run(sweep_text, "usual")
+    usual = sweeper.outcome("usual")
+    for most in (1, 3):
+        monkeypatch.setattr(jobs, "MOST_RUNS", most)
+        sweeper.run(sweep_text, f"by{most}")
+        assert sweeper.outcome(f"by{most}") == usual
+
+
+def test_the_memory_bound_changes_nothing(
+    sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweeper.run(ball, "usual")
+    monkeypatch.setattr(jobs, "JOB_BYTES", 1)
+    sweeper.run(ball, "one by one")
+    assert sweeper.outcome("one by one") == sweeper.outcome("usual")
+
+
+def test_every_run_stands_once_and_in_plan_order(sweeper: Any, ball: str) -> None:
+    manifest = sweeper.run(ball, workers=2)
+    table, traces = sweeper.outcome()
+    assert manifest.runs == len(table["run_id"]) == len(set(table["run_id"])) == len(traces) == 18
+    assert table["index"] == list(range(18))
+    assert table["seed"] == [0, 1, 2] * 6

@@ -1,0 +1,177 @@
+"""A sweep that was stopped anywhere goes on, and ends as one that was not."""
+
+import json
+import multiprocessing
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.run import Finished, jobs
+from contactlab.store import verify, writer
+
+RUNS = 18
+
+
+class StopError(Exception):
+    """Ends a sweep from its progress callback."""
+
+
+def stop_after(portions: int) -> Callable[[Sequence[Finished]], None]:
+    """Return a progress callback that gives up after so many portions."""
+    left = iter(range(portions - 1))
+
+    def progress(finished: Sequence[Finished]) -> None:
+        del finished
+        if next(left, None) is None:
+            raise StopError
+
+    return progress
+
+
+@pytest.fixture
+def whole(sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """What comes of the sweep if nothing stops it; portions are of 2 runs."""
+    monkeypatch.setattr(jobs, "MOST_RUNS", 2)
+    sweeper.run(ball, "whole")
+    return sweeper.outcome("whole")
+
+
+@pytest.fixture
+def half(sweeper: Any, ball: str, whole: Any) -> Path:
+    """A store that was stopped after 4 of 9 portions."""
+    del whole
+    with pytest.raises(StopError):
+        sweeper.run(ball, progress=stop_after(4))
+    return sweeper.folder / "store"
+
+
+@pytest.mark.parametrize(("portions", "workers"), [(1, 0), (5, 0), (9, 0), (5, 2)])
+def test_stopped_by_an_error(
+    sweeper: Any, ball: str, whole: Any, portions: int, workers: int
+) -> None:
+    with pytest.raises(StopError):
+        sweeper.run(ball, workers=workers, progress=stop_after(portions))
+    assert multiprocessing.active_children() == []
+    assert not (sweeper.folder / "store" / "manifest.json").exists()
+    sweeper.run(ball, workers=workers)
+    assert sweeper.began == [(RUNS, 2 * portions)]
+    assert sweeper.outcome() == whole
+    assert verify(sweeper.folder / "store") == []
+
+
+def test_stopped_again_and_again(sweeper: Any, ball: str, whole: Any) -> None:
+    for _ in range(8):
+        with pytest.raises(StopError):
+            sweeper.run(ball, progress=stop_after(1))
+    sweeper.run(ball)
+    ((_, done),) = sweeper.began
+    assert done >= 8
+    assert sweeper.outcome() == whole
+
+
+def test_a_finished_sweep_runs_nothing(sweeper: Any, ball: str) -> None:
+    first = sweeper.run(ball)
+    before = (sweeper.folder / "store" / "runs.parquet").stat().st_mtime_ns
+    assert sweeper.run(ball) == first
+    assert sweeper.began == [(RUNS, RUNS)]
+    assert (sweeper.folder / "store" / "runs.parquet").stat().st_mtime_ns == before
+
+
+def test_a_torn_line_of_the_journal_is_run_again(
+    sweeper: Any, ball: str, whole: Any, half: Path
+) -> None:
+    journal = half / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes()[:-100])
+    sweeper.run(ball)
+    assert sweeper.began == [(RUNS, 7)]
+    assert sweeper.outcome() == whole
+
+
+def test_a_garbled_line_of_the_journal_is_run_again(
+    sweeper: Any, ball: str, whole: Any, half: Path
+) -> None:
+    journal = half / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join([*lines[:3], bytes(400) + b"\n", *lines[4:]]))
+    sweeper.run(ball)
+    assert sweeper.began == [(RUNS, 7)]
+    assert sweeper.outcome() == whole
+
+
+def test_half_written_files_are_removed(sweeper: Any, ball: str, whole: Any, half: Path) -> None:
+    trace = next((half / "traces").rglob("*.mcap"))
+    leftovers = [half / "runs.parquet.tmp", trace.with_name(trace.name + ".tmp")]
+    for leftover in leftovers:
+        leftover.write_bytes(b"half")
+    sweeper.run(ball)
+    assert not any(leftover.exists() for leftover in leftovers)
+    assert sweeper.outcome() == whole
+
+
+@pytest.mark.parametrize("keep", [None, 100], ids=["deleted", "truncated"])
+def test_a_lost_trace_is_run_again(
+    sweeper: Any, ball: str, whole: Any, half: Path, keep: int | None
+) -> None:
+    trace = min((half / "traces").rglob("*.mcap"))
+    if keep is None:
+        trace.unlink()
+    else:
+        trace.write_bytes(trace.read_bytes()[:keep])
+    sweeper.run(ball)
+    assert sweeper.began == [(RUNS, 7)]
+    assert sweeper.outcome() == whole
+    assert verify(half) == []
+
+
+def test_stopped_between_table_and_manifest(
+    sweeper: Any, ball: str, whole: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def stop(folder: Path) -> None:
+        raise StopError(folder)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(writer, "sync_filesystem", stop)
+        with pytest.raises(StopError):
+            sweeper.run(ball)
+    store = sweeper.folder / "store"
+    assert (store / "runs.parquet").exists()
+    assert not (store / "manifest.json").exists()
+    sweeper.run(ball)
+    assert sweeper.began == [(RUNS, RUNS)]
+    assert sweeper.outcome() == whole
+    assert verify(store) == []
+
+
+def test_a_journal_left_beside_the_manifest_goes(sweeper: Any, ball: str, whole: Any) -> None:
+    sweeper.run(ball)
+    journal = sweeper.folder / "store" / "journal.jsonl"
+    journal.write_bytes(b'{"run_id": "x"}\n')
+    sweeper.run(ball)
+    assert not journal.exists()
+    assert sweeper.outcome() == whole
+
+
+def test_stopped_before_the_identity_is_there(
+    sweeper: Any, ball: str, whole: Any, half: Path
+) -> None:
+    """The scene is copied first: a kill there leaves folders and a half-written identity."""
+    (half / "sweep.json").rename(half / "sweep.json.tmp")
+    (half / "journal.jsonl").unlink()
+    sweeper.run(ball)
+    assert not (half / "sweep.json.tmp").exists()
+    assert sweeper.outcome() == whole
+    assert verify(half) == []
+
+
+def test_traces_without_a_row_are_written_again(
+    sweeper: Any, ball: str, whole: Any, half: Path
+) -> None:
+    journal = half / "journal.jsonl"
+    first = journal.read_bytes().splitlines(keepends=True)[0]
+    journal.write_bytes(first)
+    (half / json.loads(first)["trace_file"]).with_suffix(".tmp").write_bytes(b"")
+    sweeper.run(ball)
+    assert sweeper.began == [(RUNS, 1)]
+    assert sweeper.outcome() == whole

@@ -1,0 +1,121 @@
+"""The timing pass: every run in turns, within bounds, with its work beside it."""
+
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab.engines import Course
+from contactlab.run import forecast, stopwatch
+from contactlab.schema import Timing
+
+TIMED = """
+version: 1
+scene: box_stack
+duration: 0.2
+seeds: 2
+axes:
+  boxes: [3]
+  integrator: [Euler, RK4]
+  timestep: [1.0e-3, 2.0e-3]
+trace: none
+checks: none
+timing: {rounds: 4}
+"""
+Rows = list[dict[str, Any]]
+
+
+def rows(sweeper: Any, name: str = "store") -> Rows:
+    return pq.read_table(sweeper.folder / name / "runs.parquet").to_pylist()
+
+
+def test_every_run_has_its_times_and_its_work(sweeper: Any) -> None:
+    sweeper.run(TIMED)
+    found = rows(sweeper)
+    assert len(found) == 8
+    for row in found:
+        assert all(row[name] is not None for name in Timing.model_fields)
+        assert 0 < row["time_min"] <= row["time_median"]
+        assert 0 < row["step_p50"] <= row["step_p99"]
+        assert row["compile_time"] > 0
+        assert row["work_steps"] == pytest.approx(1 / row["timestep"])
+        assert row["work_rows"] > row["work_contacts"] > row["work_steps"]
+        # The mean of the whole and the median of single steps, of a stack whose steps are even.
+        assert 0.4 < row["time_median"] * row["timestep"] / row["step_p50"] < 2.5
+        assert row["error_kind"] is None
+    assert len({row["timing_settings"] for row in found}) == 1
+
+
+def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
+    """RK4 evaluates the forces four times a step; interleaved, both see the same machine."""
+    sweeper.run(TIMED)
+    least = {
+        (row["integrator"], row["timestep"], row["seed"]): row["time_min"] for row in rows(sweeper)
+    }
+    for timestep in (1e-3, 2e-3):
+        ratio = least["RK4", timestep, 0] / least["Euler", timestep, 0]
+        assert ratio == pytest.approx(4, rel=0.3)
+    assert least["Euler", 1e-3, 0] / least["Euler", 2e-3, 0] == pytest.approx(2, rel=0.3)
+
+
+def test_work_repeats_and_settings_tell_rounds_apart(sweeper: Any) -> None:
+    sweeper.run(TIMED, "one")
+    sweeper.run(TIMED.replace("rounds: 4", "rounds: 3"), "two", workers=2)
+    one, two = (sweeper.outcome(name)[0] for name in ("one", "two"))
+    assert one.pop("timing_settings") != two.pop("timing_settings")
+    assert one == two
+
+
+def test_runs_take_turns_within_each_round(sweeper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """First a few steps of each run for its pace, then round by round, always in plan order."""
+    seen: list[tuple[int, float]] = []
+
+    def watched(course: Course, most: int, repeats: int) -> tuple[float, int]:
+        seen.append((course.model.opt.integrator, course.model.opt.timestep))
+        return 1e-4 * repeats * sum(course.lengths(most)), repeats * sum(course.lengths(most))
+
+    monkeypatch.setattr(stopwatch, "time_course", watched)
+    sweeper.run(TIMED)
+    assert len(set(seen)) == 4
+    assert seen == seen[:8] * 5
+    # A tenth of a millisecond a step: 1 s of steps of 1 ms each take 0.1 s.
+    assert sorted({round(row["time_min"], 9) for row in rows(sweeper)}) == [0.05, 0.1]
+
+
+@pytest.mark.parametrize(("cost", "steps"), [(1e-6, 200 * 50), (1e-4, 200), (1e-3, 8 * 13)])
+def test_neither_short_nor_long_runs_take_too_long(
+    sweeper: Any, monkeypatch: pytest.MonkeyPatch, cost: float, steps: int
+) -> None:
+    """At least 20 ms in a round, at most 50 times over; at most 0.1 s, from 8 places."""
+    made: list[int] = []
+
+    def watched(course: Course, most: int, repeats: int) -> tuple[float, int]:
+        made.append(repeats * sum(course.lengths(most)))
+        return cost * made[-1], made[-1]
+
+    monkeypatch.setattr(stopwatch, "time_course", watched)
+    sweeper.run(TIMED.replace("[1.0e-3, 2.0e-3]", "[1.0e-3]").replace("[Euler, RK4]", "[Euler]"))
+    assert set(made[2:]) == {steps}
+
+
+def test_the_plan_counts_what_passes_take(sweeper: Any) -> None:
+    asks = {
+        "plain": TIMED.replace("timing: {rounds: 4}", ""),
+        "timed": TIMED,
+        "held": TIMED.replace("timing: {rounds: 4}", "accuracy: {refine: 16}"),
+        "finer": TIMED.replace("timing: {rounds: 4}", "accuracy: {refine: 32}"),
+    }
+    told = {name: forecast(ask.plan, ask.scene, 1) for name, ask in _asks(sweeper, asks).items()}
+    assert told["plain"].accuracy_seconds == told["plain"].timing_seconds == 0
+    # At least 20 ms for each of 8 runs in each of 4 rounds.
+    assert told["timed"].timing_seconds >= 4 * 8 * 0.02
+    assert told["timed"].seconds[0] > told["timed"].timing_seconds
+    # Two seeds: two families, each with references of 200 * 16 and 200 * 32 steps of RK4.
+    assert told["held"].seconds[0] > told["held"].accuracy_seconds > 0
+    # Costs are measured anew for each; twice as fine takes twice as long.
+    ratio = told["finer"].accuracy_seconds / told["held"].accuracy_seconds
+    assert ratio == pytest.approx(2, rel=0.5)
+
+
+def _asks(sweeper: Any, texts: dict[str, str]) -> dict[str, Any]:
+    return {name: sweeper.ask(text, name) for name, text in texts.items()}

@@ -1,0 +1,229 @@
+"""Another version of the engine: how its environment is made, and what goes wrong clearly."""
+
+import importlib.util
+import os
+import shutil
+import stat
+import subprocess
+import sys
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from contactlab.errors import EngineError
+from contactlab.run import find_engine, installing, without_option
+from contactlab.store import Store
+
+HERE = version("mujoco")
+OTHER = "3.17.0" if HERE != "3.17.0" else "3.16.0"
+MAIN = [sys.executable, "-c", "from contactlab.commands.main import main; main()"]
+# Notes what it is told, and makes a Python that says what a real one would.
+UV = """#!/bin/sh
+echo "$@" >> "$NOTES"
+case "$1" in
+  venv)
+    for folder; do :; done
+    mkdir -p "$folder/bin"
+    cat > "$folder/bin/python" <<'END'
+#!/bin/sh
+case "$2" in *print*) echo VERSION; exit 0;; esac
+shift 2
+echo "arguments: $@"
+echo "path: $PYTHONPATH"
+echo "to stderr" >&2
+exit 7
+END
+    chmod +x "$folder/bin/python";;
+  pip) [ -z "$FAILS" ] || { echo "$FAILS" >&2; exit 2; };;
+esac
+"""
+Fake = Callable[..., "subprocess.CompletedProcess[str]"]
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache" / "contactlab"
+
+
+@pytest.fixture
+def notes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cache: Path) -> Path:
+    """Put an uv on the path that installs nothing."""
+    assert not cache.exists()
+    program = tmp_path / "bin" / "uv"
+    program.parent.mkdir()
+    program.write_text(UV.replace("VERSION", OTHER))
+    program.chmod(program.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setenv("PATH", str(program.parent), prepend=os.pathsep)
+    monkeypatch.setenv("NOTES", str(tmp_path / "notes"))
+    monkeypatch.setenv("FAILS", "")
+    return tmp_path / "notes"
+
+
+def run(*arguments: str, folder: Path) -> "subprocess.CompletedProcess[str]":
+    return subprocess.run(
+        [*MAIN, *arguments], cwd=folder, capture_output=True, text=True, check=False
+    )
+
+
+def test_uv_makes_the_environment(notes: Path) -> None:
+    told: list[str] = []
+    found = find_engine(OTHER, told.append)
+    assert found is not None
+    assert found.mujoco == OTHER
+    assert found.python.is_file()
+    made, installed = notes.read_text().splitlines()
+    assert made.startswith(f"venv --quiet --python {sys.executable} ")
+    assert installed.startswith("pip install --quiet --python ")
+    wanted = installed.split()
+    assert f"mujoco=={OTHER}" in wanted
+    assert wanted[wanted.index("--only-binary") + 1] == "mujoco"
+    # The rest is as it is here, so that nothing but the engine differs.
+    for name in ("numpy", "pyarrow", "pydantic", "scipy", "typer"):
+        assert f"{name}=={version(name)}" in wanted
+    assert len([each for each in wanted if each.startswith("mujoco==")]) == 1
+    assert len(told) == 1
+
+
+def test_it_is_made_once(notes: Path, cache: Path) -> None:
+    first = find_engine(OTHER, lambda _: None)
+    again = find_engine(OTHER, lambda _: pytest.fail("said that it is made again"))
+    assert again == first
+    assert len(notes.read_text().splitlines()) == 2
+    assert not list(cache.glob("new-*"))
+
+
+def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    made, installed = installing.commands(tmp_path, "3.9.0", ["numpy==2.2.0"])
+    assert made == [sys.executable, "-m", "venv", str(tmp_path)]
+    assert installed[:4] == [str(tmp_path / "bin" / "python"), "-m", "pip", "install"]
+    assert installed[-2:] == ["mujoco==3.9.0", "numpy==2.2.0"]
+
+
+def test_uv_as_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(shutil, "which", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
+    made, _ = installing.commands(tmp_path, "3.9.0", [])
+    assert made[:4] == [sys.executable, "-m", "uv", "venv"]
+
+
+@pytest.mark.parametrize("option", [["--mujoco", OTHER], [f"--mujoco={OTHER}"]])
+def test_the_other_one_takes_over(option: list[str], notes: Path, tmp_path: Path) -> None:
+    done = run("sweep", "bounce", *option, "--limit", "2", folder=tmp_path)
+    assert done.returncode == 7
+    arguments, path = done.stdout.splitlines()
+    assert arguments == f"arguments: sweep bounce --limit 2 -o results/bounce-{OTHER}"
+    assert done.stderr.endswith("to stderr\n")
+    linked = Path(path.removeprefix("path: "))
+    # Nothing but this very code can be imported from there.
+    own = {"contactlab", f"contactlab-{version('contactlab')}.dist-info"}
+    assert {each.name for each in linked.iterdir()} == own
+    assert (linked / "contactlab" / "py.typed").is_file()
+    assert notes.is_file()
+
+
+@pytest.mark.usefixtures("notes")
+def test_a_store_that_is_named_stays_so(tmp_path: Path) -> None:
+    done = run("sweep", "bounce", "-o", "mine", "--mujoco", OTHER, folder=tmp_path)
+    assert done.stdout.splitlines()[0] == "arguments: sweep bounce -o mine"
+    done = run("stability", "tower_20", "--mujoco", OTHER, folder=tmp_path)
+    expected = f"arguments: stability tower_20 -o results/stability-{OTHER}"
+    assert done.stdout.splitlines()[0] == expected
+
+
+def test_the_engine_of_this_process_needs_no_other(notes: Path) -> None:
+    assert find_engine(HERE, lambda _: None) is None
+    assert not notes.exists()
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ("Because there is no version of mujoco==3.17.0 and you", "there is no MuJoCo"),
+        ("ERROR: No matching distribution found for mujoco==3.17.0", "there is no MuJoCo"),
+        ("Because mujoco==3.3.0 has no wheels with a matching Python", "there is no MuJoCo"),
+        ("error sending request for url; dns error", "no connection to the package index"),
+        (
+            "Temporary failure in name resolution\nNo matching distribution found for mujoco",
+            "no co",
+        ),
+        ("Because mujoco==3.17.0 depends on numpy<2", "beside what contactlab needs"),
+    ],
+)
+def test_what_cannot_be_installed(
+    said: str, message: str, notes: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("FAILS", said)
+    with pytest.raises(EngineError) as caught:
+        find_engine(OTHER, lambda _: None)
+    assert message in str(caught.value)
+    assert said.splitlines()[-1] in str(caught.value)
+    assert "--mujoco the path of a Python" in str(caught.value)
+    # Nothing half made is left, so that the next try starts anew.
+    assert list(cache.glob("mujoco-*")) == []
+    assert notes.is_file()
+
+
+@pytest.mark.parametrize(
+    ("asked", "message"),
+    [
+        ("2.3.7", "runs on MuJoCo 3.3.0 and newer"),
+        ("5.0.0", "below 5"),
+        ("nowhere/python", "neither a version of MuJoCo"),
+        ("latest", "neither a version of MuJoCo"),
+    ],
+)
+def test_what_is_no_engine(asked: str, message: str, cache: Path) -> None:
+    with pytest.raises(EngineError, match=message):
+        find_engine(asked, lambda _: None)
+    assert not cache.exists()
+
+
+def test_a_mistake_is_one_line(cache: Path, tmp_path: Path) -> None:
+    done = run("sweep", "bounce", "--mujoco", "2.3.7", folder=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: contactlab runs on MuJoCo 3.3.0 and newer")
+    assert len(done.stderr.splitlines()) == 1
+    assert not cache.exists()
+
+
+def test_a_python_without_mujoco(cache: Path, tmp_path: Path) -> None:
+    bare = tmp_path / "python"
+    bare.write_text(f'#!/bin/sh\nexec "{Path(sys.executable).resolve()}" -S "$@"\n')
+    bare.chmod(0o755)
+    with pytest.raises(EngineError, match="No module named 'mujoco'") as caught:
+        find_engine(str(bare), lambda _: None)
+    assert "it needs: mujoco" in str(caught.value)
+    assert cache.exists()
+
+
+def test_a_python_that_is_given(cache: Path) -> None:
+    found = find_engine(sys.executable, lambda _: None)
+    assert found is not None
+    assert (found.python, found.mujoco) == (Path(sys.executable), HERE)
+    assert list(cache.glob("mujoco-*")) == []
+
+
+def test_options_are_taken_out() -> None:
+    given = ["sweep", "x", "--mujoco", "3.9.0", "--set", "a=1", "--mujoco=3.8.0"]
+    assert without_option(given, "--mujoco") == ["sweep", "x", "--set", "a=1"]
+
+
+@pytest.mark.slow
+def test_bounce_under_another_version(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    options = ("--limit", "6", "--workers", "1", "-o", "store")
+    done = run("sweep", "bounce", "--mujoco", "3.11.0", *options, folder=tmp_path)
+    if "cannot download" in done.stderr or "there is no MuJoCo" in done.stderr:
+        pytest.skip(done.stderr)
+    assert done.returncode == 0, done.stderr
+    assert "6 runs, 6 traces in store" in done.stdout
+    store = Store.open(tmp_path / "store")
+    assert {record.engine.version for record in store.records()} == {"3.11.0"}
+    assert all(record.cost and record.cost.cpu_s > 0 for record in store.records())
+    again = run("sweep", "bounce", "--mujoco", "3.11.0", *options, folder=tmp_path)
+    assert "6 of 6 runs are stored already" in again.stderr

@@ -1,0 +1,236 @@
+"""Records made by hand, and stores of them with small traces."""
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.contact import Trace
+from contactlab.schema import (
+    Cost,
+    Engine,
+    EvidenceRecord,
+    Host,
+    InitialState,
+    PairRecord,
+    Provenance,
+    StoreManifest,
+    SweepIdentity,
+    TraceFile,
+)
+from contactlab.store import (
+    SHARED,
+    Column,
+    StoreWriter,
+    axis_column,
+    metric_column,
+    struct_column,
+    to_row,
+    writing,
+)
+from contactlab.store.mcap import TraceExtras, write_trace
+
+STEPS = 4
+PROVENANCE = Provenance(
+    contactlab="0.1.0",
+    git_revision=None,
+    python="3.11",
+    numpy="2",
+    host=Host(cpu_model="cpu", cpu_flags="f", cores=2, os="Linux"),
+)
+ENGINE = Engine(name="mujoco", version="4.0.0")
+UNITS = {"depth": "m", "gain": "1"}
+
+
+@dataclass
+class SceneFile:
+    """A scene of one file."""
+
+    text: str = "<mujoco/>"
+
+    def copy_to(self, folder: Path) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "scene.xml").write_text(self.text)
+
+
+def make_record(index: int = 0, **changes: Any) -> EvidenceRecord:
+    """Return the record of a stable run, and the changes."""
+    plain = EvidenceRecord(
+        run_id=f"{index:016x}",
+        index=index,
+        sweep="tried",
+        scene="ball",
+        scene_hash="abc",
+        engine=ENGINE,
+        axes={"timestep": 1e-3 * (index + 1)},
+        settings={"timestep": 1e-3 * (index + 1), "cone": "elliptic", "solref": (0.02, 1.0)},
+        effects={"refsafe": True},
+        pairs={
+            "floor-ball": PairRecord(
+                condim=3,
+                friction=(1, 1, 0.005, 1e-4, 1e-4),
+                solref=(0.02, 1),
+                solimp=(0.9, 0.95, 1e-3, 0.5, 2),
+                margin=0,
+                gap=0,
+            )
+        },
+        edited_geoms=("ball",),
+        seed=index,
+        initial=InitialState(qpos=(0.0,), qvel=(0.0,)),
+        duration=STEPS * 1e-3,
+        status="ok",
+        status_reason=None,
+        steps=STEPS,
+        steps_asked=STEPS,
+        warnings={},
+        metrics={"depth": 1e-3, "gain": None},
+        metric_versions={"depth": 1, "gain": 1},
+        units=UNITS,
+        label="stable",
+        labels=(),
+        expected=None,
+        expectation_met=None,
+        expectation_reason=None,
+        tolerances_met=None,
+        trajectory_hash="0" * 32,
+        provenance=PROVENANCE,
+        cost=Cost(cpu_s=1.0, cpu_per_sim_s=2.0, latency_budget_s=None, latency_used=None),
+        started="2026-01-01T00:00:00.000+00:00",
+        finished="2026-01-01T00:00:01.000+00:00",
+    )
+    return plain.model_copy(update=changes)
+
+
+def shared(record: EvidenceRecord) -> dict[str, Any]:
+    """Return what a store keeps once for all of its runs."""
+    return {name: getattr(record, name) for name in SHARED}
+
+
+def columns(records: Sequence[EvidenceRecord]) -> list[Column]:
+    """Return the columns of records beside the fixed ones."""
+    names = dict.fromkeys(name for record in records for name in record.axes)
+    axes = [
+        axis_column(
+            name,
+            [record.axes[name] for record in records if name in record.axes],
+            "s",
+            f"what {name} is",
+        )
+        for name in names
+    ]
+    metrics = [metric_column(name, unit, f"what {name} is") for name, unit in UNITS.items()]
+    settings = {name: value for record in records for name, value in record.settings.items()}
+    structs = [struct_column("settings", settings), struct_column("effects", records[0].effects)]
+    return [*axes, *metrics, *structs]
+
+
+def identity(runs: int, **changes: Any) -> SweepIdentity:
+    plain = SweepIdentity(
+        name="tried",
+        source="version: 1\n",
+        overrides=(),
+        resolved={},
+        scene="ball",
+        scene_hash="abc",
+        scene_model="scene.xml",
+        engine=ENGINE,
+        metric_versions={"depth": 1, "gain": 1},
+        runs_asked=runs,
+        plan_hash="p",
+    )
+    return plain.model_copy(update=changes)
+
+
+def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
+    """Write a run's trace, a body at rest, and return its record with it."""
+    zeros = np.zeros((1, STEPS))
+    counts = zeros.astype(np.int32)
+    trace = Trace(
+        timestep=np.full(1, 1e-3),
+        steps_asked=STEPS,
+        time=np.linspace(0, STEPS * 1e-3, STEPS + 1)[None],
+        qpos=np.zeros((1, STEPS + 1, 1)),
+        qvel=np.zeros((1, STEPS + 1, 1)),
+        kinetic=zeros,
+        potential=zeros,
+        contacts=counts,
+        least_distance=zeros,
+        iterations=counts,
+        iterations_most=counts,
+        momentum=None,
+        spin=None,
+        pairs=(),
+        warnings=({},),
+    )
+    file = f"traces/{record.run_id[-2:]}/{record.run_id}.mcap"
+    path = store / file
+    path.parent.mkdir(parents=True, exist_ok=True)
+    extras = TraceExtras(record.model_dump_json().encode(), b'{"type":"object"}', {}, b"<mujoco/>")
+    summary = write_trace(path, trace, 0, [], extras)
+    stored = TraceFile(
+        file=file, sha256=summary.sha256, bytes=summary.size, messages=dict(summary.messages)
+    )
+    return record.model_copy(update={"trace": stored})
+
+
+def write_store(path: Path, records: Sequence[EvidenceRecord]) -> StoreManifest:
+    """Write a store of runs with their traces; those that were lost left none."""
+    lost = {"crashed", "timeout"}
+    with writing(path, identity(len(records)), SceneFile(), fresh=False) as store:
+        assert isinstance(store, StoreWriter)
+        written = [each if each.status in lost else write_run(path, each) for each in records]
+        store.append([encode(record) for record in written])
+        return store.finish(columns(records), shared(records[0]), PROVENANCE)
+
+
+def encode(record: EvidenceRecord) -> bytes:
+    """Return a record as a line of the journal."""
+    return json.dumps(to_row(record)).encode()
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Path:
+    """A sound store of three runs."""
+    path = tmp_path / "store"
+    write_store(path, [make_record(index) for index in range(3)])
+    return path
+
+
+@pytest.fixture(scope="session")
+def store_of() -> Callable[[Path, Sequence[EvidenceRecord]], StoreManifest]:
+    return write_store
+
+
+@pytest.fixture(scope="session")
+def record_of() -> Callable[..., EvidenceRecord]:
+    return make_record
+
+
+@pytest.fixture(scope="session")
+def identity_of() -> Callable[..., SweepIdentity]:
+    return identity
+
+
+@pytest.fixture(scope="session")
+def columns_of() -> Callable[..., list[Column]]:
+    return columns
+
+
+@pytest.fixture(scope="session")
+def shared_part() -> Callable[..., dict[str, Any]]:
+    return shared
+
+
+@pytest.fixture(scope="session")
+def scene_file() -> SceneFile:
+    return SceneFile()
+
+
+@pytest.fixture(scope="session")
+def write_run_to() -> Callable[[Path, EvidenceRecord], EvidenceRecord]:
+    return write_run

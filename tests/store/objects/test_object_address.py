@@ -1,0 +1,75 @@
+"""Addresses of stores: what they mean, what they are not, and which storage they lead to."""
+
+import pickle
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.errors import OutputError
+from contactlab.store import SCHEMES, ObjectAddress, located
+from contactlab.store.objects import connect
+
+NAMES = st.text("abcdefghij0123456789-_. ", min_size=1, max_size=12).filter(
+    lambda name: name not in {".", ".."}
+)
+
+
+@given(st.sampled_from(SCHEMES), NAMES, st.lists(NAMES, min_size=1, max_size=4))
+def test_text_and_back(scheme: str, bucket: str, parts: list[str]) -> None:
+    text = f"{scheme}://{bucket}/{'/'.join(parts)}"
+    address = located(text)
+    assert address == ObjectAddress(scheme, bucket, "/".join(parts))
+    assert str(address) == text
+    assert located(text + "/") == address
+    assert located(address) == address
+    assert address.name == parts[-1]
+    assert str(address / "runs.parquet") == f"{text}/runs.parquet"
+    assert pickle.loads(pickle.dumps(address)) == address  # noqa: S301 - our own
+
+
+@pytest.mark.parametrize("text", ["results/bounce", "/a/b", ".", "a:b/c", "s3:/bucket/a", "../s3"])
+def test_paths_stay_paths(text: str) -> None:
+    assert located(text) == Path(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("s3://", "BUCKET/PREFIX"),
+        ("s3://bucket", "BUCKET/PREFIX"),
+        ("s3://bucket/", "BUCKET/PREFIX"),
+        ("s3:///prefix", "BUCKET/PREFIX"),
+        ("s3://bucket/a//b", "BUCKET/PREFIX"),
+        ("gs://bucket/../b", "BUCKET/PREFIX"),
+        ("http://host/bucket", "s3://, gs://, az://"),
+    ],
+)
+def test_no_address(text: str, said: str) -> None:
+    with pytest.raises(OutputError, match=said) as raised:
+        located(text)
+    assert text in str(raised.value)
+
+
+@pytest.mark.parametrize(
+    ("scheme", "kind"), [("s3", "S3Store"), ("gs", "GCSStore"), ("az", "AzureStore")]
+)
+def test_each_scheme_has_its_storage(
+    scheme: str, kind: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nothing is asked of a network before an object is."""
+    store = pytest.importorskip("obstore.store", reason="obstore is an extra")
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_NAME", "account")
+    monkeypatch.setenv("AZURE_STORAGE_ACCOUNT_KEY", "a2V5")
+    made: Any = connect(ObjectAddress(scheme, "bucket", "a/b"), OutputError).store
+    assert isinstance(made, getattr(store, kind))
+    assert made.prefix == "a/b"
+
+
+def test_azure_without_account(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("obstore", reason="obstore is an extra")
+    monkeypatch.delenv("AZURE_STORAGE_ACCOUNT_NAME", raising=False)
+    with pytest.raises(OutputError, match="no credentials; set AZURE_STORAGE_ACCOUNT_NAME"):
+        connect(ObjectAddress("az", "container", "a"), OutputError)

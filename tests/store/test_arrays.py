@@ -1,0 +1,69 @@
+"""The table as arrays says the same as the table as rows."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.errors import StoreError
+from contactlab.store import RunColumns, Store, to_row
+from contactlab.store.table import write_table
+
+
+def test_columns_are_the_rows(store: Path) -> None:
+    opened = Store.open(store)
+    rows, columns = opened.table.to_pylist(), opened.columns
+    assert columns.runs == len(rows) == 3
+    assert columns.axis_names == ("timestep",)
+    numbers = columns.numbers("depth")
+    assert numbers.values.tolist() == [row["depth"] for row in rows]
+    assert numbers.given.all()
+    nothing = columns.numbers("gain")
+    assert np.isnan(nothing.values).all()
+    assert not nothing.given.any()
+    codes, words = columns.words("label")
+    assert [words[code] for code in codes] == [row["label"] for row in rows]
+    assert columns.words("status_reason").codes.tolist() == [-1, -1, -1]
+    assert columns.keys("run_id").tolist() == [row["run_id"].encode() for row in rows]
+    assert columns.identify([2, 0]) == [
+        {name: rows[place][name] for name in ("run_id", "seed", "timestep")} for place in (2, 0)
+    ]
+    assert columns.listed(["label", "index"]) == {
+        name: [row[name] for row in rows] for name in ("label", "index")
+    }
+
+
+def test_truth_values_are_numbers(store: Path) -> None:
+    columns = Store.open(store).columns
+    assert columns.is_number("expectation_met")
+    assert not columns.numbers("expectation_met").given.any()
+    assert not columns.is_number("label")
+
+
+def test_word_sets_are_masks(
+    tmp_path: Path, record_of: Callable[..., Any], columns_of: Any, shared_part: Any
+) -> None:
+    labels = [["tunneling", "chatter"], [], ["chatter"]]
+    records = [record_of(index) for index in range(3)]
+    rows = [to_row(each) | {"labels": found} for each, found in zip(records, labels, strict=True)]
+    journal = tmp_path / "rows"
+    journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    write_table(journal, tmp_path / "runs.parquet", columns_of(records), shared_part(records[0]))
+    masks, words = RunColumns(tmp_path).word_sets("labels")
+    found = [[word for bit, word in enumerate(words) if mask >> bit & 1] for mask in masks]
+    assert [sorted(each) for each in found] == [sorted(each) for each in labels]
+
+
+def test_only_what_is_measured_says_which_way_is_better(store: Path) -> None:
+    measured = Store.open(store).columns.measured
+    assert {"depth", "gain", "cost_cpu_per_sim_s"} <= set(measured)
+    assert not {"timestep", "seed", "label", "duration"} & set(measured)
+    assert measured["cost_cpu_per_sim_s"].better == "lower"
+
+
+def test_no_such_column(store: Path) -> None:
+    with pytest.raises(StoreError, match=r"runs\.parquet has no column 'dept'"):
+        Store.open(store).columns.numbers("dept")

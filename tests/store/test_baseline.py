@@ -1,0 +1,75 @@
+"""A baseline is a store without traces, which says so, verifies and is replaced in one step."""
+
+from pathlib import Path
+
+import pytest
+
+from contactlab.errors import OutputError, StoreError
+from contactlab.store import Store, verify, write_baseline
+
+
+def files(folder: Path) -> set[str]:
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix() for path in found}
+
+
+def test_a_baseline_has_all_but_the_traces(store: Path, tmp_path: Path) -> None:
+    target = tmp_path / "deep" / "baseline"
+    manifest = write_baseline(store, target)
+    assert manifest.traces_left_out
+    assert files(target) == {"manifest.json", "sweep.json", "runs.parquet", "scenes/abc/scene.xml"}
+    assert verify(target) == []
+    assert verify(target, thorough=False) == []
+    assert list(Store.open(target).records()) == list(Store.open(store).records())
+
+
+def test_its_columns_still_say_what_they_measure(store: Path, tmp_path: Path) -> None:
+    write_baseline(store, tmp_path / "baseline")
+    before, after = (Store.open(path).columns for path in (store, tmp_path / "baseline"))
+    assert dict(after.measured) == dict(before.measured)
+    assert after.shared == before.shared
+
+
+def test_its_traces_are_not_missing_but_left_out(store: Path, tmp_path: Path) -> None:
+    write_baseline(store, tmp_path / "baseline")
+    opened = Store.open(tmp_path / "baseline")
+    with pytest.raises(StoreError, match="is a baseline without traces"):
+        opened.trace(next(opened.records()))
+
+
+def test_a_trace_in_a_baseline_belongs_to_no_run(store: Path, tmp_path: Path) -> None:
+    write_baseline(store, tmp_path / "baseline")
+    trace = next(store.rglob("*.mcap"))
+    stray = tmp_path / "baseline" / trace.relative_to(store)
+    stray.parent.mkdir(parents=True)
+    stray.write_bytes(trace.read_bytes())
+    (problem,) = verify(tmp_path / "baseline")
+    assert problem.endswith("belongs to no run")
+
+
+def test_an_earlier_baseline_is_replaced_whole(store: Path, tmp_path: Path) -> None:
+    target = tmp_path / "baseline"
+    write_baseline(store, target)
+    (target / "scenes" / "abc" / "old.xml").write_text("left from before")
+    write_baseline(store, target)
+    assert verify(target) == []
+    assert "scenes/abc/old.xml" not in files(target)
+    assert {path.name for path in tmp_path.iterdir()} == {"store", "baseline"}
+
+
+def test_nothing_else_is_replaced(store: Path, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="is the store itself"):
+        write_baseline(store, store)
+    strange = tmp_path / "strange"
+    strange.mkdir()
+    (strange / "thesis.tex").write_text("")
+    with pytest.raises(OutputError, match="is no baseline, so it is not replaced"):
+        write_baseline(store, strange)
+    assert files(strange) == {"thesis.tex"}
+
+
+def test_a_broken_store_makes_no_baseline(store: Path, tmp_path: Path) -> None:
+    next(store.rglob("*.mcap")).unlink()
+    with pytest.raises(StoreError, match=r"is not sound: .*: missing"):
+        write_baseline(store, tmp_path / "baseline")
+    assert not (tmp_path / "baseline").exists()

@@ -1,0 +1,146 @@
+"""A journal of any length is read line by line, and the table written part by part."""
+
+import json
+import tracemalloc
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.json
+import pyarrow.parquet as pq
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from contactlab.schema import EvidenceRecord
+from contactlab.store import ordering, table, to_row
+from contactlab.store.columns import table_schema
+from contactlab.store.journal import JOURNAL, mend_journal
+from contactlab.store.table import write_table
+
+Write = Callable[[int], Path]
+RUNS = 60
+
+
+@pytest.fixture(scope="module")
+def lines(record_of: Callable[..., EvidenceRecord]) -> list[bytes]:
+    rows = [to_row(record_of(index, label=f"label{index % 7}")) for index in range(RUNS)]
+    return [json.dumps(row).encode() + b"\n" for row in rows]
+
+
+@pytest.fixture
+def write(
+    tmp_path: Path,
+    lines: list[bytes],
+    record_of: Callable[..., EvidenceRecord],
+    columns_of: Callable[..., Any],
+    shared_part: Callable[..., Any],
+) -> Write:
+    """Write the table of all lines, in an order that a seed draws."""
+    records = [record_of(index) for index in range(RUNS)]
+
+    def of(seed: int) -> Path:
+        order = np.random.default_rng(seed).permutation(RUNS)
+        journal, target = tmp_path / JOURNAL, tmp_path / f"{seed}.parquet"
+        journal.write_bytes(b"".join(lines[place] for place in order))
+        write_table(journal, target, columns_of(records), shared_part(records[0]))
+        return target
+
+    return of
+
+
+def at_once(journal: Path, schema: pa.Schema) -> pa.Table:
+    """Return a journal's rows by index, all read at once."""
+    options = pyarrow.json.ParseOptions(explicit_schema=schema)
+    read = pyarrow.json.read_json(journal, parse_options=options)
+    return read.select(schema.names).sort_by("index").cast(schema)
+
+
+@pytest.mark.parametrize(("group", "block"), [(1 << 16, 8 << 20), (7, 1), (25, 10_000), (60, 1)])
+def test_a_table_in_parts_is_the_table(
+    write: Write,
+    columns_of: Callable[..., Any],
+    record_of: Callable[..., EvidenceRecord],
+    group: int,
+    block: int,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(table, "_GROUP", group)
+    monkeypatch.setattr(ordering, "_BLOCK", block)
+    path = write(0)
+    schema = table_schema(columns_of([record_of(index) for index in range(RUNS)]))
+    expected = at_once(path.with_name(JOURNAL), schema)
+    assert pq.read_table(path).equals(expected)
+    file = pq.ParquetFile(path)
+    sizes = [file.metadata.row_group(each).num_rows for each in range(file.num_row_groups)]
+    assert sizes == [min(group, RUNS - first) for first in range(0, RUNS, group)]
+
+
+def test_the_table_does_not_depend_on_the_order_in_which_runs_finished(write: Write) -> None:
+    assert len({write(seed).read_bytes() for seed in range(3)}) == 1
+
+
+def test_nor_on_how_much_is_read_at_once(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = write(0).read_bytes()
+    monkeypatch.setattr(ordering, "_BLOCK", 5000)
+    assert write(0).read_bytes() == whole
+
+
+def line(run: int, tail: bytes = b"\n") -> bytes:
+    row = {"run_id": f"{run:016x}", "index": run, "trace_file": None}
+    return json.dumps(row).encode() + tail
+
+
+PIECES = st.one_of(
+    st.integers(0, 20).map(line),
+    st.integers(0, 20).map(lambda run: line(run)[:-5] + b"\n"),
+    st.just(b"\x00" * 9 + b"\n"),
+)
+
+
+def slowly_mended(text: bytes, is_whole: Callable[[Mapping[str, Any]], bool]) -> list[bytes]:
+    """Return the lines that stay: whole ones of whole runs, the first of each."""
+    stay: dict[str, bytes] = {}
+    for each in text.splitlines(keepends=True):
+        try:
+            row = json.loads(each)
+        except ValueError:
+            continue
+        if each.endswith(b"\n") and is_whole(row):
+            stay.setdefault(row["run_id"], each)
+    return list(stay.values())
+
+
+@settings(deadline=None)
+@given(pieces=st.lists(PIECES, max_size=12), torn=st.sampled_from([b"", line(99, b""), b'{"ru']))
+def test_a_mended_journal_has_each_whole_run_once(
+    pieces: list[bytes], torn: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    store = tmp_path_factory.mktemp("store")
+    text = b"".join(pieces) + torn
+    (store / JOURNAL).write_bytes(text)
+
+    def is_whole(row: Mapping[str, Any]) -> bool:
+        return row["index"] % 5 != 0
+
+    stay = slowly_mended(text, is_whole)
+    assert mend_journal(store, is_whole) == {json.loads(each)["run_id"] for each in stay}
+    assert (store / JOURNAL).read_bytes() == b"".join(stay)
+
+
+def test_mending_holds_ids_and_no_rows(tmp_path: Path, lines: list[bytes]) -> None:
+    rest = lines[0].partition(b",")[2]
+    with (tmp_path / JOURNAL).open("wb") as journal:
+        journal.writelines(b'{"run_id":"%016x",' % run + rest for run in range(3000))
+    tracemalloc.start()
+    kept = mend_journal(tmp_path, lambda _: True)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(kept) == 3000
+    # An id is a string of 65 bytes; a set has up to 8 slots of 16 bytes for each of its members,
+    # and while it grows a second table a quarter as large; a flag is a byte. Beside them: one line
+    # with its row, at most ten times its text, and buffers.
+    assert peak < 3000 * (65 + 16 * 8 * 1.25 + 2) + 10 * len(lines[0]) + 300_000
+    assert peak < 3000 * len(lines[0]) / 3

@@ -1,0 +1,142 @@
+"""A sound store has no problems; every planted damage is found, and named."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.errors import StoreError
+from contactlab.schema import EvidenceRecord
+from contactlab.store import Store, sha256_of, to_row, verify
+from contactlab.store.table import write_table
+
+TRACE = "traces/01/0000000000000001.mcap"
+
+
+def flip(path: Path) -> None:
+    """Change one byte in the middle of a file."""
+    data = bytearray(path.read_bytes())
+    data[len(data) // 2] ^= 1
+    path.write_bytes(data)
+
+
+def test_a_sound_store(store: Path) -> None:
+    assert verify(store) == []
+
+
+@pytest.mark.parametrize("name", ["runs.parquet", "sweep.json", "scenes/abc/scene.xml", TRACE])
+def test_a_changed_byte(store: Path, name: str) -> None:
+    flip(store / name)
+    assert f"{name}: changed since it was written" in verify(store)
+
+
+@pytest.mark.parametrize("name", ["sweep.json", "scenes/abc/scene.xml", TRACE])
+def test_a_missing_file(store: Path, name: str) -> None:
+    (store / name).unlink()
+    assert verify(store) == [f"{name}: missing"]
+
+
+def test_a_missing_table(store: Path) -> None:
+    (store / "runs.parquet").unlink()
+    assert "runs.parquet: missing" in verify(store)
+
+
+def test_a_trace_of_no_run(store: Path) -> None:
+    (store / "traces/ff").mkdir()
+    (store / TRACE).rename(store / "traces/ff/ff.mcap")
+    assert verify(store) == [f"{TRACE}: missing", "traces/ff/ff.mcap: belongs to no run"]
+
+
+@pytest.mark.parametrize("name", ["runs.parquet.tmp", TRACE + ".tmp"])
+def test_a_leftover(store: Path, name: str) -> None:
+    (store / name).write_bytes(b"half")
+    assert verify(store) == [f"{name}: left over from an interrupted write"]
+
+
+def test_a_leftover_journal(store: Path) -> None:
+    (store / "journal.jsonl").write_bytes(b"{}\n")
+    assert verify(store) == ["journal.jsonl: left over from an interrupted write"]
+
+
+@pytest.mark.parametrize(
+    ("name", "said", "problem"),
+    [
+        ("runs", 4, "runs is 4, but runs.parquet has 3"),
+        ("labels", {"stable": 2, "chatter": 1}, "labels is"),
+        ("statuses", {"ok": 2}, "statuses is {'ok': 2}, but runs.parquet has {'ok': 3}"),
+        ("traces", 2, "traces is 2, but runs.parquet has 3"),
+        ("expectations", {}, "expectations is {}, but runs.parquet has {'none': 3}"),
+    ],
+)
+def test_a_changed_count(store: Path, name: str, said: object, problem: str) -> None:
+    path = store / "manifest.json"
+    path.write_text(json.dumps(json.loads(path.read_text()) | {name: said}))
+    assert verify(store)[0].startswith(f"manifest.json: {problem}")
+
+
+def test_runs_that_are_not_all_there(
+    store: Path, record_of: Callable[..., EvidenceRecord], columns_of: Any, shared_part: Any
+) -> None:
+    """A table of two runs, hashed as it is, in a store that was asked for three."""
+    rows = [to_row(record) for record in Store.open(store).records()][:2]
+    journal = store / "rows"
+    journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
+    records = [record_of(0), record_of(1)]
+    write_table(journal, store / "runs.parquet", columns_of(records), shared_part(records[0]))
+    path = store / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest |= {"runs": 2, "labels": {"stable": 2}, "statuses": {"ok": 2}, "traces": 2}
+    manifest |= {"expectations": {"none": 2}}
+    manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
+    path.write_text(json.dumps(manifest))
+    assert verify(store) == [
+        "manifest.json: 2 runs, but 3 were asked for",
+        "traces/02/0000000000000002.mcap: belongs to no run",
+    ]
+
+
+def test_a_manifest_of_another_sweep(store: Path) -> None:
+    path = store / "manifest.json"
+    manifest = json.loads(path.read_text())
+    manifest["sweep"]["name"] = "another"
+    path.write_text(json.dumps(manifest))
+    assert verify(store) == ["sweep.json: names another sweep than manifest.json"]
+
+
+def test_a_truncated_table(store: Path) -> None:
+    table = store / "runs.parquet"
+    table.write_bytes(table.read_bytes()[:-200])
+    problems = verify(store)
+    assert problems[0] == "runs.parquet: changed since it was written"
+    assert "is damaged" in problems[1]
+    with pytest.raises(StoreError, match=r"runs\.parquet is damaged"):
+        _ = Store.open(store).table
+
+
+def test_an_unfinished_store(store: Path) -> None:
+    (store / "manifest.json").unlink()
+    with pytest.raises(StoreError, match="is unfinished; run its sweep again"):
+        verify(store)
+
+
+def test_no_store(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no store at"):
+        verify(tmp_path / "nowhere")
+    with pytest.raises(StoreError, match=r"is not a store: it has no manifest\.json"):
+        verify(tmp_path)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", "{}", '{"store_version": 2}'])
+def test_a_damaged_manifest(store: Path, text: str) -> None:
+    (store / "manifest.json").write_text(text)
+    with pytest.raises(StoreError, match=r"manifest\.json is (damaged|of store version None)"):
+        verify(store)
+
+
+def test_a_later_version(store: Path) -> None:
+    path = store / "manifest.json"
+    path.write_text(path.read_text().replace('"store_version": 2', '"store_version": 3'))
+    with pytest.raises(StoreError, match="is of store version 3; this contactlab reads version 2"):
+        verify(store)

@@ -1,0 +1,58 @@
+"""Checks of shipped scenes and of small models of our own, run in this process."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import pytest
+
+from contactlab.schema import CheckReport, CheckResult, Measure
+from contactlab.studies.check import CheckAsk, check_model
+
+Checked = Callable[..., CheckReport]
+
+
+@pytest.fixture(autouse=True)
+def _outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Work outside of any repository, whose state records would name."""
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def checked(tmp_path: Path) -> Checked:
+    """Check a scene by name, or a model given as MJCF, into `tmp_path / "check"`."""
+
+    def check(model: str, *only: str, assign: tuple[str, ...] = (), **options: str) -> CheckReport:
+        if model.lstrip().startswith("<"):
+            (tmp_path / "own.xml").write_text(model)
+            model = "own.xml"
+        ask = CheckAsk(model, tmp_path / "check", assign, only, **options)  # pyright: ignore[reportArgumentType]
+        return check_model(ask, lambda _total, _done: None, lambda _: None)
+
+    return check
+
+
+@pytest.fixture
+def one(checked: Checked) -> Callable[..., CheckResult]:
+    """Run one check, by name."""
+
+    def check(model: str, name: str, *assign: str, **options: str) -> CheckResult:
+        (result,) = checked(model, name, assign=assign, **options).checks
+        return result
+
+    return check
+
+
+@pytest.fixture(scope="session")
+def values() -> Callable[[CheckResult, str], Mapping[str | None, float | None]]:
+    """Give the values of a check's measures of one name, by what they belong to."""
+
+    def pick(result: CheckResult, name: str) -> Mapping[str | None, float | None]:
+        return {each.of: each.value for each in result.measures if each.name == name}
+
+    return pick
+
+
+@pytest.fixture(scope="session")
+def missed() -> Callable[[CheckResult], list[Measure]]:
+    """Give the measures of a check whose limit is not kept."""
+    return lambda result: [each for each in result.measures if each.holds is False]

@@ -1,0 +1,154 @@
+"""What is held is judged by its pairs, and the remedy that is named is the one that cures."""
+
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactlab.contact import PairTrace
+from contactlab.measure import assess
+from contactlab.scene import make_setup
+from contactlab.schema import CheckResult, Measure
+from contactlab.studies.check.bench import Bench
+from contactlab.studies.check.target import open_target
+from contactlab.studies.check.window import held_pairs, part_of, slots_of
+
+One = Callable[..., CheckResult]
+Values = Callable[[CheckResult, str], Mapping[str | None, float | None]]
+Missed = Callable[[CheckResult], list[Measure]]
+
+STIFF = """<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="box" pos="0 0 .06"><freejoint/><geom type="box" size=".05 .05 .05"/></body>
+    <body name="arm" pos="1 0 1"><joint name="hinge" axis="0 1 0"/>
+      <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02"/></body>
+  </worldbody>
+  <actuator><position joint="hinge" kp="1e7"/></actuator>
+</mujoco>"""
+STABLE = ("solref=0.005 1", "impratio=10")
+
+
+def cures(found: CheckResult) -> dict[str, bool | None]:
+    """Return by the changed settings whether each change cures."""
+    return {" ".join(each.settings): each.cures for each in found.changes}
+
+
+def test_the_stable_set_holds(one: One, values: Values) -> None:
+    found = one("gripping_pad", "hold", *STABLE)
+    assert found.verdict == "pass"
+    assert found.changes == ()
+    for name, limit in (("slip", 1e-4), ("penetration_mean", 1e-3), ("mode_switches", 5)):
+        measured = values(found, name)
+        assert set(measured) == {"left-block", "right-block"}
+        assert all(each is not None and each < limit for each in measured.values())
+    # Each pad presses with 35 N, to the force that lifts a pad of 15 g.
+    for force in values(found, "force_mean").values():
+        assert force == pytest.approx(35, rel=0.01)
+
+
+def test_creep_is_cured_by_firm_friction(one: One, missed: Missed) -> None:
+    found = one("gripping_pad", "hold", "solref=0.005 1", "impratio=1")
+    assert {each.name for each in missed(found)} == {"slip"}
+    assert cures(found) == {"cone impratio": True, "cone impratio solref": True}
+    lines = found.changes[0].lines
+    assert lines == ('<option cone="elliptic" impratio="10"/>',)
+
+
+def test_depth_is_cured_by_stiffness_alone(one: One, missed: Missed) -> None:
+    found = one("gripping_pad", "hold")
+    assert {each.name for each in missed(found)} == {"slip", "penetration_mean"}
+    assert "a compromise" in found.reason
+    assert cures(found) == {"cone impratio solref": True, "cone impratio": False}
+
+
+def test_underdamped_chatter_is_cured_by_the_timestep(one: One, missed: Missed) -> None:
+    """H / (tc dr) = 0.5 is too long for so little damping; impedance does not change it."""
+    found = one("gripping_pad", "hold", "solref=0.02 0.2")
+    assert "mode_switches" in {each.name for each in missed(found)}
+    tried = {tuple(each.settings.items()): each.cures for each in found.changes}
+    assert tried[(("solimp", "0.99 0.999 0.001 0.5 2"),)] is False
+    assert tried[(("timestep", 5e-4),)] is True
+    assert "solimp 0.99 0.999 0.001 at the same timestep does not cure the chatter" in found.reason
+    assert "a smaller timestep does, 0.5 ms" in found.reason
+    again = one("gripping_pad", "hold", "solref=0.02 0.2", "timestep=5e-4")
+    assert "mode_switches" not in {each.name for each in missed(again)}
+
+
+def test_a_run_that_blows_up_does_not_hold(one: One) -> None:
+    """A motor of 1e7 N m/rad on a light arm: no timestep of a quarter keeps it."""
+    found = one(STIFF, "hold", "timestep=0.02")
+    assert found.verdict == "fail"
+    assert "does not get to its end: the engine stopped after" in found.reason
+    assert {tuple(each.settings): each.cures for each in found.changes} == {("timestep",): False}
+    assert one(STIFF, "timestep", "timestep=0.02").verdict == "fail"
+
+
+@pytest.mark.parametrize(
+    ("model", "reason"),
+    [("ball_drop", "now and then"), ("free_arm", "no graded pair carries force")],
+)
+def test_nothing_held_is_neither_pass_nor_fail(one: One, model: str, reason: str) -> None:
+    bouncing = ["solref=-160000 -27", "timestep=0.001"] if model == "ball_drop" else []
+    found = one(model, "hold", *bouncing)
+    assert found.verdict == "not applicable"
+    assert reason in found.reason
+
+
+def test_a_box_that_slides_is_not_held(one: One) -> None:
+    found = one("box_slide", "hold", "speed=10", "duration=0.8")
+    assert found.verdict == "not applicable"
+    assert "only as they slide" in found.reason
+
+
+def bench_of(scene: str, assign: tuple[str, ...], folder: Path) -> Bench:
+    target = open_target(scene, assign)
+    return Bench(target, folder, 0, lambda _total, _done: None, lambda _: None)
+
+
+@pytest.mark.parametrize(
+    ("scene", "assign"),
+    [("gripping_pad", ("solref=0.02 0.2",)), ("box_stack", ("boxes=3", "duration=0.5"))],
+)
+def test_a_whole_window_gives_the_metrics_of_the_record(
+    scene: str, assign: tuple[str, ...], tmp_path: Path
+) -> None:
+    """The trace put together from its file is the recorded one, in all that is measured on it.
+
+    A file's contact points are of single precision: each is off by at most 2**-24 of itself, and
+    with them what is a sum or a mean of them; what is counted is the same.
+    """
+    bench = bench_of(scene, assign, tmp_path)
+    target, own = bench.target, bench.own
+    base = target.base
+    setup = make_setup(base, None, [target.resolved], [target.prepared.model], {})
+    steps = slice(0, own.record.steps)
+    pairs = tuple(
+        PairTrace(
+            pair.name,
+            slots_of(own.trace, pair, steps),
+            np.array([own.record.pairs[pair.name].friction]),
+        )
+        for pair in base.pairs
+    )
+    found = assess(part_of(own.trace, steps, pairs), setup).metrics
+    for name in ("mode_switches", "contact_losses"):
+        assert found[name][0] == own.record.metrics[name], name
+    for name in ("slip_distance", "penetration_mean"):
+        assert found[name][0] == pytest.approx(own.record.metrics[name], rel=2**-24), name
+
+
+def test_a_window_sees_its_part_only(tmp_path: Path) -> None:
+    """A box at 2 m/s slides for 0.41 s, and sticks from then on."""
+    bench = bench_of("box_slide", (), tmp_path)
+    (early,) = held_pairs(bench.target, bench.own, 0.05, 0.35)
+    (late,) = held_pairs(bench.target, bench.own, 0.5, 1.0)
+    assert not early.holds
+    assert early.sliding > 0.9
+    # v0 t - mu g t^2 / 2; a box that slides hops, and slips only while it bears force.
+    way = 2 * 0.3 - 0.5 * 9.81 / 2 * (0.35**2 - 0.05**2)
+    assert way / 4 < early.slip < way
+    assert late.holds
+    assert late.sliding == 0
+    assert late.slip < 1e-4

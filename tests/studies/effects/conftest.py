@@ -1,0 +1,38 @@
+"""Ablations of a scene, a sweep or a model, with few seeds and in this process."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from contactlab.schema import EffectsReport
+from contactlab.studies.effects import Ablation, ask
+
+Ablate = Callable[..., EffectsReport]
+
+
+@pytest.fixture(scope="session")
+def ablate(tmp_path_factory: pytest.TempPathFactory) -> Ablate:
+    """Return what writes a sweep or a model and ablates it; costs are left out unless asked."""
+
+    def run(
+        text: str,
+        *assign: str,
+        name: str = "asked.yaml",
+        seeds: int = 2,
+        rounds: int | None = None,
+        workers: int = 0,
+    ) -> EffectsReport:
+        folder = tmp_path_factory.mktemp("ablation")
+        source = folder / name
+        source.write_text(text)
+        return Ablation(
+            question=ask(str(source), assign, seeds, Path()),
+            folder=folder / "stores",
+            workers=workers,
+            begin=lambda *_: None,
+            progress=lambda _: None,
+            rounds=rounds,
+        ).report()
+
+    return run

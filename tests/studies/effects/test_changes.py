@@ -1,0 +1,91 @@
+"""When a change of a metric or a label is an effect, and when it is the scene's own spread."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.studies.effects import Question, ask
+from contactlab.studies.effects.changes import Difference, difference
+from contactlab.studies.effects.tolerances import JUDGED
+from contactlab.studies.effects.trials import Outcome
+
+TOLERANCE = 1e-3
+
+
+@pytest.fixture(scope="module")
+def question(tmp_path_factory: pytest.TempPathFactory) -> Question:
+    """Return what is asked of a scene with one tolerance."""
+    path = tmp_path_factory.mktemp("asked") / "asked.yaml"
+    path.write_text(f"version: 1\nscene: ball_drop\ntolerances: {{drift: {TOLERANCE}}}\n")
+    return ask(str(path), (), 2, Path())
+
+
+def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, Any], ...]:
+    """Return rows of a store, one a seed."""
+    nothing: dict[str, Any] = dict.fromkeys(JUDGED)
+    return tuple({**nothing, "drift": value, "label": label} for value in values)
+
+
+def compared(question: Question, base: Any, other: Any) -> Difference:
+    """Compare two outcomes of one scenario."""
+    return difference(question, [{}], Outcome((base,)), Outcome((other,)))
+
+
+@given(
+    base=st.lists(st.floats(-1, 1), min_size=2, max_size=8),
+    shift=st.floats(-1, 1),
+)
+def test_a_shift_matters_beyond_both_tolerance_and_spread(
+    question: Question, base: list[float], shift: float
+) -> None:
+    other = [value + shift for value in base]
+    found = compared(question, rows(list(base)), rows(list(other)))
+    spread = max(base) - min(base)
+    # The mean of differences is the shift, to rounding of numbers up to 2.
+    if abs(shift) > max(TOLERANCE, spread) + 1e-12:
+        assert found.matters
+    elif abs(shift) < max(TOLERANCE, spread) - 1e-12:
+        assert not found.matters
+
+
+def test_a_change_within_the_spread_is_told_with_its_numbers(question: Question) -> None:
+    found = compared(question, rows([0.0, 0.5]), rows([0.1, 0.6]))
+    assert not found.matters
+    assert found.within_spread == ("drift",)
+    assert found.reason == "drift changes by 0.1 m, within the spread of 0.5 over seeds"
+
+
+@pytest.mark.parametrize(
+    ("base", "other", "matters"),
+    [
+        ([None, None], [0.1, 0.1], True),
+        ([0.1, 0.1], [None, None], True),
+        # What some seeds measure and others do not is the scene's own.
+        ([None, 0.1], [None, None], False),
+        ([None, None], [None, None], False),
+    ],
+)
+def test_a_metric_that_appears_or_vanishes_matters(
+    question: Question, base: list[float | None], other: list[float | None], matters: bool
+) -> None:
+    assert compared(question, rows(base), rows(other)).matters == matters
+
+
+def test_a_label_that_no_seed_shows_matters(question: Question) -> None:
+    same = rows([0.1, 0.1])
+    found = compared(question, same, rows([0.1, 0.1], "tunneling"))
+    assert found.labels == {"stable -> tunneling": 2}
+    mixed = (*rows([0.1]), *rows([0.1], "tunneling"))
+    assert not compared(question, mixed, rows([0.1, 0.1], "tunneling")).matters
+
+
+def test_the_scenario_that_changes_most_is_told(question: Question) -> None:
+    base = Outcome((rows([0.0]), rows([0.0])))
+    other = Outcome((rows([0.0]), rows([0.01])))
+    found = difference(question, [{"speed": 1.0}, {"speed": 2.0}], base, other)
+    (change,) = found.changes
+    assert change.scenario == {"speed": 2.0}
+    assert change.times == pytest.approx(10)

@@ -1,0 +1,71 @@
+"""Cases of the catalogue, run as shipped or with a fault planted in their scene."""
+
+import shutil
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab import resources
+from contactlab.plan import Overrides
+from contactlab.run import ask_for, run_sweep
+
+# What a version of the engine changes is for `compare` to say; here it is held to one.
+MAJOR = 4
+NEWER = int(version("mujoco").partition(".")[0]) >= MAJOR
+
+Rows = list[dict[str, Any]]
+FOLDER = resources.sweeps() / "stability"
+
+
+def swept(sweep: Path, store: Path, *only: str) -> Rows:
+    """Run a sweep in this process, without traces, and return its table."""
+    overrides = Overrides(("trace=none",), only)
+    ask = ask_for(sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    return pq.read_table(store / "runs.parquet").to_pylist()
+
+
+@pytest.fixture(scope="session")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
+    """Return the rows of a case that have the given values; each case runs once."""
+    tables: dict[str, Rows] = {}
+
+    def rows(name: str, **values: object) -> Rows:
+        if name not in tables:
+            tables[name] = swept(FOLDER / f"{name}.yaml", tmp_path_factory.mktemp(name) / "store")
+        picked = [row for row in tables[name] if all(row[key] == values[key] for key in values)]
+        assert picked
+        return picked
+
+    return rows
+
+
+@pytest.fixture
+def planted(tmp_path: Path) -> Callable[..., Rows]:
+    """Run some of a case on a copy of its scene in which one text is replaced."""
+
+    def rows(name: str, old: str, new: str, *only: str) -> Rows:
+        text = (FOLDER / f"{name}.yaml").read_text()
+        scene = next(line for line in text.splitlines() if line.startswith("scene: "))[7:]
+        shutil.copytree(resources.models() / scene, tmp_path / scene)
+        model = tmp_path / scene / "scene.xml"
+        assert old in model.read_text()
+        model.write_text(model.read_text().replace(old, new))
+        copy = tmp_path / "copy.yaml"
+        copy.write_text(text.replace(f"scene: {scene}", f"scene: ./{scene}"))
+        return swept(copy, tmp_path / "store", *only)
+
+    return rows
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Skip the catalogue on engines that it was not measured on."""
+    reason = f"the catalogue's numbers are those of MuJoCo {MAJOR}"
+    here = Path(__file__).parent
+    for item in items:
+        if not NEWER and item.path.is_relative_to(here):
+            item.add_marker(pytest.mark.skip(reason=reason))

@@ -1,0 +1,177 @@
+"""Pictures show bodies where the camera sees them; films have the length that is asked for."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import av
+import mujoco
+import numpy as np
+import pytest
+from PIL import Image
+
+from contactlab.contact import STICK
+from contactlab.errors import OutputError, SceneError
+from contactlab.view import Look, Picture, pictures, render
+from contactlab.view.motion import make_motion
+
+SIZE = (160, 120)
+Draw = Callable[[str], Any]
+Target = Callable[[str], Path]
+
+
+@pytest.fixture(autouse=True)
+def graphics(drawn: Draw) -> None:
+    """Skip where the system cannot draw."""
+    try:
+        take(drawn("ball"), [0])
+    except SceneError as error:
+        if "no pictures" not in str(error):
+            raise
+        pytest.skip(str(error))
+
+
+def take(run: Any, frames: list[int], camera: str | None = None) -> list[Picture]:
+    motion = make_motion(run.start.prepared, run.trace, 60)
+    chosen = {frame: run.trace.qpos[motion.rows[frame]] for frame in frames}
+    return list(pictures(run.model, motion, chosen, SIZE, camera))
+
+
+def bluish(picture: Picture) -> Any:
+    """Return which pixels are more blue than floor and background: the body's."""
+    return picture[..., 2].astype(int) - picture[..., 0] > 45
+
+
+def greenish(picture: Picture) -> Any:
+    """Return which pixels are more green than anything but an arrow that sticks."""
+    red, green, blue = np.moveaxis(picture.astype(int), 2, 0)
+    return (green - red > 45) & (green > blue)
+
+
+def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
+    """By a pinhole camera: azimuth 120, elevation -18 degrees, 45 degrees of view up and down."""
+    run = drawn("ball")
+    motion = make_motion(run.start.prepared, run.trace, 60)
+    distance = 1.05 * motion.radius / np.sin(np.radians(45 / 2))
+    azimuth, elevation = np.radians(120), np.radians(-18)
+    forward = np.array(
+        [
+            np.cos(elevation) * np.cos(azimuth),
+            np.cos(elevation) * np.sin(azimuth),
+            np.sin(elevation),
+        ]
+    )
+    eye = motion.centre - distance * forward
+    right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
+    up = np.cross(right, forward)
+    focal = SIZE[1] / 2 / np.tan(np.radians(45 / 2))
+    for frame, picture in zip((0, 4, 6), take(run, [0, 4, 6]), strict=True):
+        ball = motion.positions[frame, 1] - eye
+        x = SIZE[0] / 2 + focal * (ball @ right) / (ball @ forward)
+        y = SIZE[1] / 2 - focal * (ball @ up) / (ball @ forward)
+        rows, columns = np.nonzero(bluish(picture))
+        # Shading and the shadow that shines through move the middle by less than half a radius.
+        radius = focal * 0.05 / distance
+        assert np.median(columns) == pytest.approx(x, abs=radius / 2)
+        assert np.median(rows) == pytest.approx(y, abs=radius / 2)
+
+
+def test_arrows_show_while_there_is_contact_alone(drawn: Draw) -> None:
+    run = drawn("stack")
+    motion = make_motion(run.start.prepared, run.trace, 60)
+    assert set(motion.forces.mode.tolist()) == {STICK}
+    [resting] = take(run, [2])
+    assert greenish(resting).sum() > 20
+    [falling] = take(drawn("ball"), [0])
+    assert not greenish(falling).any()
+
+
+def test_an_unknown_camera_is_named(drawn: Draw) -> None:
+    with pytest.raises(SceneError, match="the model has no camera 'front'; leave --camera out"):
+        take(drawn("ball"), [0], "front")
+
+
+def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
+    run = drawn("ball")
+    model = mujoco.MjModel.from_xml_string(
+        """<mujoco><worldbody>
+        <camera name="front" pos="0 -1 0.1" xyaxes="1 0 0 0 0 1"/>
+        <camera name="away" pos="0 -1 0.1" xyaxes="-1 0 0 0 0 1"/>
+        <body><freejoint/><geom size="0.05" rgba="0.2 0.4 0.8 1"/></body>
+        </worldbody></mujoco>"""
+    )
+    motion = make_motion(run.start.prepared, run.trace, 60)
+    for camera, seen in (("front", True), ("away", False)):
+        [picture] = pictures(model, motion, {0: run.trace.qpos[0]}, SIZE, camera)
+        assert bluish(picture).any() == seen
+
+
+@pytest.mark.parametrize("speed", [None, 0.25])
+def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float | None) -> None:
+    run, path = drawn("ball"), target(".mp4")
+    render(run.store, run.run, path, Look(SIZE, speed=speed))
+    seconds = run.trace.time[-1] / (speed or 1)
+    with av.open(str(path)) as film:
+        stream = film.streams.video[0]
+        frames = [frame.to_ndarray(format="rgb24") for frame in film.decode(stream)]
+        assert stream.average_rate == 30
+        assert (stream.width, stream.height % 2) == (SIZE[0], 0)
+    assert len(frames) == int(seconds * 30 + 1e-6) + 1
+    [first] = take(run, [0])
+    # Compression changes single pixels, not the picture.
+    assert np.abs(frames[0][: SIZE[1]].astype(float) - first).mean() < 4
+
+
+def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None:
+    run, path = drawn("ball"), target(".gif")
+    render(run.store, run.run, path, Look(SIZE))
+    with Image.open(path) as animation:
+        lasting = 0
+        for frame in range(getattr(animation, "n_frames", 0)):
+            animation.seek(frame)
+            lasting += animation.info["duration"]
+        assert animation.info["loop"] == 0
+    assert lasting == 40 * (int(run.trace.time[-1] * 25 + 1e-6) + 1)
+
+
+def test_a_sheet_has_a_picture_for_each_moment(drawn: Draw, target: Target) -> None:
+    run, path = drawn("ball"), target(".png")
+    render(run.store, run.run, path, Look(SIZE, at=(0.1, 0.0, 0.1, 0.2)))
+    with Image.open(path) as image:
+        sheet = np.asarray(image)
+    height, width = sheet.shape[0] // 2, SIZE[0]
+    assert sheet.shape[1] == 3 * width
+    cells = [sheet[:height, place * width : (place + 1) * width] for place in range(3)]
+    np.testing.assert_array_equal(cells[0], cells[2])
+    assert (cells[0] != cells[1]).any()
+    [first] = take(run, [0])
+    np.testing.assert_array_equal(cells[1][: SIZE[1]], first)
+
+
+def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
+    run = drawn("slide")
+    contents: list[bytes] = []
+    for _ in range(2):
+        render(run.store, run.run, target(".png"), Look(SIZE))
+        contents.append(target(".png").read_bytes())
+    assert contents[0] == contents[1]
+
+
+def test_no_graphics_is_said_with_a_remedy(
+    drawn: Draw, target: Target, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr("ctypes.util.find_library", lambda _: None)
+    run = drawn("ball")
+    with pytest.raises(SceneError, match=r"no OpenGL to draw with; install .* libosmesa6") as said:
+        render(run.store, run.run, target(".mp4"))
+    assert said.value.exit_code == 2
+    assert list(target("").parent.iterdir()) == []
+
+
+def test_a_full_disk_leaves_no_half_film(drawn: Draw, tmp_path: Path) -> None:
+    run, folder = drawn("ball"), tmp_path / "taken.mp4"
+    folder.mkdir()
+    with pytest.raises(OutputError, match=r"cannot write .*taken\.mp4: Is a directory"):
+        render(run.store, run.run, folder, Look(SIZE))
+    assert list(tmp_path.iterdir()) == [folder]

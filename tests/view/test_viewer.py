@@ -1,0 +1,35 @@
+"""Watching a run where nothing can be shown."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+CODE = """
+from contactlab.errors import SceneError
+from contactlab.scene import Scene
+from contactlab.view import view
+scene = Scene.open("ball_drop")
+run = scene.resolve({}, 0, None)
+try:
+    view(scene.base({}).prepare(run.edits()).model, scene.starts([run]))
+except SceneError as error:
+    print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only there is a display easily taken away")
+def test_without_a_display_there_is_a_clear_error() -> None:
+    hidden = {"DISPLAY", "WAYLAND_DISPLAY"}
+    environment = {name: value for name, value in os.environ.items() if name not in hidden}
+    result = subprocess.run(
+        [sys.executable, "-c", CODE],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert result.returncode == 0, result.stderr
+    assert "no display" in result.stdout
