@@ -4,13 +4,12 @@ from collections.abc import Collection
 from pathlib import Path as FilePath
 
 from contactlab.errors import did_you_mean
+from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostic import Place
 from contactlab.plan.document import Path
-from contactlab.plan.expression import Expression
 from contactlab.plan.names import Context, note_conflicts, note_unknown_axis
 from contactlab.plan.rows import Match, Row
 from contactlab.plan.table import Cell, read_table
-from contactlab.plan.term import ExpressionError
 from contactlab.schema import Condition, IncludeFile
 
 

@@ -6,9 +6,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
+from contactlab.expression import Expression, ExpressionError, NoValueError
 from contactlab.plan.diagnostic import Diagnostic, Place, SweepMistakesError
-from contactlab.plan.expression import Expression
-from contactlab.plan.term import ExpressionError, NoValueError
 
 Row = dict[str, object]
 Split = Callable[[object], Mapping[str, float]]

@@ -11,7 +11,7 @@ from tempfile import TemporaryDirectory
 import mujoco
 
 from contactlab.errors import SceneError
-from contactlab.plan import Expression, ExpressionError
+from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.packages import find_resource, is_resource
 from contactlab.scene.references import parse
 from contactlab.scene.refusal import refusal

@@ -9,7 +9,7 @@ import numpy as np
 
 from contactlab.contact import Floats
 from contactlab.errors import SceneError
-from contactlab.plan import Expression
+from contactlab.expression import Expression
 from contactlab.scene.coordinates import match
 from contactlab.scene.formula import computed, read_formula
 from contactlab.schema import SceneManifest, Term

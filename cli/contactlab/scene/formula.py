@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from contactlab.errors import SceneError
-from contactlab.plan import Expression, ExpressionError
+from contactlab.expression import Expression, ExpressionError
 from contactlab.schema import SceneManifest, Term
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import mujoco
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.plan import Expression
+from contactlab.expression import Expression
 from contactlab.scene.formula import computed, read_formula
 from contactlab.schema import SceneManifest
 

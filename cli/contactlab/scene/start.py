@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.plan import Expression
+from contactlab.expression import Expression
 from contactlab.scene.control import Programme, drawn, read_programmes
 from contactlab.scene.coordinates import match
 from contactlab.scene.formula import computed, read_formula

@@ -1,18 +1,22 @@
-"""The terms of an expression: its syntax tree turned into nested functions."""
+"""Small safe expressions over named values: arithmetic, comparisons and a few functions.
+
+Python's `ast` parses the text, which is then compiled to nested functions. Only the nodes that are
+listed here are accepted. Numbers are computed as floats, so that no expression can run away:
+`9**9**9` overflows at once.
+"""
 
 import ast
 import math
 import operator
 import warnings
 from collections.abc import Callable, Mapping
-from typing import cast
 
 Result = float | bool | str
-Term = Callable[[Mapping[str, object]], Result]
+Evaluate = Callable[[Mapping[str, object]], Result]
 
-MOST_CHARACTERS = 1000
-CONSTANTS = {"pi": math.pi}
-FUNCTIONS: dict[str, Callable[..., float]] = {
+_MAX_CHARACTERS = 1000
+_CONSTANTS = {"pi": math.pi}
+_FUNCTIONS: dict[str, Callable[..., float]] = {
     "abs": math.fabs,
     "cos": math.cos,
     "degrees": math.degrees,
@@ -25,8 +29,8 @@ FUNCTIONS: dict[str, Callable[..., float]] = {
     "sqrt": math.sqrt,
     "tan": math.tan,
 }
-_SEVERAL = {"max", "min"}
-_ARITHMETIC: dict[type[ast.operator], Callable[[float, float], object]] = {
+_VARIADIC = {"max", "min"}
+_ARITHMETIC: dict[type[ast.operator], Callable[[float, float], float | complex]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
@@ -59,17 +63,58 @@ class ExpressionError(ValueError):
         self.width = width
 
 
-def _number(value: object) -> float:
-    if isinstance(value, int | float):
-        return float(value)
-    raise TypeError(f"{value!r} is not a number")
-
-
 class NoValueError(ExpressionError):
     """A name that an expression reads has no value."""
 
 
-class Reader:
+class Expression:
+    """An expression that is read once and computed for many sets of values.
+
+    It may hold numbers, quoted words, names (dotted ones too), `+ - * / **`, comparisons,
+    `and or not`, parentheses, the functions abs, min, max, sqrt, sin, cos, tan, exp, log, radians
+    and degrees, and the constant pi. Angles are in radians.
+
+    Attributes:
+        text: as written.
+        places: the names it reads, with where each first begins.
+
+    Raises:
+        ExpressionError: the text is not such an expression.
+    """
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.places: dict[str, int] = {}
+        self._evaluate = _Compiler(text, self.places).compile()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names that it reads."""
+        return tuple(self.places)
+
+    def evaluate(self, values: Mapping[str, object]) -> Result:
+        """Compute it.
+
+        Raises:
+            ExpressionError: a name has no value, or the result is not a finite number.
+        """
+        try:
+            result = self._evaluate(values)
+        except (ArithmeticError, TypeError) as error:
+            raise ExpressionError(f"{_reason(error)}", 0, len(self.text)) from error
+        if isinstance(result, float) and not math.isfinite(result):
+            raise ExpressionError("the result is not a finite number", 0, len(self.text))
+        return result
+
+    def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
+        """Travel to another process as text."""
+        return Expression, (self.text,)
+
+    def __repr__(self) -> str:
+        return f"Expression({self.text!r})"
+
+
+class _Compiler:
     """Turns the syntax tree of one expression into nested functions.
 
     Args:
@@ -81,21 +126,11 @@ class Reader:
         self._indent = len(text) - len(text.lstrip())
         self._text = text
         self._places = places
-        self._readers = {
-            ast.Constant: self._constant,
-            ast.Name: self._name,
-            ast.Attribute: self._name,
-            ast.UnaryOp: self._unary,
-            ast.BinOp: self._binary,
-            ast.BoolOp: self._junction,
-            ast.Compare: self._comparison,
-            ast.Call: self._call,
-        }
 
-    def read(self) -> Term:
+    def compile(self) -> Evaluate:
         """Return the whole text as one function of the values."""
-        if len(self._text) > MOST_CHARACTERS:
-            raise ExpressionError(f"longer than {MOST_CHARACTERS} characters", 0, len(self._text))
+        if len(self._text) > _MAX_CHARACTERS:
+            raise ExpressionError(f"longer than {_MAX_CHARACTERS} characters", 0, len(self._text))
         try:
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore", Warning)
@@ -124,13 +159,27 @@ class Reader:
         end = len(line[: node.end_col_offset].decode())
         return self._indent + begin, self._indent + end
 
-    def _term(self, node: ast.expr) -> Term:
-        readers = cast("dict[type[ast.expr], Callable[[ast.expr], Term]]", self._readers)
-        if type(node) not in readers:
-            raise self._fail(node, "only numbers, names, operators and functions go here")
-        return readers[type(node)](node)
+    def _term(self, node: ast.expr) -> Evaluate:
+        match node:
+            case ast.Constant():
+                term = self._constant(node)
+            case ast.Name() | ast.Attribute():
+                term = self._name(node)
+            case ast.UnaryOp():
+                term = self._unary(node)
+            case ast.BinOp():
+                term = self._binary(node)
+            case ast.BoolOp():
+                term = self._boolean(node)
+            case ast.Compare():
+                term = self._comparison(node)
+            case ast.Call():
+                term = self._call(node)
+            case _:
+                raise self._fail(node, "only numbers, names, operators and functions go here")
+        return term
 
-    def _constant(self, node: ast.Constant) -> Term:
+    def _constant(self, node: ast.Constant) -> Evaluate:
         value = node.value
         if not isinstance(value, int | float | str):
             raise self._fail(node, "only numbers and quoted words can be written out")
@@ -140,12 +189,12 @@ class Reader:
             raise self._fail(node, "a number grows too large") from error
         return lambda _: fixed
 
-    def _name(self, node: ast.expr) -> Term:
+    def _name(self, node: ast.expr) -> Evaluate:
         name = self._dotted(node)
-        if name in CONSTANTS:
-            constant = CONSTANTS[name]
+        if name in _CONSTANTS:
+            constant = _CONSTANTS[name]
             return lambda _: constant
-        if name in FUNCTIONS:
+        if name in _FUNCTIONS:
             raise self._fail(node, f"'{name}' is a function: write {name}(...)")
         start, end = self._span(node)
         self._places.setdefault(name, start)
@@ -155,8 +204,8 @@ class Reader:
                 value = values[name]
             except KeyError as error:
                 raise NoValueError(f"'{name}' has no value", start, end - start) from error
-            if value.__class__ is float or isinstance(value, bool | str):
-                return cast("Result", value)
+            if type(value) is float or isinstance(value, bool | str):
+                return value
             try:
                 return _number(value)
             except TypeError as error:
@@ -171,7 +220,7 @@ class Reader:
             return f"{self._dotted(node.value)}.{node.attr}"
         raise self._fail(node, "a dot only joins the parts of a name")
 
-    def _unary(self, node: ast.UnaryOp) -> Term:
+    def _unary(self, node: ast.UnaryOp) -> Evaluate:
         operand = self._term(node.operand)
         match node.op:
             case ast.Not():
@@ -183,7 +232,7 @@ class Reader:
             case _:
                 raise self._fail(node, "this operator is not part of expressions")
 
-    def _binary(self, node: ast.BinOp) -> Term:
+    def _binary(self, node: ast.BinOp) -> Evaluate:
         compute = _ARITHMETIC.get(type(node.op))
         if compute is None:
             raise self._fail(node, "arithmetic here is + - * / and **")
@@ -193,11 +242,11 @@ class Reader:
             result = compute(_number(left(values)), _number(right(values)))
             if isinstance(result, complex):
                 raise TypeError("a root of a negative number")
-            return cast("float", result)
+            return result
 
         return apply
 
-    def _junction(self, node: ast.BoolOp) -> Term:
+    def _boolean(self, node: ast.BoolOp) -> Evaluate:
         terms = [self._term(value) for value in node.values]
         stops_at = isinstance(node.op, ast.Or)
 
@@ -211,7 +260,7 @@ class Reader:
 
         return apply
 
-    def _comparison(self, node: ast.Compare) -> Term:
+    def _comparison(self, node: ast.Compare) -> Evaluate:
         terms = [self._term(value) for value in (node.left, *node.comparators)]
         tests = [self._test(node, comparison) for comparison in node.ops]
 
@@ -234,14 +283,14 @@ class Reader:
             raise self._fail(node, "comparisons here are < <= > >= == and !=")
         return lambda left, right: order(_number(left), _number(right))
 
-    def _call(self, node: ast.Call) -> Term:
+    def _call(self, node: ast.Call) -> Evaluate:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
-        if name not in FUNCTIONS:
-            raise self._fail(node.func, "the functions are " + ", ".join(sorted(FUNCTIONS)))
-        if node.keywords or (len(node.args) < 2 if name in _SEVERAL else len(node.args) != 1):
-            takes = "two or more numbers" if name in _SEVERAL else "one number"
+        if name not in _FUNCTIONS:
+            raise self._fail(node.func, "the functions are " + ", ".join(sorted(_FUNCTIONS)))
+        if node.keywords or (len(node.args) < 2 if name in _VARIADIC else len(node.args) != 1):
+            takes = "two or more numbers" if name in _VARIADIC else "one number"
             raise self._fail(node, f"{name} takes {takes}")
-        function, terms = FUNCTIONS[name], [self._term(part) for part in node.args]
+        function, terms = _FUNCTIONS[name], [self._term(part) for part in node.args]
 
         def apply(values: Mapping[str, object]) -> Result:
             try:
@@ -252,3 +301,15 @@ class Reader:
                 raise ArithmeticError(f"{name} is not defined there") from error
 
         return apply
+
+
+def _number(value: object) -> float:
+    if isinstance(value, int | float):
+        return float(value)
+    raise TypeError(f"{value!r} is not a number")
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ZeroDivisionError):
+        return "division by zero"
+    return "a number grows too large" if isinstance(error, OverflowError) else str(error)

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.plan import Expression, ExpressionError
+from contactlab.expression import Expression, ExpressionError
 
 VALUES = {"a": 0.5, "b": -2.0, "solref.timeconst": 3.0}
 PYTHON_NAMES = {"a": 0.5, "b": -2.0, "solref": type("", (), {"timeconst": 3.0})}
