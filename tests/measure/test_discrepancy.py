@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from contactlab.contact import Floats, Invariants
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.measure.discrepancy import angles
-from contactlab.scene.joints import joints_of
+from contactlab.scene.model_joints import joints_of
 
 MODEL = """
 <mujoco>

@@ -9,8 +9,8 @@ import pytest
 from contactlab.errors import SweepFileError
 from contactlab.plan import Overrides
 from contactlab.run import Ask, ask_for
-from contactlab.scene import FLAGS, PARAMETERS, Scene, capabilities
-from contactlab.scene.capabilities import ARRIVALS, Arrival, why_lacking
+from contactlab.scene import FLAGS, PARAMETERS, Scene, mujoco_versions
+from contactlab.scene.mujoco_versions import ARRIVALS, Arrival, why_lacking
 
 SWEEP = "version: 1\nscene: ball_drop\nduration: 0.02\n"
 MATRIX = SWEEP + "zip:\n  - {integrator: [Euler, discrete], timestep: [1.0e-3, 2.0e-3]}\n"
@@ -19,7 +19,7 @@ MATRIX = SWEEP + "zip:\n  - {integrator: [Euler, discrete], timestep: [1.0e-3, 2
 @pytest.fixture
 def version(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     """Take the engine for another version of itself."""
-    return lambda number: monkeypatch.setattr(capabilities, "VERSION", number)
+    return lambda number: monkeypatch.setattr(mujoco_versions, "VERSION", number)
 
 
 def ask(text: str, *assign: str, partly: bool = False) -> Ask:
@@ -65,7 +65,7 @@ def test_taken_from_the_version_on_that_has_it(version: Callable[[str], None]) -
 
 
 def test_a_planted_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(capabilities, "ARRIVALS", (Arrival("hover", True, "99.0.0"),))
+    monkeypatch.setattr(mujoco_versions, "ARRIVALS", (Arrival("hover", True, "99.0.0"),))
     with pytest.raises(SweepFileError, match=r"has no switch 'hover', which came with 99\.0\.0"):
         ask(SWEEP, "hover=true")
     # Off is what every engine does that has no such thing, and so no other run.
@@ -109,12 +109,12 @@ def test_what_versions_can(
     sensors: bool,
 ) -> None:
     version(number)
-    assert capabilities.has_batch() == batch
-    assert capabilities.has_contact_sensors() == sensors
-    assert bool(capabilities.lacking_records(driven=True)) != batch
-    assert not capabilities.lacking_records(driven=False)
+    assert mujoco_versions.has_batch() == batch
+    assert mujoco_versions.has_contact_sensors() == sensors
+    assert bool(mujoco_versions.lacking_records(driven=True)) != batch
+    assert not mujoco_versions.lacking_records(driven=False)
 
 
 def test_the_engine_has_what_its_version_promises() -> None:
     fields = getattr(mujoco, "mjtConDataField", None)
-    assert hasattr(fields, "mjCONDATA_ANGVEL") == capabilities.has_contact_sensors()
+    assert hasattr(fields, "mjCONDATA_ANGVEL") == mujoco_versions.has_contact_sensors()

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene import Scene
-from contactlab.scene.effective import effective
-from contactlab.scene.pairs import Pair
+from contactlab.scene.contact_pairs import Pair, effective
 
 TWO = """
 <mujoco>

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene import Scene, pairs
-from contactlab.scene.pairs import found_pairs
+from contactlab.scene import Scene, contact_pairs
+from contactlab.scene.contact_pairs import found_pairs
 
 SHAPES = {
     "sphere": "size='.1'",
@@ -139,7 +139,7 @@ def test_many_geoms_are_searched_by_a_short_run(make_scene: Make) -> None:
     names = {pair.name for pair in scene.base({}).pairs}
     assert names <= {"geom0-geom1", "geom1-geom2", "geom0-geom3", "geom3-geom4"}
     assert {"geom0-geom1", "geom0-geom3"} <= names
-    assert pairs.MOST_PAIRS < 78
+    assert contact_pairs.MOST_PAIRS < 78
 
 
 def test_names_given_to_geoms_do_not_clash(make_scene: Make) -> None:

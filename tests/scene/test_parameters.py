@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
 from contactlab.scene import PARAMETERS, Scene
-from contactlab.scene.flags import FLAGS, read_flags, unusual, write_flags
+from contactlab.scene.engine_flags import FLAGS, read_flags, unusual, write_flags
 from contactlab.scene.parameters import CONTACT_SETTINGS
 
 BALL = Scene.open("ball_drop")

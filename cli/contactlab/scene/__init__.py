@@ -1,30 +1,30 @@
 """From what a sweep names to compiled models: scenes, parameters, engine switches."""
 
-from contactlab.scene.base import Base, Prepared
-from contactlab.scene.capabilities import has_batch, lacking_records, why_lacking
-from contactlab.scene.catalogue import LenientCatalogue
+from contactlab.scene.axis_catalogue import LenientCatalogue
+from contactlab.scene.compiled_scene import Base, Prepared
+from contactlab.scene.contact_pairs import Pair, can_collide
 from contactlab.scene.effects import EFFECTS, FRICTIONS, NOT_THERE, Choice, Effect
-from contactlab.scene.flags import FLAGS
-from contactlab.scene.identity import ID_BYTES
-from contactlab.scene.inertia import inertia_faults, scene_inertia_faults
-from contactlab.scene.inertia_rules import InertiaFault
-from contactlab.scene.joints import TWIN, joints_of, twin_of
-from contactlab.scene.keyframes import OWN_START
-from contactlab.scene.limbs import actuated_limbs
-from contactlab.scene.menagerie import is_menagerie, menagerie_name
-from contactlab.scene.numerics import NUMERICS, as_reference
-from contactlab.scene.pairs import Pair, can_collide
+from contactlab.scene.engine_flags import FLAGS
+from contactlab.scene.initial_states import OWN_START, TWIN, Starts, twin_of
+from contactlab.scene.model_joints import actuated_limbs, joints_of
+from contactlab.scene.mujoco_versions import has_batch, lacking_records, quiet, why_lacking
 from contactlab.scene.parameters import PARAMETERS, Parameter
 from contactlab.scene.plain import compile_plain, prepare_plain
-from contactlab.scene.quiet import quiet
+from contactlab.scene.recording_sensors import PREFIX, Layout
+from contactlab.scene.reference_numerics import NUMERICS, as_reference
 from contactlab.scene.resolved import Resolved
-from contactlab.scene.rows import ResolvedRow, Shape
+from contactlab.scene.row_resolution import ResolvedRow, Shape
+from contactlab.scene.run_identity import ID_BYTES
+from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
-from contactlab.scene.sensors import PREFIX, Layout
-from contactlab.scene.setup import make_setup
-from contactlab.scene.source import SceneSource, find_scene, stored_scene
-from contactlab.scene.starts import Starts
-from contactlab.scene.written import written_inertia_faults
+from contactlab.scene.scene_source import (
+    SceneSource,
+    find_scene,
+    is_menagerie,
+    menagerie_name,
+    stored_scene,
+)
+from contactlab.scene.written_inertia import InertiaFault, written_inertia_faults
 
 __all__ = [
     "EFFECTS",
@@ -58,7 +58,6 @@ __all__ = [
     "compile_plain",
     "find_scene",
     "has_batch",
-    "inertia_faults",
     "is_menagerie",
     "joints_of",
     "lacking_records",
@@ -66,7 +65,6 @@ __all__ = [
     "menagerie_name",
     "prepare_plain",
     "quiet",
-    "scene_inertia_faults",
     "stored_scene",
     "twin_of",
     "why_lacking",

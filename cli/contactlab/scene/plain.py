@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import mujoco
 
-from contactlab.scene.compile import compile_model
+from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects import is_straight, remove
+from contactlab.scene.initial_states import Starts
 from contactlab.scene.resolved import Resolved
 from contactlab.scene.scene import Scene
-from contactlab.scene.starts import Starts
 
 
 def compile_plain(scene: Scene, run: Resolved) -> mujoco.MjModel:

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from contactlab.scene.effects import EFFECTS, Wishes
-from contactlab.scene.flags import FLAGS
-from contactlab.scene.keyframes import OWN_START
+from contactlab.scene.engine_flags import FLAGS
+from contactlab.scene.initial_states import OWN_START
 
 
 @dataclass(frozen=True, slots=True)

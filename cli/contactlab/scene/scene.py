@@ -6,18 +6,17 @@ from collections.abc import Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 
-from contactlab.scene.base import Base, Prepared, compile_base
-from contactlab.scene.capabilities import lacking_switches
-from contactlab.scene.catalogue import SceneCatalogue
+from contactlab.scene.axis_catalogue import SceneCatalogue
+from contactlab.scene.compiled_scene import Base, Prepared, compile_base
 from contactlab.scene.effects import EFFECTS, Wishes, is_straight, left_uncompiled
-from contactlab.scene.identity import digest, entries_of, head_of, tail_of, written_over_of
+from contactlab.scene.initial_states import Starts, StartState, nudged_states, start_states
+from contactlab.scene.mujoco_versions import lacking_switches
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolved import Resolved
-from contactlab.scene.rows import Rows
+from contactlab.scene.row_resolution import Rows
+from contactlab.scene.run_identity import digest, entries_of, head_of, tail_of, written_over_of
+from contactlab.scene.scene_source import SceneSource, find_scene
 from contactlab.scene.settings import ENGINES
-from contactlab.scene.source import SceneSource, find_scene
-from contactlab.scene.start import StartState, nudged_states, start_states
-from contactlab.scene.starts import Starts
 from contactlab.scene.switching import is_auto, own_switches, switch_effect
 from contactlab.schema import InitialValue
 

@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from contactlab.scene.effective import effective
-from contactlab.scene.pairs import Pair
+from contactlab.scene.contact_pairs import Pair, effective
 from contactlab.scene.parameters import (
     CONES,
     CONTACT_SETTINGS,

@@ -3,9 +3,9 @@
 from collections.abc import MutableMapping
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.catalogue import SceneCatalogue
+from contactlab.scene.axis_catalogue import SceneCatalogue
 from contactlab.scene.effects import EFFECTS, fold
-from contactlab.scene.flags import FLAGS
+from contactlab.scene.engine_flags import FLAGS
 from contactlab.schema import SceneManifest, switches
 
 

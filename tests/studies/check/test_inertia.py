@@ -16,10 +16,9 @@ from contactlab.scene import (
     InertiaFault,
     Scene,
     find_scene,
-    inertia_faults,
-    scene_inertia_faults,
     written_inertia_faults,
 )
+from contactlab.studies.check.inertia import inertia_faults, scene_inertia_faults
 
 Write = Callable[[Path, Mapping[str, str]], None]
 Lengths = st.tuples(*[st.floats(0.01, 0.5)] * 3)

@@ -4,7 +4,7 @@ from collections.abc import Mapping, MutableMapping
 
 from contactlab.scene.effects.effect import NOT_THERE, Choice, Effect, Situation, Wishes
 from contactlab.scene.effects.table import COMPILED, EFFECTS
-from contactlab.scene.flags import FLAGS, write_flags
+from contactlab.scene.engine_flags import FLAGS, write_flags
 
 Settings = MutableMapping[str, object]
 _INTEGRATOR = {False: "Euler", True: "implicitfast"}

@@ -5,7 +5,7 @@ import numpy as np
 
 from contactlab.scene.effects.effect import Facts
 from contactlab.scene.effects.unused import tendons_act
-from contactlab.scene.sensors import PREFIX
+from contactlab.scene.recording_sensors import PREFIX
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import mujoco
 
 from contactlab.scene.effects.effect import Facts, Wishes
-from contactlab.scene.sensors import PREFIX
+from contactlab.scene.recording_sensors import PREFIX
 
 
 def left_uncompiled(facts: Facts, wishes: Wishes) -> frozenset[str]:

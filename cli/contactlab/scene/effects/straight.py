@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from contactlab.scene.starts import Starts
+from contactlab.scene.initial_states import Starts
 
 
 def is_straight(model: mujoco.MjModel, start: Starts) -> bool:

@@ -8,7 +8,7 @@ from contactlab.scene.effects.effect import Effect
 from contactlab.scene.effects.entry import switch
 from contactlab.scene.effects.motion import MOTION, RECORDING, SOLVING
 from contactlab.scene.effects.unused import never
-from contactlab.scene.flags import FLAGS
+from contactlab.scene.engine_flags import FLAGS
 
 _ALL = [*CONTACT, *SOLVING, *MOTION, *RECORDING]
 _KNOWN = {each.name for each in _ALL}

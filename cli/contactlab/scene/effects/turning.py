@@ -7,7 +7,7 @@ import numpy as np
 
 from contactlab.scene.effects.effect import Situation
 from contactlab.scene.effects.unused import most_condim
-from contactlab.scene.flags import read_flag, write_flags
+from contactlab.scene.engine_flags import read_flag, write_flags
 
 Turn = Callable[[mujoco.MjModel, bool], None]
 Read = Callable[[Situation], bool]

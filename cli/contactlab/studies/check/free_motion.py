@@ -4,10 +4,11 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from contactlab.scene import InertiaFault, inertia_faults, scene_inertia_faults
+from contactlab.scene import InertiaFault
 from contactlab.schema import Change, CheckResult, Measure
 from contactlab.studies.check.bench import Bench
 from contactlab.studies.check.findings import at_most, inapplicable, noted, result
+from contactlab.studies.check.inertia import inertia_faults, scene_inertia_faults
 from contactlab.studies.check.ledger import convergence_order
 from contactlab.studies.check.lines import change
 from contactlab.studies.check.motions import (

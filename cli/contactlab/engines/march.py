@@ -1,0 +1,152 @@
+"""Step one run for long and keep its state at few times: memory does not grow with the steps."""
+
+import copy
+from collections.abc import Callable
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
+from contactlab.engines.rollout import STATE, driven, start_batch
+from contactlab.engines.stepping import Batch, SimulationError
+from contactlab.scene import Starts
+
+_BLOCK_BYTES = 4 << 20
+# A time that is this share of a step from the end of one is that end.
+_SNAP = 1e-6
+
+
+class March(NamedTuple):
+    """States of one run at T times.
+
+    Attributes:
+        states: (T, nstate) time, qpos, qvel, act.
+        qpos: (T, nq) configuration.
+        qvel: (T, nv) velocity.
+        impacts: how often the number of contacts changed from one step to the next.
+    """
+
+    states: Floats
+    qpos: Floats
+    qvel: Floats
+    impacts: int
+
+
+class _Run(NamedTuple):
+    """What is stepped; `first` is the number of steps that led to where it starts."""
+
+    model: mujoco.MjModel
+    start: Starts
+    first: float
+
+
+class _Grid(NamedTuple):
+    """Where times lie: after so many whole steps, and so much of another [s]."""
+
+    steps: NDArray[np.intp]
+    rest: Floats
+
+
+def march(
+    model: mujoco.MjModel,
+    start: Starts,
+    times: Floats,
+    *,
+    begin: float = 0.0,
+    state: Floats | None = None,
+    watch: Callable[[], None] = lambda: None,
+) -> March | None:
+    """Return a run's states at some times, or None if it does not go through.
+
+    A time between two steps is reached by a shorter step from the one before, with the same
+    integrator: this adds no error of a lower order, as interpolation would.
+
+    Args:
+        model: what to step; automatic reset must be off.
+        start: where it starts, n being 1.
+        times: (T,) since the beginning of the run that it is part of [s], increasing.
+        begin: when in that run it starts [s].
+        state: (nstate,) where it starts then, if not at the run's own start.
+        watch: called before each block of steps, to start its time limit.
+    """
+    timestep = float(model.opt.timestep)
+    grid = _grid((times - begin) / timestep, timestep)
+    run = _Run(model, start, begin / timestep)
+    batch = start_batch([model], start)
+    if state is not None:
+        _set_state(batch, model, state)
+    width = mujoco.mj_stateSize(model, int(STATE))
+    states = np.empty((len(times), width))
+    _fill(states, grid, 0, _state_of(batch)[None])
+    size = max(1, _BLOCK_BYTES // (8 * width))
+    impacts, contacts = 0, None
+    for done in range(0, int(grid.steps[-1]), size):
+        watch()
+        block = _block(batch, run, range(done, min(done + size, int(grid.steps[-1]))))
+        if block is None:
+            return None
+        rows, found = block
+        _fill(states, grid, done + 1, rows)
+        found = found if contacts is None else np.concatenate([[contacts], found])
+        impacts, contacts = impacts + int(np.count_nonzero(np.diff(found))), found[-1]
+    if not _finish(run, states, grid):
+        return None
+    end = 1 + model.nq
+    return March(states, states[:, 1:end], states[:, end : end + model.nv], impacts)
+
+
+def _grid(exact: Floats, timestep: float) -> _Grid:
+    steps = np.floor(exact + _SNAP)
+    rest = np.where(exact - steps > _SNAP, exact - steps, 0.0)
+    return _Grid(steps.astype(np.intp), rest * timestep)
+
+
+def _set_state(batch: Batch, model: mujoco.MjModel, state: Floats) -> None:
+    ends = np.cumsum([1, model.nq, model.nv])
+    parts = zip(("time", "qpos", "qvel", "act"), np.split(state, ends), strict=True)
+    for name, part in parts:
+        batch.bind(name)[:] = part
+
+
+def _state_of(batch: Batch) -> Floats:
+    parts = [batch.bind(name)[0].ravel() for name in ("time", "qpos", "qvel", "act")]
+    return np.concatenate(parts)
+
+
+def _block(batch: Batch, run: _Run, steps: range) -> tuple[Floats, np.ndarray] | None:
+    """Return the states after each of some steps, and contacts; None if the engine stopped."""
+    inputs = driven(run.model, run.start, 0, len(steps), run.first + steps.start)
+    before = float(batch.bind("time")[0])
+    try:
+        out = batch.rollout(len(steps), record=[int(STATE), "ncon"], **inputs)
+    except SimulationError:
+        return None
+    states = out[int(STATE)][0]
+    clock = np.concatenate([[before], states[:, 0]])
+    if (np.diff(clock) <= 0).any() or not np.isfinite(states).all():
+        return None
+    return states, out["ncon"][0].ravel()
+
+
+def _fill(states: Floats, grid: _Grid, first: int, rows: Floats) -> None:
+    """Keep those of the rows, the first of which is after `first` steps, that times need."""
+    wanted = (grid.steps >= first) & (grid.steps < first + len(rows))
+    states[wanted] = rows[grid.steps[wanted] - first]
+
+
+def _finish(run: _Run, states: Floats, grid: _Grid) -> bool:
+    """Step on from the last whole step, in place, where a time lies within a step."""
+    model, timestep = copy.copy(run.model), float(run.model.opt.timestep)
+    data = mujoco.MjData(model)
+    for place in np.flatnonzero(grid.rest):
+        model.opt.timestep = grid.rest[place]
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_setState(model, data, states[place], int(STATE))
+        step = np.array([run.first + grid.steps[place]])
+        inputs = run.start.inputs(0, timestep, step)[0]
+        data.ctrl[:], data.xfrc_applied.flat[:] = inputs[: model.nu], inputs[model.nu :]
+        mujoco.mj_step(model, data)
+        mujoco.mj_getState(model, data, states[place], int(STATE))
+    return bool(np.isfinite(states).all())

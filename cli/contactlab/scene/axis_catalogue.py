@@ -1,0 +1,102 @@
+"""Every axis that one scene offers."""
+
+import math
+from collections.abc import Callable, Sequence
+
+from contactlab.errors import SceneError
+from contactlab.scene.compiled_scene import Base
+from contactlab.scene.effects import EFFECTS
+from contactlab.scene.initial_states import OWN_START, keyframe_names
+from contactlab.scene.model_fields import field_axis
+from contactlab.scene.mujoco_versions import accepting, newer_switch, refusing
+from contactlab.scene.parameters import CONTACT_SETTINGS, PARAMETERS
+from contactlab.scene.settings import ENGINES
+from contactlab.scene.value_parsers import choice, integer, number, switch
+from contactlab.schema import AxisSpec, Catalogue, SceneManifest, StructureValue
+
+
+class SceneCatalogue:
+    """The axes of a scene: its own initial and structure values, parameters, effects.
+
+    Model fields such as `dof_damping[hinge]` are found, though not listed.
+    """
+
+    def __init__(self, base: Base, manifest: SceneManifest | None) -> None:
+        self._model = base.model
+        self._axes = {axis.name: refusing(axis) for axis in _axes(base, manifest)}
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names to list and to suggest."""
+        return tuple(self._axes)
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None."""
+        try:
+            known = self._axes.get(name) or newer_switch(name)
+            return known or field_axis(self._model, name)
+        except ValueError:
+            return None
+
+
+class LenientCatalogue:
+    """The axes of a catalogue, with values that only newer versions of the engine have."""
+
+    def __init__(self, own: Catalogue) -> None:
+        self._own = own
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names to list and to suggest."""
+        return self._own.names
+
+    def find(self, name: str) -> AxisSpec | None:
+        """Return the axis of this name, or None."""
+        axis = self._own.find(name)
+        return axis and accepting(axis)
+
+
+def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
+    axes = [
+        parameter.axis
+        for parameter in PARAMETERS.values()
+        if parameter.sets not in CONTACT_SETTINGS or base.pairs
+    ]
+    text = "what computes: MuJoCo, or the impulse law for a sphere above a plane"
+    axes.append(AxisSpec("engine", "", text, choice(ENGINES), ENGINES))
+    if base.targets.subject is not None:
+        body = base.model.body(base.targets.subject).name
+        axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))
+    axes += [
+        AxisSpec(name, "", f"effect: {effect.what}", switch)
+        for name, effect in EFFECTS.items()
+        if name not in PARAMETERS
+    ]
+    if starts := keyframe_names(base.model):
+        words = (*starts, OWN_START)
+        axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
+    own = _own_axes(manifest) if manifest else []
+    taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
+    for name in (axis.name for axis in own):
+        if name in taken:
+            raise SceneError(f"'{name}' names something else already; give the value another name")
+        taken.add(name)
+    return own + axes
+
+
+def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:
+    initial = [
+        AxisSpec(name, entry.unit, entry.description, number())
+        for name, entry in manifest.initial.items()
+    ]
+    structure = [
+        AxisSpec(name, entry.unit, entry.description, _structure_parser(entry))
+        for name, entry in manifest.structure.items()
+    ]
+    return initial + structure
+
+
+def _structure_parser(entry: StructureValue) -> Callable[[object], object]:
+    if entry.integer:
+        return integer(1 if entry.least is None else math.ceil(entry.least))
+    return number(above=0) if entry.least is None else number(least=entry.least)

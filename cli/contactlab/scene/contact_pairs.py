@@ -1,0 +1,315 @@
+"""Which contact pairs of a model are monitored, and the parameters that their contacts have.
+
+An explicit <pair> decides; else the geom of higher priority; else friction and condim by maximum,
+solref and solimp by weights (element-wise minimum where a solref is in direct form), margin and gap
+always by sum. No friction is below MuJoCo's minimum, and the override flag replaces what its option
+has. Source: MuJoCo's documentation, Modeling > Contact parameters.
+"""
+
+import fnmatch
+from collections import Counter
+from dataclasses import dataclass
+from itertools import combinations, pairwise
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.initial_states import OWN_START, start_data
+from contactlab.scene.mujoco_versions import quiet
+from contactlab.schema import PairEntry, PairRecord
+
+MOST_PAIRS = 64
+_SEARCH_STEPS = 2000
+_BODY_SLOTS = 16
+_FIELD_SLOTS = 16
+_GEOM = mujoco.mjtGeom
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A graded contact pair: two geoms, or two bodies with all of their geoms.
+
+    Attributes:
+        name: `side-side`, unique in the model.
+        sides: the two names.
+        bodies: whether the sides are bodies.
+        geoms: ids of the geoms on each side.
+        slots: contacts recorded each step.
+    """
+
+    name: str
+    sides: tuple[str, str]
+    bodies: bool
+    geoms: tuple[tuple[int, ...], tuple[int, ...]]
+    slots: int
+
+
+def declared_pairs(model: mujoco.MjModel, entries: tuple[PairEntry, ...]) -> tuple[Pair, ...]:
+    """Return the pairs that a manifest lists.
+
+    Raises:
+        SceneError: an entry names an unknown geom or body, or none; a pair is listed twice.
+    """
+    pairs = tuple(pair for entry in entries for pair in _of_entry(model, entry))
+    names = [pair.name for pair in pairs]
+    for name in names:
+        if names.count(name) > 1:
+            raise SceneError(f"the pair {name} is listed twice")
+    return pairs
+
+
+def found_pairs(model: mujoco.MjModel, keyframe: str = OWN_START) -> tuple[Pair, ...]:
+    """Return the geom pairs that can touch; if there are over 64, those that do in short runs.
+
+    These go from the model's own start and from a keyframe, where one is given: postures differ in
+    what touches, such as fingers that are open or closed.
+    """
+    pairs = [each for each in combinations(range(model.ngeom), 2) if _may_touch(model, *each)]
+    if len(pairs) > MOST_PAIRS:
+        pairs = _touching(model, {OWN_START, keyframe})[:MOST_PAIRS]
+    return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
+
+
+def _of_entry(model: mujoco.MjModel, entry: PairEntry) -> list[Pair]:
+    if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
+        raise SceneError("each entry of pairs takes one of geoms, bodies or chain")
+    if entry.bodies is not None:
+        return [_body_pair(model, *entry.bodies, entry.slots)]
+    chain = _expand(model, entry.chain) if entry.chain else [*(entry.geoms or ())]
+    ids = [_geom_id(model, name) for name in chain]
+    if len(ids) < 2:
+        raise SceneError(f"the chain {', '.join(chain)} has no two geoms that could touch")
+    return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
+
+
+def _expand(model: mujoco.MjModel, patterns: tuple[str, ...]) -> list[str]:
+    names = [model.geom(index).name for index in range(model.ngeom)]
+    return [name for pattern in patterns for name in fnmatch.filter(names, pattern) or [pattern]]
+
+
+def _geom_id(model: mujoco.MjModel, name: str) -> int:
+    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+    if index < 0:
+        known = [model.geom(each).name for each in range(model.ngeom)]
+        raise SceneError(f"no geom '{name}' in the model{did_you_mean(name, known)}")
+    return index
+
+
+def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> Pair:
+    names = (model.geom(first).name, model.geom(second).name)
+    slots = slots or _usual_slots(int(model.geom_type[first]), int(model.geom_type[second]))
+    return Pair("-".join(names), names, False, ((first,), (second,)), slots)
+
+
+def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> Pair:
+    sides = (_geoms_of(model, first), _geoms_of(model, second))
+    return Pair(f"{first}-{second}", (first, second), True, sides, slots or _BODY_SLOTS)
+
+
+def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
+    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    if body < 0:
+        known = [model.body(each).name for each in range(model.nbody)]
+        raise SceneError(f"no body '{name}' in the model{did_you_mean(name, known)}")
+    geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
+    solid = tuple(geom for geom in geoms if _is_solid(model, geom))
+    if not solid:
+        raise SceneError(f"body '{name}' has no geom of its own that could touch")
+    return solid
+
+
+def _is_solid(model: mujoco.MjModel, geom: int) -> bool:
+    listed = geom in model.pair_geom1 or geom in model.pair_geom2
+    return bool(listed or model.geom_contype[geom] or model.geom_conaffinity[geom])
+
+
+def _usual_slots(first: int, second: int) -> int:
+    shapes = {first, second}
+    if _GEOM.mjGEOM_HFIELD in shapes:
+        return _FIELD_SLOTS
+    if _GEOM.mjGEOM_SPHERE in shapes:
+        return 1
+    return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
+
+
+def can_collide(model: mujoco.MjModel, pair: Pair) -> bool:
+    """Say whether the engine's filters let any geoms of a pair touch."""
+    return bool(colliding(model, pair))
+
+
+def colliding(model: mujoco.MjModel, pair: Pair) -> list[tuple[int, int]]:
+    """Return the geoms of a pair, one of each side, that the engine's filters let touch."""
+    return [
+        (first, second)
+        for first in pair.geoms[0]
+        for second in pair.geoms[1]
+        if _may_touch(model, first, second)
+    ]
+
+
+def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
+    if _listed(model, first, second):
+        return True
+    bits = (model.geom_contype[first] & model.geom_conaffinity[second]) | (
+        model.geom_contype[second] & model.geom_conaffinity[first]
+    )
+    flat = {int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD)}
+    both_flat = {int(model.geom_type[first]), int(model.geom_type[second])} <= flat
+    bodies = (int(model.geom_bodyid[first]), int(model.geom_bodyid[second]))
+    return bool(bits) and not both_flat and not _excluded(model, *bodies)
+
+
+def _listed(model: mujoco.MjModel, first: int, second: int) -> bool:
+    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    return any({first, second} == set(each) for each in pairs)
+
+
+def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Follow the filters of MuJoCo's documentation, Computation > Collision > Selection."""
+    weld1, weld2 = int(model.body_weldid[first]), int(model.body_weldid[second])
+    if weld1 == weld2:
+        return True
+    signature = (min(first, second) << 16) + max(first, second)
+    if signature in model.exclude_signature:
+        return True
+    parent1 = int(model.body_weldid[model.body_parentid[weld1]])
+    parent2 = int(model.body_weldid[model.body_parentid[weld2]])
+    filtered = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
+    return bool(filtered and 0 not in (weld1, weld2) and (weld1 == parent2 or weld2 == parent1))
+
+
+def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:
+    """Return the geom pairs that touch in a short run from each start, most often first."""
+    quiet()
+    counts: Counter[tuple[int, int]] = Counter()
+    try:
+        for keyframe in keyframes:
+            counts += _touches(model, start_data(model, keyframe))
+    except mujoco.FatalError as error:
+        raise SceneError(f"the search for contact pairs failed: {error}") from error
+    return sorted(counts, key=lambda pair: (-counts[pair], pair))
+
+
+def _touches(model: mujoco.MjModel, data: mujoco.MjData) -> Counter[tuple[int, int]]:
+    """Return in how many contacts of a short run each geom pair is."""
+    counts: Counter[tuple[int, int]] = Counter()
+    for _ in range(_SEARCH_STEPS):
+        mujoco.mj_step(model, data)
+        touching = np.sort(data.contact.geom, axis=1).tolist()
+        # A flex has no geom.
+        counts.update((first, second) for first, second in touching if first >= 0)
+    return counts
+
+
+_MIN_WEIGHT = 1e-15
+
+
+def effective(model: mujoco.MjModel, pair: Pair) -> PairRecord:
+    """Return the effective contact parameters of a pair's first two geoms.
+
+    For a pair of bodies these stand for all of their geoms; friction is the largest among them,
+    so that it bounds the cone of each contact.
+    """
+    first, second = pair.geoms[0][0], pair.geoms[1][0]
+    explicit = explicit_pair(model, first, second)
+    record = _explicit(model, explicit) if explicit is not None else _mixed(model, first, second)
+    frictions = [record.friction]
+    if pair.bodies:
+        frictions += [_friction(model, a, b) for a in pair.geoms[0] for b in pair.geoms[1]]
+    changes: dict[str, object] = {"friction": _bounded(np.max(frictions, axis=0))}
+    if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+        changes = {
+            "friction": _bounded(model.opt.o_friction),
+            "solref": _floats(model.opt.o_solref),
+            "solimp": _floats(model.opt.o_solimp),
+            "margin": float(model.opt.o_margin),
+        }
+    return record.model_copy(update=changes)
+
+
+def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
+    """Return the index of the <pair> element that names both geoms, or None."""
+    for index in range(model.npair):
+        if {int(model.pair_geom1[index]), int(model.pair_geom2[index])} == {first, second}:
+            return index
+    return None
+
+
+def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
+    return PairRecord(
+        condim=int(model.pair_dim[index]),
+        friction=_floats(model.pair_friction[index]),
+        solref=_floats(model.pair_solref[index]),
+        solimp=_floats(model.pair_solimp[index]),
+        margin=float(model.pair_margin[index]),
+        gap=float(model.pair_gap[index]),
+    )
+
+
+def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
+    weight = _weight(model, first, second)
+    solref = _solref(model, first, second, weight)
+    solimp = weight * model.geom_solimp[first] + (1 - weight) * model.geom_solimp[second]
+    return PairRecord(
+        condim=_condim(model, first, second),
+        friction=_friction(model, first, second),
+        solref=_floats(solref),
+        solimp=_floats(solimp),
+        margin=float(model.geom_margin[first] + model.geom_margin[second]),
+        gap=float(model.geom_gap[first] + model.geom_gap[second]),
+    )
+
+
+def _ruler(model: mujoco.MjModel, first: int, second: int) -> int | None:
+    """Return the geom of higher priority, or None for a tie."""
+    priority1, priority2 = int(model.geom_priority[first]), int(model.geom_priority[second])
+    if priority1 == priority2:
+        return None
+    return first if priority1 > priority2 else second
+
+
+def _condim(model: mujoco.MjModel, first: int, second: int) -> int:
+    ruler = _ruler(model, first, second)
+    if ruler is not None:
+        return int(model.geom_condim[ruler])
+    return int(max(model.geom_condim[first], model.geom_condim[second]))
+
+
+def _friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ...]:
+    ruler = _ruler(model, first, second)
+    if ruler is not None:
+        three = model.geom_friction[ruler]
+    else:
+        three = np.maximum(model.geom_friction[first], model.geom_friction[second])
+    slide, torsion, roll = (float(value) for value in three)
+    return slide, slide, torsion, roll, roll
+
+
+def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
+    """Return the first geom's weight in the mean."""
+    ruler = _ruler(model, first, second)
+    if ruler is not None:
+        return 1.0 if ruler == first else 0.0
+    mix1, mix2 = float(model.geom_solmix[first]), float(model.geom_solmix[second])
+    if mix1 >= _MIN_WEIGHT and mix2 >= _MIN_WEIGHT:
+        return mix1 / (mix1 + mix2)
+    if mix1 < _MIN_WEIGHT and mix2 < _MIN_WEIGHT:
+        return 0.5
+    return 0.0 if mix1 < _MIN_WEIGHT else 1.0
+
+
+def _solref(model: mujoco.MjModel, first: int, second: int, weight: float) -> np.ndarray:
+    one, two = model.geom_solref[first], model.geom_solref[second]
+    standard = one[0] > 0 and two[0] > 0
+    if standard or _ruler(model, first, second) is not None:
+        return weight * one + (1 - weight) * two
+    return np.minimum(one, two)
+
+
+def _bounded(friction: np.ndarray) -> tuple[float, ...]:
+    return _floats(np.maximum(friction, mujoco.mjMINMU))
+
+
+def _floats(values: np.ndarray | tuple[float, ...]) -> tuple[float, ...]:
+    return tuple(float(value) for value in values)

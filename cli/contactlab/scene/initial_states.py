@@ -1,0 +1,295 @@
+"""Initial states: the model's or a keyframe's, set by initial values, perturbed by a seed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.contact import Floats, Joints
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.expression import Expression
+from contactlab.scene.model_joints import match
+from contactlab.scene.timed_inputs import Programme, computed, drawn, read_formula, read_programmes
+from contactlab.schema import SceneManifest
+
+OWN_START = "qpos0"
+"""What stands for the model's own start, in which all joints are at their reference."""
+
+
+def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
+    """Return the names of a model's keyframes; those without cannot be asked for."""
+    names = (model.key(index).name for index in range(model.nkey))
+    return tuple(name for name in names if name)
+
+
+def usual_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
+    """Return the keyframe that runs start from unless their sweep says otherwise.
+
+    It is the manifest's. Without a manifest it is the model's first: reference positions are
+    often no posture to be in, with links in each other and joints beyond their limits.
+
+    Raises:
+        SceneError: the manifest names a keyframe that the model lacks.
+    """
+    known = keyframe_names(model)
+    if manifest is None:
+        return next(iter(known), OWN_START)
+    if manifest.keyframe is not None and manifest.keyframe not in known:
+        hint = did_you_mean(manifest.keyframe, known)
+        raise SceneError(f"no keyframe '{manifest.keyframe}' in the model{hint}")
+    return manifest.keyframe or OWN_START
+
+
+def start_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
+    """Return the state of a keyframe, or the model's own."""
+    data = mujoco.MjData(model)
+    if keyframe != OWN_START:
+        mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
+    return data
+
+
+def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
+    """Make a keyframe's places of mocap bodies those that a model starts from, in place."""
+    if not model.nmocap or keyframe == OWN_START:
+        return
+    data = start_data(model, keyframe)
+    bodies = np.flatnonzero(model.body_mocapid >= 0)
+    places = model.body_mocapid[bodies]
+    model.body_pos[bodies] = data.mocap_pos[places]
+    model.body_quat[bodies] = data.mocap_quat[places]
+
+
+class Starts(NamedTuple):
+    """Start states of n runs, and what acts on them.
+
+    Controls followed by `applied` are the inputs. P of them are driven: each follows straight
+    lines between its K knots, whatever it is at the start. The others are constant.
+
+    Attributes:
+        qpos: (n, nq) configuration.
+        qvel: (n, nv) velocity.
+        ctrl: (n, nu) control at the start.
+        applied: (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
+        driven: (n, P) places, among the inputs, of those that change over time.
+        knots: (n, P, K) times of their knots [s], never decreasing.
+        levels: (n, P, K) what they are at their knots.
+        act: (n, na) activation of the actuators that have one, at the start.
+    """
+
+    qpos: Floats
+    qvel: Floats
+    ctrl: Floats
+    applied: Floats
+    driven: np.ndarray
+    knots: Floats
+    levels: Floats
+    act: Floats
+
+    def pick(self, run: int) -> "Starts":
+        """Return the start state of one run, n being 1."""
+        return self.rows([run])
+
+    def rows(self, runs: Sequence[int]) -> "Starts":
+        """Return the start states of some runs."""
+        return Starts(*(array[list(runs)] for array in self))
+
+    @classmethod
+    def joined(cls, starts: Sequence["Starts"]) -> "Starts":
+        """Return the start states of several, one after the other."""
+        return cls(*(np.concatenate(arrays) for arrays in zip(*starts, strict=True)))
+
+    def inputs(self, run: int, timestep: float, steps: np.ndarray) -> Floats:
+        """Return (T, nu + 6 nbody) the inputs of one run during some steps.
+
+        Step k has the inputs of time k timestep [s], counted rather than summed; k need not be
+        whole. Before its first knot an input has the first level, after the last the last; where
+        two knots are at one time, the later one counts.
+        """
+        constant = np.concatenate([self.ctrl[run], self.applied[run]])
+        inputs = np.tile(constant, (len(steps), 1))
+        lines = zip(self.driven[run], self.knots[run], self.levels[run], strict=True)
+        for place, knots, levels in lines:
+            inputs[:, place] = np.interp(steps * timestep, knots, levels)
+        return inputs
+
+
+_PERTURBATION = 1e-4
+_NUDGE = 1e-6
+TWIN = 1e-8
+"""How far a twin starts from its run [m, rad, m/s, rad/s]."""
+# Where a joint's quaternion starts within its part of qpos.
+_ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+
+
+@dataclass(frozen=True)
+class StartState:
+    """How the start states of one structure are made.
+
+    Attributes:
+        state: qpos, qvel, ctrl, xfrc_applied and act, the model's own or a keyframe's.
+        ends: where each of them ends.
+        formulas: expressions over the initial values, and the indices that each one sets.
+        programmes: what inputs do over time.
+        perturbed: indices that a seed changes, by at most `scale`.
+        scale: m, rad, m/s or rad/s.
+        quaternions: where unit quaternions start.
+    """
+
+    state: Floats
+    ends: tuple[int, ...]
+    formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
+    programmes: tuple[Programme, ...]
+    perturbed: tuple[int, ...]
+    scale: float
+    quaternions: tuple[int, ...]
+
+    @classmethod
+    def of(
+        cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
+    ) -> "StartState":
+        """Return how a model's start states are made, from a keyframe or `OWN_START`.
+
+        Raises:
+            SceneError: the manifest names a coordinate that the model lacks.
+        """
+        coordinates, scale = _perturbed_coordinates(model, manifest)
+        offset = _offsets(model)
+        return cls(
+            state=_state(model, keyframe),
+            ends=tuple(np.cumsum(list(_sizes(model).values())).tolist()),
+            formulas=tuple(_formulas(model, manifest)) if manifest else (),
+            programmes=read_programmes(model, manifest),
+            perturbed=tuple(offset[field] + index for field, index in coordinates),
+            scale=scale,
+            quaternions=quaternions(model),
+        )
+
+
+def start_states(start: StartState, runs: Sequence[tuple[Mapping[str, float], int]]) -> Starts:
+    """Return the start states for each run's initial values and seed."""
+    states = np.tile(start.state, (len(runs), 1))
+    for row, (initial, seed) in zip(states, runs, strict=True):
+        for formula, indices in start.formulas:
+            row[list(indices)] = computed(formula, initial)
+        if start.perturbed:
+            offsets = np.random.default_rng(seed).uniform(-1, 1, len(start.perturbed))
+            row[list(start.perturbed)] += start.scale * offsets
+    if start.formulas or start.perturbed:
+        _normalise(states, start)
+    qpos, qvel, ctrl, applied, act = np.split(states, start.ends[:-1], axis=1)
+    lines = drawn(start.programmes, [initial for initial, _ in runs])
+    return _driven(Starts(qpos, qvel, ctrl, applied, *lines, act))
+
+
+def _driven(starts: Starts) -> Starts:
+    """Return starts whose driven inputs are what they are at the start."""
+    if not starts.driven.size:
+        return starts
+    controls = starts.ctrl.shape[1]
+    first = np.zeros(1, np.intp)
+    inputs = np.concatenate([starts.inputs(run, 0.0, first) for run in range(len(starts.ctrl))])
+    return starts._replace(ctrl=inputs[:, :controls], applied=inputs[:, controls:])
+
+
+def nudged_states(start: StartState, states: Starts, seeds: Sequence[int]) -> Starts:
+    """Return start states a millionth of a metre or radian away; rotations stay as they are."""
+    turning = {address + part for address in start.quaternions for part in range(4)}
+    moving = [index for index in range(states.qpos.shape[1]) if index not in turning]
+    qpos = states.qpos.copy()
+    for row, seed in zip(qpos, seeds, strict=True):
+        # A stream of its own: the seed's first one perturbs the start itself.
+        row[moving] += _NUDGE * np.random.default_rng([seed, 1]).uniform(-1, 1, len(moving))
+    return states._replace(qpos=qpos)
+
+
+def twin_of(start: Starts, joints: Joints, seed: int) -> Starts:
+    """Return a start up to 1e-8 away in every place and velocity [m, rad, m/s, rad/s].
+
+    Rotations stay as they are; their velocities tell them apart soon enough.
+    """
+    dice = np.random.default_rng([seed, 2])
+    qpos, qvel = start.qpos.copy(), start.qvel.copy()
+    places = [*joints.scalars, *(point + axis for point in joints.points for axis in range(3))]
+    qpos[:, places] += TWIN * dice.uniform(-1, 1, len(places))
+    qvel += TWIN * dice.uniform(-1, 1, qvel.shape[1])
+    return start._replace(qpos=qpos, qvel=qvel)
+
+
+def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
+    """Return the indices in qpos where a unit quaternion starts."""
+    kinds: list[int] = model.jnt_type.tolist()
+    return tuple(
+        int(model.jnt_qposadr[joint]) + _ROTATIONS[kind]
+        for joint, kind in enumerate(kinds)
+        if kind in _ROTATIONS
+    )
+
+
+def _state(model: mujoco.MjModel, keyframe: str) -> Floats:
+    data = start_data(model, keyframe)
+    return np.concatenate([getattr(data, field).ravel() for field in _sizes(model)])
+
+
+def _sizes(model: mujoco.MjModel) -> dict[str, int]:
+    return {
+        "qpos": model.nq,
+        "qvel": model.nv,
+        "ctrl": model.nu,
+        "xfrc_applied": 6 * model.nbody,
+        "act": model.na,
+    }
+
+
+def _offsets(model: mujoco.MjModel) -> dict[str, int]:
+    sizes = _sizes(model)
+    return dict(zip(sizes, [0, *np.cumsum(list(sizes.values()))[:-1].tolist()], strict=True))
+
+
+def _formulas(
+    model: mujoco.MjModel, manifest: SceneManifest
+) -> list[tuple[Expression, tuple[int, ...]]]:
+    offset = _offsets(model)
+    formulas: list[tuple[Expression, tuple[int, ...]]] = []
+    for name, entry in manifest.initial.items():
+        for pattern, text in entry.sets.items():
+            expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
+            indices = tuple(offset[each.field] + each.index for each in match(model, pattern))
+            formulas.append((expression, indices))
+    return formulas
+
+
+def _normalise(states: Floats, start: StartState) -> None:
+    for address in start.quaternions:
+        part = states[:, address : address + 4]
+        norm = np.linalg.norm(part, axis=1, keepdims=True)
+        # Dividing a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
+        np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
+
+
+def _perturbed_coordinates(
+    model: mujoco.MjModel, manifest: SceneManifest | None
+) -> tuple[list[tuple[str, int]], float]:
+    """Return which numbers of the start state a seed changes, and by how much at most.
+
+    Without a manifest: the horizontal place of free bodies, and every slide and hinge.
+    """
+    if manifest and manifest.perturb:
+        patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
+        found = [each for pattern in patterns for each in match(model, pattern)]
+        return [(each.field, each.index) for each in found], scale
+    if manifest:
+        return [], 0.0
+    return [("qpos", index) for index in _loose(model)], _PERTURBATION
+
+
+def _loose(model: mujoco.MjModel) -> list[int]:
+    indices: list[int] = []
+    for joint in range(model.njnt):
+        address, kind = int(model.jnt_qposadr[joint]), model.jnt_type[joint]
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            indices += [address, address + 1]
+        elif kind != mujoco.mjtJoint.mjJNT_BALL:
+            indices.append(address)
+    return indices

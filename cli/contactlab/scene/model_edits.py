@@ -1,0 +1,156 @@
+"""Write resolved settings into a compiled model."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError
+from contactlab.scene.contact_pairs import Pair, explicit_pair
+from contactlab.scene.effects import EFFECTS
+from contactlab.scene.engine_flags import FLAGS, write_flags
+from contactlab.scene.model_fields import is_field, write_field
+from contactlab.scene.parameters import CONTACT_SETTINGS
+from contactlab.scene.settings import (
+    OPTION_INTEGERS,
+    OPTION_NUMBERS,
+    OPTION_VECTORS,
+    OPTION_WORDS,
+)
+
+
+@dataclass(frozen=True)
+class Targets:
+    """Where contact and mass settings go.
+
+    Attributes:
+        geoms: ids of the geoms of the graded pairs that no <pair> element covers.
+        explicit: indices of the <pair> elements of the graded pairs.
+        subject: id of the body that the mass setting means, if there is one.
+    """
+
+    geoms: tuple[int, ...]
+    explicit: tuple[int, ...]
+    subject: int | None
+
+    def rows(self, field: str) -> list[int]:
+        """Return which rows of a geom's or a <pair> element's field are theirs."""
+        return list(self.geoms if field.startswith("geom") else self.explicit)
+
+
+def find_targets(model: mujoco.MjModel, pairs: Sequence[Pair], subject: int | None) -> Targets:
+    """Return the geoms and <pair> elements behind the graded pairs."""
+    geoms: set[int] = set()
+    explicit: set[int] = set()
+    for pair in pairs:
+        for first in pair.geoms[0]:
+            for second in pair.geoms[1]:
+                index = explicit_pair(model, first, second)
+                geoms |= {first, second} if index is None else set()
+                explicit |= set() if index is None else {index}
+    return Targets(tuple(sorted(geoms)), tuple(sorted(explicit)), subject)
+
+
+def apply(model: mujoco.MjModel, changed: Mapping[str, object], targets: Targets) -> None:
+    """Write the changed settings into a model, in place.
+
+    Args:
+        model: a copy that this call may edit.
+        changed: resolved settings by name; only these are touched.
+        targets: where contact and mass settings go.
+    """
+    write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
+    derived = False
+    for name, value in changed.items():
+        if name in _WRITERS:
+            _WRITERS[name](model, value)
+        elif name in CONTACT_SETTINGS:
+            _write_contact(model, name, value, targets)
+            derived |= name in ("margin", "gap")
+        elif name == "mass":
+            _write_mass(model, float(str(value)), targets)
+            derived = True
+        elif name in EFFECTS and name not in FLAGS:
+            turn = EFFECTS[name].turn
+            assert turn is not None
+            turn(model, bool(value))
+        elif is_field(model, name):
+            derived |= write_field(model, name, value)
+    if derived:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def edited(changed: Iterable[str], targets: Targets) -> tuple[int, ...]:
+    """Return the ids of the geoms that `apply` gives contact parameters to."""
+    return targets.geoms if set(changed) & set(CONTACT_SETTINGS) else ()
+
+
+def varied(
+    model: mujoco.MjModel, settings: Mapping[str, object], targets: Targets
+) -> frozenset[str]:
+    """Return the contact settings that `apply` would change by writing what stands there."""
+    return frozenset(
+        name
+        for name in CONTACT_SETTINGS
+        if name in settings
+        for field, row in _rows(name, settings[name]).items()
+        if np.any(getattr(model, field)[targets.rows(field)] != row)
+    )
+
+
+def _number(name: str) -> Callable[[mujoco.MjModel, object], None]:
+    def write(model: mujoco.MjModel, value: object) -> None:
+        setattr(model.opt, name, value)
+
+    return write
+
+
+def _vector(name: str) -> Callable[[mujoco.MjModel, object], None]:
+    def write(model: mujoco.MjModel, value: object) -> None:
+        getattr(model.opt, name)[:] = value
+
+    return write
+
+
+def _word(name: str, words: tuple[str, ...]) -> Callable[[mujoco.MjModel, object], None]:
+    def write(model: mujoco.MjModel, value: object) -> None:
+        setattr(model.opt, name, words.index(str(value)))
+
+    return write
+
+
+_WRITERS = (
+    {name: _number(name) for name in (*OPTION_NUMBERS, *OPTION_INTEGERS)}
+    | {name: _vector(name) for name in OPTION_VECTORS}
+    | {name: _word(name, words) for name, words in OPTION_WORDS.items()}
+)
+
+
+def _rows(name: str, value: object) -> dict[str, np.ndarray]:
+    """Return the model fields of a contact setting, each with what stands in its rows.
+
+    Every graded geom is given the pair's value, so that mixing equal values gives it back.
+    """
+    row = np.asarray(value)
+    if name == "friction":
+        return {"geom_friction": row[[0, 2, 3]], "pair_friction": row}
+    if name == "condim":
+        return {"geom_condim": row, "pair_dim": row}
+    # MuJoCo adds the margins, and the gaps, of the two geoms.
+    half = row / 2 if name in ("margin", "gap") else row
+    return {f"geom_{name}": half, f"pair_{name}": row}
+
+
+def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: Targets) -> None:
+    for field, row in _rows(name, value).items():
+        getattr(model, field)[targets.rows(field)] = row
+
+
+def _write_mass(model: mujoco.MjModel, mass: float, targets: Targets) -> None:
+    """Scale the subject's mass and inertia alike, as another density would."""
+    if targets.subject is None:
+        raise SceneError("the scene has no subject body whose mass could be set")
+    ratio = mass / float(model.body_mass[targets.subject])
+    model.body_mass[targets.subject] = mass
+    model.body_inertia[targets.subject] *= ratio

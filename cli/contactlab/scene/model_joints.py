@@ -1,0 +1,143 @@
+"""Joints of a model: names of their coordinates, norms on their configurations, actuated limbs.
+
+Names of coordinates are such as `ball.z`, `box.vx`, `hinge`, `hinge.v`, `box.fx`.
+"""
+
+import fnmatch
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from contactlab.contact import Joints
+from contactlab.errors import SceneError, did_you_mean
+
+_FREE_POSITION = ("x", "y", "z", "qw", "qx", "qy", "qz")
+_FREE_VELOCITY = ("vx", "vy", "vz", "wx", "wy", "wz")
+_FORCE = ("fx", "fy", "fz", "tx", "ty", "tz")
+_BALL_POSITION = ("qw", "qx", "qy", "qz")
+_BALL_VELOCITY = ("wx", "wy", "wz")
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One number of the state: a field and an index in it."""
+
+    field: Literal["qpos", "qvel", "ctrl", "xfrc_applied"]
+    index: int
+
+
+def coordinates(model: mujoco.MjModel) -> dict[str, Coordinate]:
+    """Return every coordinate of a model by name.
+
+    Slides and hinges are JOINT (m or rad) and JOINT.v; free and ball joints have a name for each
+    component. Free joints rotate in the body's frame and move in the world's. A joint without a
+    name takes its body's. BODY.fx to .tz are a constant external force [N] and torque [N m] at the
+    body's centre of mass, in the world's frame; ACTUATOR.ctrl is a constant control.
+    """
+    return dict([*_inputs(model), *_named(model)])
+
+
+def match(model: mujoco.MjModel, pattern: str) -> list[Coordinate]:
+    """Return the coordinates whose name matches a pattern such as `box*.x`.
+
+    Raises:
+        SceneError: nothing matches.
+    """
+    known = coordinates(model)
+    found = [known[name] for name in known if fnmatch.fnmatchcase(name, pattern)]
+    if not found:
+        raise SceneError(f"no coordinate '{pattern}' in the model{did_you_mean(pattern, known)}")
+    return found
+
+
+def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, Coordinate]]:
+    for body in range(1, model.nbody):
+        for offset, part in enumerate(_dotted(_FORCE)):
+            yield model.body(body).name + part, Coordinate("xfrc_applied", 6 * body + offset)
+    for actuator in range(model.nu):
+        yield f"{model.actuator(actuator).name}.ctrl", Coordinate("ctrl", actuator)
+
+
+def _named(model: mujoco.MjModel) -> Iterator[tuple[str, Coordinate]]:
+    for index in range(model.njnt):
+        joint = model.joint(index)
+        name = joint.name or model.body(joint.bodyid[0]).name
+        positions, velocities = _components(int(joint.type[0]))
+        for offset, part in enumerate(positions):
+            yield name + part, Coordinate("qpos", int(joint.qposadr[0]) + offset)
+        for offset, part in enumerate(velocities):
+            yield name + part, Coordinate("qvel", int(joint.dofadr[0]) + offset)
+
+
+def _components(joint_type: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    if joint_type == mujoco.mjtJoint.mjJNT_FREE:
+        return _dotted(_FREE_POSITION), _dotted(_FREE_VELOCITY)
+    if joint_type == mujoco.mjtJoint.mjJNT_BALL:
+        return _dotted(_BALL_POSITION), _dotted(_BALL_VELOCITY)
+    return ("",), (".v",)
+
+
+def _dotted(parts: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(f".{part}" for part in parts)
+
+
+_JOINT = mujoco.mjtJoint
+
+
+def joints_of(model: mujoco.MjModel) -> Joints:
+    """Return the joints of a model, with the lengths that MuJoCo gives their degrees of freedom."""
+    kinds = np.asarray(model.jnt_type)
+    places, dofs = np.asarray(model.jnt_qposadr), np.asarray(model.jnt_dofadr)
+    scalar = (kinds == _JOINT.mjJNT_SLIDE) | (kinds == _JOINT.mjJNT_HINGE)
+    free, ball = kinds == _JOINT.mjJNT_FREE, kinds == _JOINT.mjJNT_BALL
+    turning = [*(dofs[free] + 3), *dofs[ball]]
+    return Joints(
+        scalars=tuple(places[scalar].tolist()),
+        lengths=np.array(model.dof_length[dofs[scalar]]),
+        points=tuple(places[free].tolist()),
+        rotations=(*(places[free] + 3).tolist(), *places[ball].tolist()),
+        reaches=np.array(model.dof_length[turning]) if turning else np.empty(0),
+    )
+
+
+def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
+    """Return for each body on a free joint how many of its limbs have actuated joints, if any do.
+
+    A limb is a child of the free body with everything that hangs on it.
+    """
+    driven = {int(model.jnt_bodyid[joint]) for joint in _driven_joints(model)}
+    limbs: dict[int, set[int]] = {}
+    for body in driven:
+        chain = [body]
+        while model.body_parentid[chain[-1]]:
+            chain.append(int(model.body_parentid[chain[-1]]))
+        if len(chain) > 1 and _is_free(model, chain[-1]):
+            limbs.setdefault(chain[-1], set()).add(chain[-2])
+    return {model.body(root).name or f"body{root}": len(each) for root, each in limbs.items()}
+
+
+def _is_free(model: mujoco.MjModel, body: int) -> bool:
+    joint = int(model.body_jntadr[body])
+    return joint >= 0 and int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_FREE
+
+
+def _driven_joints(model: mujoco.MjModel) -> Iterator[int]:
+    kinds = mujoco.mjtTrn
+    for actuator in range(model.nu):
+        kind, item = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
+        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
+            yield item
+        elif kind == kinds.mjTRN_TENDON:
+            yield from _joints_of(model, item)
+
+
+def _joints_of(model: mujoco.MjModel, tendon: int) -> Iterator[int]:
+    """Yield the joints that a fixed tendon couples; a spatial tendon names none."""
+    start = int(model.tendon_adr[tendon])
+    wraps = np.arange(start, start + int(model.tendon_num[tendon]))
+    for wrap in wraps:
+        if int(model.wrap_type[wrap]) == mujoco.mjtWrap.mjWRAP_JOINT:
+            yield int(model.wrap_objid[wrap])

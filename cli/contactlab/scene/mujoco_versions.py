@@ -1,0 +1,170 @@
+"""What the installed version of MuJoCo lacks, and which version introduced it.
+
+Tried on every release from 3.3.0 to 4.0.0: each has what its enums name.
+"""
+
+import ctypes
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import mujoco
+
+from contactlab.scene.value_parsers import switch
+from contactlab.schema import AxisSpec
+
+VERSION: str = mujoco.__version__
+OLDEST = "3.3.0"
+# Contact sensors came with 3.3.5, the velocities among what they measure with this one.
+_CONTACT_SENSORS = "3.16.0"
+_BATCH = "3.17.0"
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """A value of an axis that older engines do not know.
+
+    Attributes:
+        axis: the axis.
+        value: its value; the other one of a switch is what older engines do.
+        version: the first engine that knows it.
+    """
+
+    axis: str
+    value: str | bool
+    version: str
+
+
+ARRIVALS = (
+    Arrival("spring", False, "3.3.6"),
+    Arrival("damper", False, "3.3.6"),
+    Arrival("sleep", True, "3.4.0"),
+    Arrival("diagexact", True, "3.9.0"),
+    Arrival("integrator", "discrete", "3.13.0"),
+    Arrival("speculative", True, "4.0.0"),
+)
+
+
+def has_batch() -> bool:
+    """Say whether the engine steps many simulations natively."""
+    return _reaches(_BATCH)
+
+
+def lacking_records(*, driven: bool) -> dict[str, str]:
+    """Return what is null in the records of runs of this engine, with the reason.
+
+    Args:
+        driven: whether the runs have inputs that change over time.
+    """
+    if has_batch() or not driven:
+        return {}
+    return {
+        "cost": f"MuJoCo {VERSION} takes inputs that change from Python, whose time would count; "
+        f"{_BATCH} takes them all at once"
+    }
+
+
+def has_contact_sensors() -> bool:
+    """Say whether the engine's contact sensors measure all that a slot records."""
+    return _reaches(_CONTACT_SENSORS)
+
+
+def lacking_switches() -> frozenset[str]:
+    """Return the switches that this engine lacks; it behaves as with their defaults."""
+    return frozenset(each.axis for each in _lacking() if isinstance(each.value, bool))
+
+
+def why_lacking(axis: str, value: object) -> str | None:
+    """Return why this engine has no such value of an axis; None if it is not known to lack it."""
+    for each in ARRIVALS:
+        if each.axis == axis and _same(each.value, value) and not _reaches(each.version):
+            return (
+                f"MuJoCo {VERSION} has no {_shown(each)}, which came with {each.version}; "
+                f"leave it out, or run with --mujoco {each.version}"
+            )
+    return None
+
+
+def newer_switch(axis: str) -> AxisSpec | None:
+    """Return the axis of a switch that this engine lacks: it takes the default alone."""
+    if axis not in lacking_switches():
+        return None
+    return refusing(AxisSpec(axis, "", "effect of newer engines", switch))
+
+
+def refusing(axis: AxisSpec) -> AxisSpec:
+    """Return an axis that says of what this engine lacks which version has it."""
+
+    def refuse(value: object) -> object:
+        if why := why_lacking(axis.name, value):
+            raise ValueError(why)
+        return axis.parse(value)
+
+    return _with(axis, refuse)
+
+
+def accepting(axis: AxisSpec) -> AxisSpec:
+    """Return an axis that takes what this engine lacks as well, for plans that then drop it."""
+
+    def accept(value: object) -> object:
+        for each in _lacking():
+            if each.axis == axis.name and _same(each.value, value):
+                return each.value
+        return axis.parse(value)
+
+    return _with(axis, accept)
+
+
+def _with(axis: AxisSpec, parse: Callable[[object], object]) -> AxisSpec:
+    concerned = any(each.axis == axis.name for each in _lacking())
+    return replace(axis, parse=parse) if concerned else axis
+
+
+def _lacking() -> list[Arrival]:
+    return [each for each in ARRIVALS if not _reaches(each.version)]
+
+
+def _same(own: str | bool, value: object) -> bool:
+    if isinstance(own, str):
+        return isinstance(value, str) and value.lower() == own
+    try:
+        return switch(value) == own
+    except ValueError:
+        return False
+
+
+def _shown(arrival: Arrival) -> str:
+    if isinstance(arrival.value, str):
+        return f"{arrival.axis} '{arrival.value}'"
+    return f"switch '{arrival.axis}'"
+
+
+def _reaches(version: str) -> bool:
+    return _parts(VERSION) >= _parts(version)
+
+
+def _parts(version: str) -> tuple[int, ...]:
+    """Return a version's first three numbers; what follows a release, as in 4.0.1.dev2, is left."""
+    return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())
+
+
+def quiet() -> None:
+    """Keep the engine from writing MUJOCO_LOG.TXT and messages; warnings are counted anyway."""
+    if hasattr(mujoco, "MjLogConfig"):
+        config = mujoco.MjLogConfig.get()
+        config.logto_file = config.logto_console = False
+        config.set()
+    else:
+        _quieten()
+
+
+@cache
+def _quieten() -> Any:  # noqa: ANN401 - a function that C may call, kept alive by the cache
+    """Take warnings where the engine has no settings for its log: before 3.10."""
+    take = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
+    (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
+    handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mju_user_warning")
+    handler.value = ctypes.cast(take, ctypes.c_void_p).value
+    return take

@@ -1,0 +1,229 @@
+"""Rows of one sweep resolved fast: what rows have in common is worked out once.
+
+A setting depends on the axes that write it and on nothing else of a row, but for its shape: the
+structure, the effects asked for, the engine and the names of its axes. So a row costs a look-up
+for each axis, and its seeds a hash each.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import itemgetter
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+from contactlab.scene.compiled_scene import Base
+from contactlab.scene.effects import EFFECTS, fold
+from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.resolved import Resolved, steps_of
+from contactlab.scene.run_identity import (
+    digest,
+    entries_of,
+    entry,
+    head_of,
+    tail_of,
+    written_over_of,
+)
+
+if TYPE_CHECKING:
+    from contactlab.scene.scene import Scene
+
+# Values of a setting that are remembered; a sampled axis has another one in each row.
+_MOST_PARTS = 1 << 16
+Values = Mapping[str, object]
+
+
+class Part(NamedTuple):
+    """A setting or initial value of a row, and its entry in the text that a run's id is of."""
+
+    value: object
+    entry: str
+
+
+class ResolvedRow(NamedTuple):
+    """What one row of a sweep is resolved to, its seed left open."""
+
+    shape: "Shape"
+    parts: Sequence[Part]
+
+    @property
+    def timestep(self) -> float:
+        """Length of a step [s]."""
+        return cast("float", self.setting("timestep"))
+
+    @property
+    def steps(self) -> int:
+        """Steps that cover the duration; at least one."""
+        return steps_of(self.shape.first.duration, self.timestep)
+
+    @property
+    def start(self) -> tuple[object, ...]:
+        """What rows have in common whose runs start alike, but for the seed."""
+        return (self.shape, *[self.parts[place].value for place in self.shape.starting])
+
+    def setting(self, name: str) -> object:
+        """Return a setting, or None if there is none of this name."""
+        place = self.shape.places.get(name)
+        return self.shape.first.settings.get(name) if place is None else self.parts[place].value
+
+    def run_ids(self, seeds: Sequence[int]) -> bytes:
+        """Return the ids of the row's runs, `ID_BYTES` each."""
+        shape = self.shape
+        pieces = shape.pieces.copy()
+        pieces[1::2] = [part.entry for part in self.parts]
+        tail = tail_of(pieces, shape.written_over)
+        return b"".join([digest(shape.head, seed, tail) for seed in seeds])
+
+    def resolved(self, seed: int) -> Resolved:
+        """Return what decides the row's run of a seed."""
+        first, settings, initial = self.shape.first, dict(self.shape.first.settings), {}
+        for setting, part in zip(self.shape.settings, self.parts, strict=True):
+            (initial if setting.initial else settings)[setting.name] = part.value
+        return replace(first, settings=settings, initial={**first.initial, **initial}, seed=seed)
+
+
+@dataclass(frozen=True, slots=True)
+class _Setting:
+    """A setting or initial value that varies among the rows of a shape.
+
+    Attributes:
+        name: its name.
+        initial: whether it is an initial value.
+        axes: the axes that decide it, in the order in which they are applied.
+        pick: takes their values from a row.
+        known: what came of values.
+    """
+
+    name: str
+    initial: bool
+    axes: tuple[str, ...]
+    pick: Callable[[Values], object]
+    known: dict[object, Part]
+
+    def part(self, base: Base, values: Values) -> Part:
+        """Return what the values of a row make of it."""
+        key = self.pick(values)
+        found = self.known.get(key)
+        if found is None:
+            value = self._value(base, values)
+            found = Part(value, entry(base, self.name, value))
+            # Zeros of either sign would be one key, though they are two values.
+            if len(self.known) < _MOST_PARTS and not _has_zero(key):
+                self.known[key] = found
+        return found
+
+    def _value(self, base: Base, values: Values) -> object:
+        if self.initial:
+            return float(str(values[self.name]))
+        settings = dict(base.settings)
+        for axis in self.axes:
+            if axis in PARAMETERS:
+                PARAMETERS[axis].update(settings, values[axis])
+            elif axis in EFFECTS:
+                fold(axis, on=bool(values[axis]), settings=settings)
+            else:
+                settings[axis] = values[axis]
+        return settings[self.name]
+
+
+class Shape:
+    """What rows have in common that differ in nothing but plain settings and initial values.
+
+    Attributes:
+        first: the first of its rows, resolved.
+        settings: what varies, in the order of their names.
+        places: where each of them stands.
+        starting: the places of what decides where a run starts.
+        head: what stands before a run's seed in the text that its id is of.
+        pieces: the settings in that text; those that vary are every second one, left empty.
+        written_over: the last entry of that text.
+    """
+
+    def __init__(
+        self, scene: "Scene", first: Resolved, deciding: Mapping[str, Sequence[str]]
+    ) -> None:
+        self.first = first
+        self._base = base = scene.base(first.structure)
+        self.settings = tuple(
+            _Setting(name, name in first.initial, tuple(axes), itemgetter(*axes), {})
+            for name, axes in sorted(deciding.items())
+        )
+        self.places = {setting.name: place for place, setting in enumerate(self.settings)}
+        self.starting = [
+            place
+            for place, setting in enumerate(self.settings)
+            if setting.initial or setting.name == "keyframe"
+        ]
+        self.head = head_of(base, first, scene.hash)
+        self.written_over = written_over_of(base, first)
+        self.pieces = [""]
+        for name, text in entries_of(base, first.values).items():
+            if name in deciding:
+                self.pieces += ["", ""]
+            else:
+                self.pieces[-1] += text
+
+    def row(self, values: Values) -> ResolvedRow:
+        """Return what a row of this shape is resolved to."""
+        return ResolvedRow(self, [each.part(self._base, values) for each in self.settings])
+
+
+class Rows:
+    """Resolves the rows of one sweep.
+
+    Args:
+        scene: theirs.
+        own: effects that the scene switches itself.
+        duration: simulated time of a run [s]; the scene's own if None.
+    """
+
+    def __init__(self, scene: "Scene", own: Values, duration: float | None) -> None:
+        self._scene = scene
+        self._own = own
+        self._duration = duration
+        self._shaping: dict[tuple[str, ...], Sequence[str]] = {}
+        self._shapes: dict[tuple[object, ...], Shape] = {}
+
+    def row(self, values: Values) -> ResolvedRow:
+        """Return what a row is resolved to.
+
+        Args:
+            values: canonical axis values by name.
+        """
+        values = {**self._own, **values} if self._own else values
+        names = tuple(values)
+        shaping = self._shaping.get(names)
+        if shaping is None:
+            shaping = self._shaping[names] = [name for name in names if self._is_shaping(name)]
+        key = (names, *[repr(values[name]) for name in shaping])
+        shape = self._shapes.get(key)
+        if shape is None:
+            shape = self._shapes[key] = self._shape(values, shaping)
+        return shape.row(values)
+
+    def _is_shaping(self, name: str) -> bool:
+        if name in PARAMETERS:
+            return False
+        return name in EFFECTS or name == "engine" or not self._scene.is_plain(name)
+
+    def _shape(self, values: Values, shaping: Sequence[str]) -> Shape:
+        first = self._scene.resolve(values, 0, self._duration)
+        deciding: dict[str, list[str]] = {}
+        varying: set[str] = set()
+        for axis in application_order(values):
+            for name in _written_by(axis):
+                deciding.setdefault(name, []).append(axis)
+                if axis not in shaping:
+                    varying.add(name)
+        return Shape(self._scene, first, {name: deciding[name] for name in varying})
+
+
+def _written_by(axis: str) -> Sequence[str]:
+    """Return the settings that an axis may write."""
+    if axis in PARAMETERS:
+        return (PARAMETERS[axis].sets,)
+    return EFFECTS[axis].touches if axis in EFFECTS else (axis,)
+
+
+def _has_zero(value: object) -> bool:
+    if isinstance(value, tuple):
+        return any(_has_zero(part) for part in cast("tuple[object, ...]", value))
+    return value == 0

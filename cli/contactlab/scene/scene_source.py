@@ -1,0 +1,246 @@
+"""From what a sweep names as its scene to the files of the scene, their hash, and its manifest.
+
+A scene is a shipped name, a folder with a manifest, a model file, or a robot of MuJoCo Menagerie:
+`menagerie:ROBOT[/ENTRY]`.
+"""
+
+import hashlib
+import importlib
+import shutil
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from contactlab import resources
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.model_references import references
+from contactlab.schema import SceneManifest
+
+
+@dataclass(frozen=True)
+class Content:
+    """A model's own files.
+
+    Attributes:
+        root: the folder that holds them all.
+        model: the model file, relative to the root.
+        files: every file, relative to the root, sorted.
+        hash: SHA-256 over names and bytes, shortened to 16 hex digits.
+    """
+
+    root: Path
+    model: Path
+    files: tuple[Path, ...]
+    hash: str
+
+    def copy_to(self, folder: Path) -> None:
+        """Copy every file into the folder, keeping their places."""
+        for file in self.files:
+            target = folder / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.root / file, target)
+
+
+def collect(model: Path, beside: Path | None = None) -> Content:
+    """Return the model file, its includes and assets, and the manifest if there is one.
+
+    Assets that do not exist are left for the compiler to judge, which does not need them all.
+
+    Raises:
+        SceneError: a file cannot be read, or is not XML.
+    """
+    model = _plain(model)
+    try:
+        found = {model, *(_plain(path) for path in references(model))}
+        files = {path for path in found if path.is_file()} | ({_plain(beside)} if beside else set())
+        root = _common_folder(files)
+        names = sorted(path.relative_to(root) for path in files)
+        return Content(root, model.relative_to(root), tuple(names), _digest(root, names))
+    except OSError as error:
+        raise SceneError(f"{error.filename or model}: {error.strerror}") from error
+
+
+def _plain(path: Path) -> Path:
+    """Return an absolute path without `..`; links stay, so that a copy keeps their names."""
+    parts: list[str] = []
+    for part in path.absolute().parts:
+        if part == "..":
+            parts.pop()
+        else:
+            parts.append(part)
+    return Path(*parts)
+
+
+def _common_folder(files: Iterable[Path]) -> Path:
+    folder = min(files).parent
+    while not all(path.is_relative_to(folder) for path in files):
+        folder = folder.parent
+    return folder
+
+
+def _digest(root: Path, names: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for name in names:
+        data = (root / name).read_bytes()
+        digest.update(f"{name.as_posix()}\0{len(data)}\0".encode() + data)
+    return digest.hexdigest()[:16]
+
+
+_SCHEME = "menagerie:"
+
+
+def is_menagerie(reference: str) -> bool:
+    """Say whether a scene's reference names a robot of MuJoCo Menagerie."""
+    return reference.startswith(_SCHEME)
+
+
+def menagerie_name(reference: str) -> str:
+    """Return the name of a robot's scene, fit for a file: `franka_emika_panda-panda`."""
+    return reference.removeprefix(_SCHEME).replace("/", "-")
+
+
+def menagerie_model(reference: str) -> Path:
+    """Return the model file of a robot, which the package downloads on first use.
+
+    Without an entry it is the robot's default: its scene if it has one.
+
+    Raises:
+        SceneError: the package is not installed, knows no such robot or entry, or cannot get it.
+    """
+    package = _package(reference)
+    robot, _, entry = reference.removeprefix(_SCHEME).partition("/")
+    found = _robot(package, robot)
+    known = found.entry_names
+    if entry and entry not in known:
+        hint = did_you_mean(entry, known) or f"; write one of {', '.join(known)}"
+        raise SceneError(f"{robot} of MuJoCo Menagerie has no entry '{entry}'{hint}")
+    try:
+        path = Path(found.xml(entry or None))
+    except (package.MenagerieError, OSError) as error:
+        raise SceneError(
+            f"cannot get {robot}: {error}\n"
+            "a robot is downloaded once, which takes a network; without one, set MENAGERIE_ROOT to "
+            "a folder that holds the robot's, such as a checkout of mujoco_menagerie"
+        ) from error
+    if not path.is_file():
+        raise SceneError(f"{path.parent} holds no {path.name}, the file of '{reference}'")
+    return path
+
+
+def _package(reference: str) -> Any:  # noqa: ANN401 - a module that may not be there
+    try:
+        return importlib.import_module("mujoco_menagerie")
+    except ModuleNotFoundError as error:
+        raise SceneError(
+            f"'{reference}' takes the package mujoco-menagerie; "
+            "install it with `pip install 'contactlab[menagerie]'`"
+        ) from error
+
+
+def _robot(package: Any, name: str) -> Any:  # noqa: ANN401
+    known: list[str] = package.names()
+    if name not in known:
+        hint = did_you_mean(name, known) or "; `mujoco-menagerie names` lists them"
+        raise SceneError(f"MuJoCo Menagerie has no robot '{name}'{hint}")
+    return package.get(name)
+
+
+MANIFEST = "scene.yaml"
+MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """A scene as it lies on disk.
+
+    Attributes:
+        name: the shipped name, the folder's or file's stem, or robot and entry.
+        path: the manifest, or the model file where there is none.
+        manifest: what is asked of the model; None for a bare model file.
+        content: its files and their hash.
+    """
+
+    name: str
+    path: Path
+    manifest: SceneManifest | None
+    content: Content
+
+    @property
+    def model(self) -> Path:
+        """The model file."""
+        return self.content.root / self.content.model
+
+    @contextmanager
+    def blamed(self) -> Generator[None]:
+        """Put the scene's file before the message of an error that is raised within."""
+        try:
+            yield
+        except SceneError as error:
+            raise SceneError(f"{self.path}: {error}") from error
+
+
+def find_scene(reference: str, base: Path | None = None) -> SceneSource:
+    """Return the scene of a name, a folder with a manifest, an .xml or .urdf file, or a robot.
+
+    Args:
+        reference: what the sweep says after `scene:`.
+        base: the folder that relative paths are relative to; the working directory if None.
+
+    Raises:
+        SceneError: there is no such scene, or its manifest is wrong.
+    """
+    if is_menagerie(reference):
+        return _bare_model(menagerie_model(reference), menagerie_name(reference))
+    path = (base or Path()) / Path(reference).expanduser()
+    if path.suffix in MODEL_SUFFIXES:
+        return _bare_model(path, path.stem)
+    if "/" in reference or (path / MANIFEST).is_file():
+        return _folder(path, path.resolve().name)
+    return _folder(resources.scene_folder(reference), reference)
+
+
+def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
+    """Return a scene that was copied into a store's folder."""
+    # The copy holds the scene's own files only, so that any manifest there is the scene's.
+    manifest = next(folder.rglob(MANIFEST), None)
+    if manifest is not None:
+        return _folder(manifest.parent, name)
+    return _bare_model(folder / model, name)
+
+
+def _bare_model(path: Path, name: str) -> SceneSource:
+    if not path.is_file():
+        raise SceneError(f"no model file {path}")
+    return SceneSource(name, path, None, collect(path))
+
+
+def _folder(path: Path, name: str) -> SceneSource:
+    manifest = path / MANIFEST
+    if not manifest.is_file():
+        raise SceneError(f"{path} holds no {MANIFEST}; name the model file itself to run without")
+    read = read_manifest(manifest)
+    return SceneSource(name, manifest, read, collect(path / read.model, beside=manifest))
+
+
+def read_manifest(path: Path) -> SceneManifest:
+    """Read a scene's manifest.
+
+    Raises:
+        SceneError: it is not YAML, or a key is unknown, missing or wrong; all are named.
+    """
+    try:
+        data = YAML(typ="safe", pure=True).load(path)
+        return SceneManifest.model_validate(data)
+    except ValidationError as error:
+        mistakes = [
+            f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()
+        ]
+        raise SceneError("\n".join([f"{path}: the manifest is wrong", *mistakes])) from error
+    except (YAMLError, ValueError, OSError) as error:
+        raise SceneError(f"{path}: not YAML: {error}") from error

@@ -1,0 +1,289 @@
+"""What no real body's mass and inertia can be, rule by rule.
+
+For a body of mass m and principal moments A <= B <= C about its centre of mass:
+
+* A > 0 and A + B >= C, since moments are integrals of squared distances;
+* m over the volume of its geoms is the density of some material;
+* half of A + B + C less one moment is m times the mean square distance from the plane across that
+  moment's axis, which in a shape of length L is at most (L / 2)^2 (Popoviciu's inequality);
+* (A + B + C) / 2 is m times the mean square distance from the centre, which is least for a ball.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError
+
+from contactlab.contact import Floats
+from contactlab.errors import SceneError
+from contactlab.scene.compile_model import compile_model
+from contactlab.scene.scene_source import SceneSource
+from contactlab.scene.written_inertia import (
+    InertiaFault,
+    closes,
+    not_positive,
+    open_triangle,
+    written_inertia_faults,
+)
+
+# Foam and hollow shells to osmium and its like [kg/m^3].
+LIGHTEST, DENSEST = 50.0, 20000.0
+# Shapes are simplified: a centre of mass may lie this share of a shape's length outside of it, and
+# distances may be this many times what would fit.
+_OUTSIDE = 0.05
+_SLACK = 2.0
+# Of a uniform rod it is 0.29; nothing built has all its mass within a tenth of its length.
+_LEAST_SPREAD = 1 / 30
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body, its inertia about its centre of mass.
+
+    Attributes:
+        name: its name.
+        mass: [kg].
+        moments: (3,) about the axes [kg m^2].
+        axes: (3, 3) principal axes as columns, in the body's frame.
+        centre: (3,) of mass, in the body's frame [m].
+    """
+
+    name: str
+    mass: float
+    moments: Floats
+    axes: Floats
+    centre: Floats
+
+
+def density_faults(model: mujoco.MjModel, index: int, body: Body) -> Iterator[InertiaFault]:
+    """Yield where a body's geoms are of no material that there is."""
+    space = sum(volume(model, geom) for geom in solid_geoms(model, index))
+    density = body.mass / space if space else LIGHTEST
+    if LIGHTEST <= density <= DENSEST:
+        return
+    light = density < LIGHTEST
+    limit = LIGHTEST if light else DENSEST
+    words = "lighter than foam" if light else "denser than any metal"
+    yield InertiaFault(
+        body.name,
+        "density",
+        density,
+        limit,
+        "kg/m^3",
+        f"its mass of {body.mass:g} kg in the {space:.3g} m^3 of its geoms makes "
+        f"{density:.3g} kg/m^3, {words} ({limit:g})",
+    )
+
+
+def shape_faults(model: mujoco.MjModel, index: int, body: Body) -> Iterator[InertiaFault]:
+    """Yield where a body's mass would have to lie outside its shape, or all in one place."""
+    spreads = np.sqrt(np.maximum(body.moments.sum() / 2 - body.moments, 0) / body.mass)
+    length = 0.0
+    if solid_geoms(model, index):
+        spans = [extent(model, index, body.axes[:, axis]) for axis in range(3)]
+        lengths = [high - low for low, high in spans]
+        length = max(lengths)
+        yield from _outside(body, spans)
+        worst = int(np.argmax(spreads / lengths))
+        if spreads[worst] > _SLACK * lengths[worst] / 2:
+            yield _too_large(body, float(spreads[worst]), lengths[worst])
+    yield from _too_small(body, float(np.sqrt((spreads**2).sum())), length)
+
+
+def _outside(body: Body, spans: list[tuple[float, float]]) -> Iterator[InertiaFault]:
+    places = body.axes.T @ body.centre
+    beyond = [
+        max(low - place, place - high, 0.0)
+        for (low, high), place in zip(spans, places, strict=True)
+    ]
+    worst = int(np.argmax(beyond))
+    allowed = _OUTSIDE * (spans[worst][1] - spans[worst][0])
+    if beyond[worst] > allowed:
+        yield InertiaFault(
+            body.name,
+            "outside",
+            beyond[worst],
+            allowed,
+            "m",
+            f"its centre of mass lies {beyond[worst]:.3g} m outside its geoms",
+        )
+
+
+def _too_large(body: Body, spread: float, length: float) -> InertiaFault:
+    return InertiaFault(
+        body.name,
+        "too_large",
+        spread,
+        _SLACK * length / 2,
+        "m",
+        f"its inertia puts its mass {spread:.3g} m (rms) from its centre along an axis on which "
+        f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit",
+    )
+
+
+def _too_small(body: Body, spread: float, length: float) -> Iterator[InertiaFault]:
+    ball = math.sqrt(3 / 5) * (3 * body.mass / (4 * math.pi * DENSEST)) ** (1 / 3)
+    # A body without a moment of its own is a point that is fixed to others.
+    limit = max(ball, _LEAST_SPREAD * length)
+    if 0 < spread < limit:
+        yield InertiaFault(
+            body.name,
+            "too_small",
+            spread,
+            limit,
+            "m",
+            f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; "
+            + (
+                f"a ball of {body.mass:g} kg of the densest metal has {ball:.3g} m"
+                if limit == ball
+                else f"its geoms are {length:.3g} m long"
+            ),
+        )
+
+
+_FATAL = ("not_positive", "triangle")
+# A plate closes the triangle to rounding.
+_ROUNDING = 1e-9
+
+
+def scene_inertia_faults(
+    source: SceneSource, structure: Mapping[str, object] | None = None
+) -> tuple[InertiaFault, ...]:
+    """Return the faults of a scene's model, also of one that does not compile because of them.
+
+    Args:
+        source: the scene.
+        structure: structure values; as written in the model if left out.
+
+    Raises:
+        SceneError: the model does not compile for another reason.
+    """
+    written: list[InertiaFault] = []
+
+    def inspect(spec: mujoco.MjSpec) -> None:
+        written.extend(written_inertia_faults(spec))
+
+    try:
+        model = compile_model(source, structure or {}, inspect)
+    except SceneError:
+        fatal = tuple(each for each in written if each.kind in _FATAL)
+        if not fatal:
+            raise
+        return fatal
+    return (*written, *inertia_faults(model))
+
+
+def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
+    """Return the faults of a compiled model's moving bodies, in their order."""
+    moving = np.flatnonzero(model.body_weldid != 0).tolist()
+    return tuple(fault for body in moving for fault in _body_faults(model, body))
+
+
+def _body_faults(model: mujoco.MjModel, index: int) -> Iterator[InertiaFault]:
+    body = Body(
+        model.body(index).name or f"body {index}",
+        float(model.body_mass[index]),
+        np.array(model.body_inertia[index]),
+        rotation(model.body_iquat[index]),
+        np.array(model.body_ipos[index]),
+    )
+    if body.mass < 0 or body.moments.min() < 0:
+        yield not_positive(body.name, body.mass, body.moments)
+    elif body.mass > 0:
+        # A model may be edited after it was compiled.
+        if not closes(body.moments + _ROUNDING * body.moments.max()):
+            yield open_triangle(body.name, body.moments, balanced=False)
+        yield from density_faults(model, index, body)
+        yield from shape_faults(model, index, body)
+
+
+_GEOM = mujoco.mjtGeom
+
+
+def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the geoms of a body that have a volume: those that touch if any, else all."""
+    geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
+    solid = [geom for geom in geoms if int(model.geom_type[geom]) in _VOLUMES]
+    touching = [geom for geom in solid if model.geom_contype[geom] or model.geom_conaffinity[geom]]
+    return touching or solid
+
+
+def volume(model: mujoco.MjModel, geom: int) -> float:
+    """Return the volume of a geom [m^3], of a mesh that of its convex hull."""
+    kind = int(model.geom_type[geom])
+    points = _points(model, geom) if kind in _MESHES else np.array(model.geom_size[geom])
+    return _VOLUMES[kind](points)
+
+
+def extent(model: mujoco.MjModel, body: int, direction: Floats) -> tuple[float, float]:
+    """Return from where to where a body's geoms reach along a unit vector of its frame [m]."""
+    spans = [
+        _span(model, geom, direction)
+        for geom in np.flatnonzero(model.geom_bodyid == body).tolist()
+        if int(model.geom_type[geom]) in _VOLUMES
+    ]
+    return min(low for low, _ in spans), max(high for _, high in spans)
+
+
+def _span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:
+    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
+    local = rotation(model.geom_quat[geom]).T @ direction
+    centre = float(model.geom_pos[geom] @ direction)
+    if kind in _MESHES:
+        along = _points(model, geom) @ local
+        return centre + float(along.min()), centre + float(along.max())
+    reach = _REACHES[kind](size, np.abs(local))
+    return centre - reach, centre + reach
+
+
+def rotation(quaternion: Floats) -> Floats:
+    """Return the (3, 3) matrix of a unit quaternion."""
+    matrix = np.zeros(9)
+    mujoco.mju_quat2Mat(matrix, np.array(quaternion))
+    return matrix.reshape(3, 3)
+
+
+def _points(model: mujoco.MjModel, geom: int) -> Floats:
+    mesh = int(model.geom_dataid[geom])
+    first = int(model.mesh_vertadr[mesh])
+    return np.array(model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])], np.float64)
+
+
+def _hull_volume(points: Floats) -> float:
+    try:
+        return float(ConvexHull(points).volume)
+    except QhullError:
+        return 0.0
+
+
+def _sphere(size: Floats) -> float:
+    return 4 / 3 * math.pi * float(size[0]) ** 3
+
+
+def _cylinder(size: Floats) -> float:
+    return 2 * math.pi * float(size[0]) ** 2 * float(size[1])
+
+
+_MESHES = {int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}
+# Of the sizes of a geom, or of the points of a mesh.
+_VOLUMES: dict[int, Callable[[Floats], float]] = {
+    int(_GEOM.mjGEOM_SPHERE): _sphere,
+    int(_GEOM.mjGEOM_CAPSULE): lambda size: _sphere(size) + _cylinder(size),
+    int(_GEOM.mjGEOM_CYLINDER): _cylinder,
+    int(_GEOM.mjGEOM_BOX): lambda size: 8 * float(size.prod()),
+    int(_GEOM.mjGEOM_ELLIPSOID): lambda size: 4 / 3 * math.pi * float(size.prod()),
+    **dict.fromkeys(_MESHES, _hull_volume),
+}
+# Of the sizes of a geom and the magnitudes of a direction in its frame.
+_REACHES: dict[int, Callable[[Floats, Floats], float]] = {
+    int(_GEOM.mjGEOM_SPHERE): lambda size, _: float(size[0]),
+    int(_GEOM.mjGEOM_CAPSULE): lambda size, along: size[0] + size[1] * along[2],
+    int(_GEOM.mjGEOM_CYLINDER): lambda size, along: (
+        size[0] * math.hypot(along[0], along[1]) + size[1] * along[2]
+    ),
+    int(_GEOM.mjGEOM_BOX): lambda size, along: float(size @ along),
+    int(_GEOM.mjGEOM_ELLIPSOID): lambda size, along: float(np.linalg.norm(size * along)),
+}

@@ -1,0 +1,157 @@
+"""A march is a rollout of which few states are kept, and it lands on any time exactly."""
+
+import sys
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.engines import Buffers, count_work, invariants, march, roll_out
+from contactlab.scene import Scene
+
+Make = Callable[..., Scene]
+# The function has its module's name.
+MODULE: Any = sys.modules["contactlab.engines.march"]
+FALL = """
+<mujoco>
+  <option gravity="0 0 -10"/>
+  <worldbody>
+    <body name="ball" pos="0 0 100"><freejoint name="ball"/><geom size=".1"/></body>
+  </worldbody>
+</mujoco>
+"""
+PUSHED = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="box" pos="0 0 .06">
+      <freejoint name="box"/><geom name="box" type="box" size=".05 .05 .05" mass="1"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+CONTROL = "pairs: [{geoms: [floor, box]}]\ncontrol: {box.fx: {at: [0, 0.1], to: [0, 20]}}\n"
+STEPS = 100
+
+
+@pytest.fixture(scope="module")
+def pushed(make_scene: Make) -> Scene:
+    return make_scene(PUSHED, CONTROL)
+
+
+@pytest.mark.parametrize("block", [1, 1000, 4 << 20])
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
+def test_it_is_a_rollout_of_which_few_states_are_kept(
+    pushed: Scene, block: int, integrator: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(MODULE, "_BLOCK_BYTES", block)
+    run = pushed.resolve({"integrator": integrator}, 1, None)
+    start = pushed.starts([run])
+    model = pushed.prepare(run, start).model
+    rollout = roll_out([model], start, STEPS, Buffers())
+    kept = np.array([1, 2, 50, 99, 100])
+    found = march(model, start, kept * run.timestep)
+    assert found is not None
+    assert found.states.tobytes() == rollout.state[0, kept].tobytes()
+    assert found.qpos.tobytes() == rollout.state[0, kept, 1:8].tobytes()
+    assert found.qvel.tobytes() == rollout.state[0, kept, 8:14].tobytes()
+
+
+@given(fraction=st.floats(0, 1), steps=st.integers(0, 20))
+def test_it_lands_between_steps_by_a_shorter_step(
+    falling: Callable[[str], Any], fraction: float, steps: int
+) -> None:
+    """The semi-implicit rule: g (h^2 n (n+1)/2 + d n h + d^2) after n steps h and one of d.
+
+    Positions of 100 m are rounded to 1.4e-14 m in each of 21 steps. A rest of less than a millionth
+    of a step counts as none: it would fall by 1e-8 m at most.
+    """
+    model, start, timestep = falling("Euler")
+    rest = fraction * timestep
+    found = march(model, start, np.array([steps * timestep + rest]))
+    assert found is not None
+    fall = timestep**2 * steps * (steps + 1) / 2 + rest * steps * timestep + rest**2
+    least = 3e-13 if 1e-5 < fraction < 1 - 1e-5 else 1e-7
+    assert found.qpos[0, 2] == pytest.approx(100 - 10 * fall, abs=least)
+
+
+@given(when=st.lists(st.floats(1e-3, 0.5), min_size=1, max_size=5).map(sorted))
+def test_a_fourth_order_march_is_on_the_parabola_at_any_time(
+    falling: Callable[[str], Any], when: list[float]
+) -> None:
+    """RK4 is exact for it; what is snapped to a step is off by 1e-6 of it, 1e-8 s at 5 m/s."""
+    model, start, _ = falling("RK4")
+    times = np.array(when)
+    found = march(model, start, times)
+    assert found is not None
+    assert found.qpos[:, 2] == pytest.approx(100 - 5 * times**2, abs=6e-8)
+
+
+def test_it_goes_on_from_a_state_of_its_own(pushed: Scene) -> None:
+    """What drives the box goes by the clock of the whole run; friction is solved to 1e-8."""
+    run = pushed.resolve({}, 1, None)
+    start = pushed.starts([run])
+    model = pushed.prepare(run, start).model
+    times = np.array([40, 60, 100]) * run.timestep
+    whole = march(model, start, times)
+    assert whole is not None
+    rest = march(model, start, times[1:], begin=float(times[0]), state=whole.states[0])
+    assert rest is not None
+    assert rest.states == pytest.approx(whole.states[1:], abs=1e-7)
+    assert whole.qvel[2, 0] > 2 * whole.qvel[0, 0] > 0
+
+
+def test_a_run_that_does_not_go_through_has_no_states(make_scene: Make) -> None:
+    scene = make_scene(FALL)
+    run = scene.resolve({"gravity": 1e12}, 0, None)
+    start = scene.starts([run])
+    model = scene.prepare(run, start).model
+    assert march(model, start, np.array([0.5])) is None
+    assert count_work(model, start, 250) is None
+
+
+def test_impacts_are_changes_of_the_number_of_contacts(pushed: Scene) -> None:
+    run = pushed.resolve({}, 1, None)
+    start = pushed.starts([run])
+    prepared = pushed.prepare(run, start)
+    layout = pushed.base_of(run).layout
+    rollout = roll_out([prepared.model], start, STEPS, Buffers())
+    contacts = rollout.sensors[0, :, layout.contacts].astype(int)
+    found = march(prepared.model, start, np.array([STEPS * run.timestep]))
+    assert found is not None
+    assert found.impacts == np.count_nonzero(np.diff(contacts)) > 0
+
+
+def test_energy_and_momenta_are_those_of_the_motion(make_scene: Make) -> None:
+    """1 m/s and 2 rad/s: m v^2 / 2 + 2/5 m r^2 w^2 / 2, and what it weighs at 100 m."""
+    scene = make_scene(FALL.replace('<geom size=".1"/>', '<geom size=".1" mass="3"/>'))
+    run = scene.resolve({}, 0, None)
+    model = scene.prepare(run, scene.starts([run])).model
+    qpos = np.array([[0, 0, 100, 1, 0, 0, 0.0]])
+    qvel = np.array([[1, 0, 0, 0, 0, 2.0]])
+    found = invariants(model, qpos, qvel, free=True)
+    kinetic = 1.5 + 0.5 * 0.4 * 3 * 0.01 * 4
+    assert found.kinetic == pytest.approx([kinetic], rel=1e-12)
+    assert found.energy == pytest.approx([kinetic + 3 * 10 * 100], rel=1e-12)
+    assert found.momentum is None, "gravity takes momentum away"
+    assert found.lift == pytest.approx(3 * 10 * 1e-3)
+    model.opt.gravity[:] = 0
+    still = invariants(model, qpos, qvel, free=True)
+    assert still.momentum == pytest.approx(np.array([[3.0, 0, 0]]), abs=1e-12)
+    assert still.spin == pytest.approx(np.array([[0, 0, 0.4 * 3 * 0.01 * 2]]), abs=1e-12)
+
+
+@pytest.fixture(scope="module")
+def falling(make_scene: Make) -> Callable[[str], Any]:
+    """Return a maker of a model, start and timestep of a ball in free fall."""
+    scene = make_scene(FALL, "perturb: {coordinates: [ball.x], scale: 1.0e-3}\n")
+
+    def make(integrator: str) -> Any:
+        run = scene.resolve({"integrator": integrator, "timestep": 0.01}, 0, None)
+        start = scene.starts([run])
+        return scene.prepare(run, start).model, start, run.timestep
+
+    return make
