@@ -76,7 +76,7 @@ def made_up(bodies: int, moving: int, pairs: int, slots: int, touching_every: in
         iterations=ones,
         iterations_most=ones,
         momentum=None,
-        spin=None,
+        angular_momentum=None,
         pairs=tuple(pair for pair, _ in cases),
         warnings=({},),
     )

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import Floats, Form, Shape
+from contactlab.contact import BodyShape, Floats, Form
 from contactlab.engines import body_names, moving_bodies, poses, shapes
 
 GEOMS = {
@@ -53,7 +53,7 @@ def rotation(quaternion: Floats) -> Floats:
     return matrix.reshape(3, 3)
 
 
-def extremes(shape: Shape, turn: Floats, origin: Floats) -> tuple[Floats, Floats]:
+def extremes(shape: BodyShape, turn: Floats, origin: Floats) -> tuple[Floats, Floats]:
     """Return the least and largest coordinates of a shape in a frame (turn, origin)."""
     axes = turn.T @ rotation(shape.rotation) * shape.size / 2
     centre = turn.T @ (shape.position - origin)

@@ -141,7 +141,9 @@ def test_energy_and_momenta_are_those_of_the_motion(make_scene: Make) -> None:
     model.opt.gravity[:] = 0
     still = invariants(model, qpos, qvel, free=True)
     assert still.momentum == pytest.approx(np.array([[3.0, 0, 0]]), abs=1e-12)
-    assert still.spin == pytest.approx(np.array([[0, 0, 0.4 * 3 * 0.01 * 2]]), abs=1e-12)
+    assert still.angular_momentum == pytest.approx(
+        np.array([[0, 0, 0.4 * 3 * 0.01 * 2]]), abs=1e-12
+    )
 
 
 @pytest.fixture(scope="module")

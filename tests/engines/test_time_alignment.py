@@ -127,8 +127,8 @@ def test_energy_and_momentum_are_those_of_the_state_before_the_step(
     centre = (position * masses[:, None]).sum(1) / masses.sum()
     orbital = np.cross(position - centre[:, None], linear * masses[:, None]).sum(1)
     # Spheres have equal inertia about every axis, and their body frame turns with them.
-    assert trace.spin is not None
-    own = np.linalg.norm(trace.spin[0] - orbital, axis=-1)
+    assert trace.angular_momentum is not None
+    own = np.linalg.norm(trace.angular_momentum[0] - orbital, axis=-1)
     assert own[0] == pytest.approx(inertia[1] * 6.0, rel=1e-12)
     # The collision conserves it but for rounding.
     assert trace.momentum[0] == pytest.approx(np.tile(momentum[0], (200, 1)), abs=1e-12)

@@ -64,7 +64,7 @@ def make_trace(runs: int = 1, steps: int = 100, timestep: float = 2e-3, **change
         iterations=counts.copy(),
         iterations_most=counts.copy(),
         momentum=None,
-        spin=None,
+        angular_momentum=None,
         pairs=(),
         warnings=tuple({} for _ in range(runs)),
     )

@@ -15,8 +15,8 @@ from contactlab.contact import (
     NORMAL,
     SLIDE,
     TANGENT,
-    Held,
-    Hold,
+    HeldPose,
+    HoldWindow,
     PairTrace,
     Setup,
     Trace,
@@ -31,7 +31,7 @@ HELD = [name for name in METRICS if name.startswith("hold_")]
 
 def held_setup(make: Make, trace: Trace, start: float, stop: float, **changes: Any) -> Setup:
     runs = trace.runs
-    hold = Hold(np.full(runs, start), np.full(runs, stop))
+    hold = HoldWindow(np.full(runs, start), np.full(runs, stop))
     return make(trace, hold=hold, passive=False, **changes)
 
 
@@ -71,7 +71,7 @@ def test_each_run_has_its_own_window(trace_of: Make, setup_of: Make, pair_of: Ma
     depth = np.repeat(np.arange(100)[None, :, None] * -1e-5, 3, axis=0)
     trace = trace_of(runs=3, pairs=(pair_of(3, 100, normal=1.0, distance=depth),))
     trace.timestep[:] = 1e-3, 2e-3, 1e-3
-    hold = Hold(np.array([0.01, 0.02, 0.05]), np.array([0.02, 0.04, 0.30]))
+    hold = HoldWindow(np.array([0.01, 0.02, 0.05]), np.array([0.02, 0.04, 0.30]))
     setup = setup_of(trace, hold=hold, passive=False)
     found = assess(trace, setup).metrics["hold_penetration"]
     # Depth is 1e-5 k, k from 10 to 19 in the first two runs; the third ends before its window.
@@ -151,7 +151,7 @@ def test_drop_is_along_gravity_however_the_holder_is_turned(
     quaternion, matrix = turn_of(unit(data.draw), angle)
     share = np.clip((np.arange(100) - 20) / 49, 0, 1)[:, None]
     world = np.array([0.1, 0.2, 0.3]) + share * np.array([side, 0, -sink])
-    held = Held((world @ matrix)[None], np.tile(quaternion, (1, 100, 1)))
+    held = HeldPose((world @ matrix)[None], np.tile(quaternion, (1, 100, 1)))
     trace = trace_of(held=held)
     setup = held_setup(setup_of, trace, 20 * 2e-3, 70 * 2e-3)
     assert measured(trace, setup, "hold_drop") == pytest.approx(sink, abs=2e-9)
@@ -163,7 +163,7 @@ def test_offset_is_from_the_start_of_the_run(trace_of: Make, setup_of: Make) -> 
     place = np.zeros((1, 100, 3))
     place[0, 10:, 2] = -0.05
     still = np.tile([1.0, 0, 0, 0], (1, 100, 1))
-    trace = trace_of(held=Held(place, still))
+    trace = trace_of(held=HeldPose(place, still))
     setup = held_setup(setup_of, trace, 0.1, 0.2)
     assert measured(trace, setup, "hold_offset") == pytest.approx(0.05)
     assert measured(trace, setup, "hold_drop") == 0

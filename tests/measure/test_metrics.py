@@ -115,7 +115,7 @@ class TestConservation:
         assert np.isnan(value(still, setup_of(still), "momentum_drift"))
         vectors = np.tile([2.0, 0, 0], (1, 100, 1))
         vectors[0, 40] = 2, 0.02, 0
-        trace = trace_of(momentum=vectors, spin=vectors, kinetic=np.full((1, 100), 2.0))
+        trace = trace_of(momentum=vectors, angular_momentum=vectors, kinetic=np.full((1, 100), 2.0))
         assert value(trace, setup_of(trace), "momentum_drift") == pytest.approx(0.01)
         assert value(trace, setup_of(trace), "spin_drift") == pytest.approx(0.01, rel=1e-4)
 
@@ -191,7 +191,7 @@ def test_every_metric_survives_short_and_broken_runs(
 ) -> None:
     pairs = tuple(pair_of(2, steps, slots=s, normal=1.0, distance=-1e-3) for s in (1, 3))
     free = np.full((2, steps, 3), poison)
-    trace = trace_of(2, steps, pairs=pairs, momentum=free, spin=free)
+    trace = trace_of(2, steps, pairs=pairs, momentum=free, angular_momentum=free)
     for array in (trace.qpos, trace.qvel, trace.kinetic, trace.potential, trace.least_distance):
         array[:, -1:] += poison
     for pair in pairs:

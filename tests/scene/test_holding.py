@@ -47,8 +47,8 @@ def test_the_subject_is_seen_from_its_holder(make_scene: Make) -> None:
         mujoco.mj_kinematics(prepared.model, data)
         hand, mug = data.body("hand"), data.body("mug")
         expected = hand.xmat.reshape(3, 3).T @ (mug.xpos - hand.xpos)
-        assert held.place[0, step] == pytest.approx(expected, abs=1e-12)
-        assert held.turn[0, step] == pytest.approx(hand.xquat, abs=1e-12)
+        assert held.position[0, step] == pytest.approx(expected, abs=1e-12)
+        assert held.rotation[0, step] == pytest.approx(hand.xquat, abs=1e-12)
 
 
 def test_without_a_holder_it_is_the_world(make_scene: Make) -> None:
@@ -59,8 +59,8 @@ def test_without_a_holder_it_is_the_world(make_scene: Make) -> None:
     held = make_trace(base, [base.prepare({})], rollout).held
     assert held is not None
     mug = 1 + int(base.model.joint("mug").qposadr[0])
-    assert held.place[0] == pytest.approx(rollout.state[0, :-1, mug : mug + 3], abs=1e-12)
-    assert held.turn[0] == pytest.approx(np.tile([1.0, 0, 0, 0], (20, 1)))
+    assert held.position[0] == pytest.approx(rollout.state[0, :-1, mug : mug + 3], abs=1e-12)
+    assert held.rotation[0] == pytest.approx(np.tile([1.0, 0, 0, 0], (20, 1)))
 
 
 def test_windows_follow_initial_values(make_scene: Make) -> None:

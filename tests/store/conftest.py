@@ -163,7 +163,7 @@ def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
         iterations=counts,
         iterations_most=counts,
         momentum=None,
-        spin=None,
+        angular_momentum=None,
         pairs=(),
         warnings=({},),
     )

@@ -1,38 +1,49 @@
 """The contact model in closed form, and the arrays that one rollout leaves."""
 
-from contactlab.contact.arrays import (
+from contactlab.contact.animation import MODE_COLOURS, BodyMotion, BodyShape, ContactForces, Form
+from contactlab.contact.contact_laws import (
+    Impact,
+    damping_ratio,
+    damping_ratio_of,
+    impedance,
+    resolve_impact,
+    rest_penetration,
+    restitution_of,
+    sticking_speed,
+    stiffness_damping,
+    timeconst_dampratio,
+)
+from contactlab.contact.rotations import (
+    angles_between,
+    rotate,
+    rotate_back,
+    rotation_from_x,
+    rotation_matrices,
+)
+from contactlab.contact.trace_arrays import (
     ANGULAR_VELOCITY,
     DISTANCE,
     FORCE,
     FOUND,
     LINEAR_VELOCITY,
+    NO_CONTACT,
     NORMAL,
     POSITION,
+    SLIDE,
     SLOT_WIDTH,
+    STICK,
     TANGENT,
     TORQUE,
     Floats,
-    Held,
+    HeldPose,
     Integers,
+    Invariants,
+    PairSeries,
     PairTrace,
+    SelfChecks,
     Trace,
 )
-from contactlab.contact.checks import Checks
-from contactlab.contact.contact_law import (
-    damping_ratio,
-    damping_ratio_of,
-    impedance,
-    rest_penetration,
-    restitution_of,
-    stiffness_damping,
-    timeconst_dampratio,
-)
-from contactlab.contact.impact import Impact, resolve_impact, sticking_speed
-from contactlab.contact.invariants import Invariants
-from contactlab.contact.joints import Joints
-from contactlab.contact.motion import MODE_COLOURS, ContactForces, Form, Motion, Shape
-from contactlab.contact.series import NO_CONTACT, SLIDE, STICK, PairSeries
-from contactlab.contact.setup import Barrier, FreeBody, Hold, Mode, Setup
+from contactlab.contact.trace_setup import Barrier, FreeBody, HoldWindow, Joints, Setup, SlipMode
 
 __all__ = [
     "ANGULAR_VELOCITY",
@@ -50,30 +61,35 @@ __all__ = [
     "TANGENT",
     "TORQUE",
     "Barrier",
-    "Checks",
+    "BodyMotion",
+    "BodyShape",
     "ContactForces",
     "Floats",
     "Form",
     "FreeBody",
-    "Held",
-    "Hold",
+    "HeldPose",
+    "HoldWindow",
     "Impact",
     "Integers",
     "Invariants",
     "Joints",
-    "Mode",
-    "Motion",
     "PairSeries",
     "PairTrace",
+    "SelfChecks",
     "Setup",
-    "Shape",
+    "SlipMode",
     "Trace",
+    "angles_between",
     "damping_ratio",
     "damping_ratio_of",
     "impedance",
     "resolve_impact",
     "rest_penetration",
     "restitution_of",
+    "rotate",
+    "rotate_back",
+    "rotation_from_x",
+    "rotation_matrices",
     "sticking_speed",
     "stiffness_damping",
     "timeconst_dampratio",

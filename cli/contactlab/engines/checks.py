@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Checks, Floats, Trace
+from contactlab.contact import Floats, SelfChecks, Trace
 from contactlab.engines.rollout import STATE, driven, start_batch
 from contactlab.scene import Base, Pair, Prepared, Starts, can_collide
 
@@ -36,7 +36,7 @@ def run_checks(
     starts: Starts,
     trace: Trace,
     proceed: Callable[[], bool] = lambda: True,
-) -> Checks:
+) -> SelfChecks:
     """Return the self-checks of n runs that all went through.
 
     Args:
@@ -55,7 +55,7 @@ def run_checks(
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
     states = range(len(again))
     geometry = [_geometry(base, prepared[run].model, trace, run, geometry_steps) for run in states]
-    return Checks(
+    return SelfChecks(
         residual=np.array([_residual(prepared[run].model, again[run]) for run in states]),
         jacobian=np.array(
             [_jacobian(prepared[run].model, trace, starts, run, jacobian_steps) for run in states]

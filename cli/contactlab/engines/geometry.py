@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats, Form, Integers, Shape
+from contactlab.contact import BodyShape, Floats, Form, Integers
 
 # As in MuJoCo's viewers, which do not show the groups above.
 _SHOWN_GROUPS = 3
@@ -64,7 +64,7 @@ def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
     return positions, rotations
 
 
-def shapes(model: mujoco.MjModel) -> tuple[Shape, ...]:
+def shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
     """Return the parts that are drawn: geoms of groups 0 to 2, or all of a body without such."""
     low = model.geom_group < _SHOWN_GROUPS
     bodies_shown = set(model.geom_bodyid[low].tolist())
@@ -76,7 +76,7 @@ def shapes(model: mujoco.MjModel) -> tuple[Shape, ...]:
     return tuple(shape for geom in geoms if _colour(model, geom)[3] for shape in _of(model, geom))
 
 
-def _of(model: mujoco.MjModel, geom: int) -> Iterator[Shape]:
+def _of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
     kind, size = int(model.geom_type[geom]), model.geom_size[geom].copy()
     if kind in _SOLIDS:
         form, axes = _SOLIDS[kind]
@@ -91,13 +91,13 @@ def _of(model: mujoco.MjModel, geom: int) -> Iterator[Shape]:
         yield _mesh(model, geom, *_surface(model, int(model.geom_dataid[geom])))
 
 
-def _caps(model: mujoco.MjModel, geom: int, radius: float, half: float) -> Iterator[Shape]:
+def _caps(model: mujoco.MjModel, geom: int, radius: float, half: float) -> Iterator[BodyShape]:
     for end, place in (("/top", half), ("/bottom", -half)):
         offset = np.array([0.0, 0.0, place])
         yield _shape(model, geom, Form.ellipsoid, np.full(3, 2 * radius), offset, end)
 
 
-def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> Shape:
+def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
     """Return a thin box below the plane; one without end gets a length beyond the scene."""
     reach = float(model.stat.extent)
     half = np.where(size[:2] > 0, size[:2], 3 * reach)
@@ -113,12 +113,12 @@ def _shape(
     size: Floats,
     offset: Floats | None = None,
     suffix: str = "",
-) -> Shape:
+) -> BodyShape:
     """Return a shape in the geom's frame, or off its centre by a vector in that frame."""
     rotation, moved = model.geom_quat[geom].copy(), np.zeros(3)
     if offset is not None:
         mujoco.mju_rotVecQuat(moved, offset, rotation)
-    return Shape(
+    return BodyShape(
         name=(model.geom(geom).name or f"geom{geom}") + suffix,
         body=int(model.geom_bodyid[geom]),
         form=form,
@@ -131,7 +131,7 @@ def _shape(
     )
 
 
-def _mesh(model: mujoco.MjModel, geom: int, vertices: Floats, triangles: Integers) -> Shape:
+def _mesh(model: mujoco.MjModel, geom: int, vertices: Floats, triangles: Integers) -> BodyShape:
     plain = _shape(model, geom, Form.mesh, np.ones(3))
     return replace(plain, vertices=vertices, triangles=triangles)
 

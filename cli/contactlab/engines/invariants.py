@@ -27,7 +27,7 @@ def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool)
         energy=rows[:, 0] + rows[:, 1],
         kinetic=rows[:, 1],
         momentum=mass * rows[:, 2:5] if conserved else None,
-        spin=rows[:, 5:8] if conserved else None,
+        angular_momentum=rows[:, 5:8] if conserved else None,
         mass=mass,
         lift=0.0 if off else mass * gravity * _LIFT,
     )

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact import Floats, rotation_matrices
 
 _FREE_DOFS = 6
 
@@ -37,7 +37,7 @@ def loose_energy(
         joint = int(model.body_jntadr[body])
         place, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
         inertia = _inertia(model, place, dof)
-        turn = _matrices(qpos[:, place + 3 : place + 7])
+        turn = rotation_matrices(qpos[:, place + 3 : place + 7])
         velocity = qvel[:, dof : dof + 6].copy()
         velocity[:, :3] = np.einsum("nji,nj->ni", turn, velocity[:, :3])
         kinetic += 0.5 * np.einsum("ni,ij,nj->n", velocity, inertia, velocity)
@@ -63,12 +63,3 @@ def _inertia(model: mujoco.MjModel, place: int, dof: int) -> Floats:
 def _moment(inertia: Floats) -> Floats:
     """Return mass times centre of mass [kg m], which ties linear to angular velocity."""
     return np.array([inertia[1, 5], inertia[2, 3], inertia[0, 4]])
-
-
-def _matrices(quaternions: Floats) -> Floats:
-    """Return (N, 3, 3) from body to world."""
-    scalar, axis = quaternions[:, 0], quaternions[:, 1:]
-    zero = np.zeros_like(scalar)
-    x, y, z = axis.T
-    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
-    return np.eye(3) + 2 * (scalar[:, None, None] * cross + cross @ cross)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from contactlab.contact import SLOT_WIDTH, Floats, Held, PairTrace, Trace
+from contactlab.contact import SLOT_WIDTH, Floats, HeldPose, PairTrace, Trace
 from contactlab.engines.rollout import Rollout
 from contactlab.scene import Base, Prepared
 
@@ -33,7 +33,7 @@ def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trac
         iterations=iterations.sum(axis=2, dtype=np.int32),
         iterations_most=iterations.max(axis=2),
         momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
-        spin=_vector(sensors, layout.spin, np.ones((1, 1, 1))),
+        angular_momentum=_vector(sensors, layout.spin, np.ones((1, 1, 1))),
         pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
         warnings=rollout.warnings,
         held=_held(sensors, layout.held),
@@ -55,10 +55,10 @@ def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | No
     return None if address is None else sensors[:, :, address : address + 3] * factor
 
 
-def _held(sensors: Floats, address: int | None) -> Held | None:
+def _held(sensors: Floats, address: int | None) -> HeldPose | None:
     if address is None:
         return None
-    return Held(sensors[:, :, address : address + 3], sensors[:, :, address + 3 : address + 7])
+    return HeldPose(sensors[:, :, address : address + 3], sensors[:, :, address + 3 : address + 7])
 
 
 def _pair_trace(base: Base, models: Sequence[Prepared], sensors: Floats, index: int) -> PairTrace:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.contact import Checks, Floats, PairSeries, Setup, Trace
+from contactlab.contact import Floats, PairSeries, SelfChecks, Setup, Trace
 from contactlab.measure.context import context_of
 from contactlab.measure.label import Case, Outcome
 from contactlab.measure.labels import LABELS, STABLE
@@ -26,7 +26,7 @@ class Assessment:
     series: tuple[PairSeries, ...]
 
 
-def assess(trace: Trace, setup: Setup, checks: Checks | None = None) -> Assessment:
+def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
     """Measure and label the runs of a trace, with what a second pass found if there was one.
 
     Raises:

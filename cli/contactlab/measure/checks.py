@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Checks, Floats
+from contactlab.contact import Floats, SelfChecks
 from contactlab.measure.context import Context
 from contactlab.measure.label import Case, Finding, Findings, first, rows
 from contactlab.measure.metric import Metric
@@ -117,7 +117,7 @@ def _wrong(case: Case, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return _quantile(case.context, where) > case.limits["residual"]
 
 
-def _jacobian_finding(checks: Checks, run: int, limit: float) -> Finding:
+def _jacobian_finding(checks: SelfChecks, run: int, limit: float) -> Finding:
     differs = checks.jacobian[run]
     return Finding(
         f"a dense and a sparse Jacobian give accelerations that differ by {differs.max():.2g} "

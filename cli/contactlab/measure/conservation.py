@@ -77,7 +77,7 @@ def _momentum_drift(context: Context) -> Floats:
 
 
 def _spin_drift(context: Context) -> Floats:
-    spin = context.trace.spin
+    spin = context.trace.angular_momentum
     if spin is None:
         return context.nothing()
     largest = np.sqrt((spin**2).sum(axis=2).max(axis=1))

@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Checks, Floats, FreeBody, PairSeries, Setup, Trace
+from contactlab.contact import Floats, FreeBody, PairSeries, SelfChecks, Setup, Trace
 from contactlab.measure.fold import Folded, fold
 from contactlab.measure.friction import series_of
 
@@ -32,7 +32,7 @@ class Context:
     setup: Setup
     folded: tuple[Folded, ...]
     series: tuple[PairSeries, ...]
-    checks: Checks | None = None
+    checks: SelfChecks | None = None
     memo: dict[object, object] = field(default_factory=dict[object, object], repr=False)
 
     @property
@@ -50,7 +50,7 @@ class Context:
         return np.full(self.trace.runs, np.nan)
 
 
-def context_of(trace: Trace, setup: Setup, checks: Checks | None = None) -> Context:
+def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Fold the graded pairs of a trace, ready to measure."""
     with np.errstate(all="ignore"):
         folded = tuple(fold(pair, setup.elliptic) for pair in trace.pairs)

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.contact import Floats, Invariants, Joints
+from contactlab.contact import Floats, Invariants, Joints, angles_between
 
 _LENGTH = 1e-3
 
@@ -46,22 +46,9 @@ def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
         apart = first[:, place : place + 3] - second[:, place : place + 3]
         parts.append(np.linalg.norm(apart, axis=1)[:, None])
     for place, reach in zip(joints.rotations, joints.reaches, strict=True):
-        turn = angles(first[:, place : place + 4], second[:, place : place + 4])
+        turn = angles_between(first[:, place : place + 4], second[:, place : place + 4])
         parts.append((turn * reach)[:, None])
     return np.concatenate(parts, axis=1).max(axis=1, initial=0.0)
-
-
-def angles(first: Floats, second: Floats) -> Floats:
-    """Return (T,) angles [rad], at most pi, between rotations (T, 4) given as w x y z.
-
-    The angle comes from both parts of conj(first) * second, so that neither tiny angles nor norms
-    that are not quite 1 cost digits.
-    """
-    scalar, vector = first[:, 0], first[:, 1:]
-    other_scalar, other = second[:, 0], second[:, 1:]
-    along = scalar * other_scalar + (vector * other).sum(axis=1)
-    across = scalar[:, None] * other - other_scalar[:, None] * vector - np.cross(vector, other)
-    return 2 * np.arctan2(np.linalg.norm(across, axis=1), np.abs(along))
 
 
 def drifts(run: Invariants, reference: Invariants) -> Floats:
@@ -76,7 +63,10 @@ def drifts(run: Invariants, reference: Invariants) -> Floats:
     push = np.sqrt(2 * reference.mass * scale)
     if run.momentum is not None and reference.momentum is not None:
         parts.append(np.linalg.norm(run.momentum - reference.momentum, axis=1) / push)
-    if run.spin is not None and reference.spin is not None:
-        most = float(np.linalg.norm(reference.spin, axis=1).max())
-        parts.append(np.linalg.norm(run.spin - reference.spin, axis=1) / max(most, _LENGTH * push))
+    if run.angular_momentum is not None and reference.angular_momentum is not None:
+        most = float(np.linalg.norm(reference.angular_momentum, axis=1).max())
+        parts.append(
+            np.linalg.norm(run.angular_momentum - reference.angular_momentum, axis=1)
+            / max(most, _LENGTH * push)
+        )
     return np.maximum.reduce(parts)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
-from contactlab.contact import Mode as ModeName
+from contactlab.contact import SlipMode as ModeName
 from contactlab.measure.context import Context
 from contactlab.measure.hold import hold_switch_masks, window, window_seconds
 from contactlab.measure.label import Case, Finding, Findings, rows

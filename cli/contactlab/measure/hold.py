@@ -14,9 +14,10 @@ from contactlab.contact import (
     STICK,
     TANGENT,
     Floats,
-    Held,
+    HeldPose,
     PairSeries,
     PairTrace,
+    rotate,
 )
 from contactlab.measure.context import Context, contact_depths, shared
 from contactlab.measure.metric import Metric
@@ -119,20 +120,13 @@ def _drop(context: Context) -> Floats:
     run = np.arange(context.trace.runs)
     first = inside.argmax(axis=1)
     last = inside.shape[1] - 1 - inside[:, ::-1].argmax(axis=1)
-    way = _turned(held.turn[run, last], held.place[run, last] - held.place[run, first])
+    way = rotate(held.rotation[run, last], held.position[run, last] - held.position[run, first])
     return np.where(inside.any(axis=1), (way * down(context)).sum(axis=1), np.nan)
 
 
-def _turned(quaternion: Floats, vector: Floats) -> Floats:
-    """Return vectors (n, 3) turned by unit quaternions (n, 4)."""
-    scalar, axis = quaternion[:, :1], quaternion[:, 1:]
-    twice = 2 * np.cross(axis, vector)
-    return vector + scalar * twice + np.cross(axis, twice)
-
-
-def offsets(held: Held) -> Floats:
+def offsets(held: HeldPose) -> Floats:
     """Return (n, N) how far [m] the subject is from where its holder had it at the start."""
-    way = held.place - held.place[:, :1]
+    way = held.position - held.position[:, :1]
     return np.sqrt((way * way).sum(axis=2))
 
 

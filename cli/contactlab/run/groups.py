@@ -5,11 +5,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contactlab.contact import Checks, Setup, Trace
+from contactlab.contact import SelfChecks, Setup, Trace
 from contactlab.engines import Rollout
 from contactlab.measure import Assessment, assess
 
-CheckRuns = Callable[[Sequence[int], Trace], Checks]
+CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ def _asks(rule: str, assessment: Assessment, row: int) -> bool:
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:
     """Mark the momenta of runs with gravity as not measured, run by run."""
     falling = np.asarray(setup.gravity.any(axis=1))[:, None, None]
-    if trace.momentum is None or trace.spin is None or not falling.any():
+    if trace.momentum is None or trace.angular_momentum is None or not falling.any():
         return trace
     return replace(
         trace,
         momentum=np.where(falling, np.nan, trace.momentum),
-        spin=np.where(falling, np.nan, trace.spin),
+        angular_momentum=np.where(falling, np.nan, trace.angular_momentum),
     )

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pydantic_core import to_json
 
-from contactlab.contact import Checks, Trace
+from contactlab.contact import SelfChecks, Trace
 from contactlab.engines import (
     Buffers,
     Rollout,
@@ -110,7 +110,7 @@ class Worker:
         setup = make_setup(base, manifest, resolved, models, sweep.thresholds)
         trace = make_trace(base, prepared, rollout)
 
-        def check(places: Sequence[int], picked: Trace) -> Checks:
+        def check(places: Sequence[int], picked: Trace) -> SelfChecks:
             some = [prepared[place] for place in places]
             return run_checks(base, some, starts.rows(places), picked, self._not_for_long())
 

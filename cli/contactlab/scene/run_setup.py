@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from contactlab.contact import Barrier, FreeBody, Hold, Setup
+from contactlab.contact import Barrier, FreeBody, HoldWindow, Setup
 from contactlab.scene.compiled_scene import Base
 from contactlab.scene.contact_pairs import Pair, colliding
 from contactlab.scene.initial_states import quaternions
@@ -60,9 +60,9 @@ def make_setup(
     )
 
 
-def _hold(holding: Holding, runs: Sequence[Resolved]) -> Hold:
+def _hold(holding: Holding, runs: Sequence[Resolved]) -> HoldWindow:
     windows = np.array([holding.window(run.initial) for run in runs])
-    return Hold(windows[:, 0], windows[:, 1])
+    return HoldWindow(windows[:, 0], windows[:, 1])
 
 
 def _gravity(model: mujoco.MjModel) -> np.ndarray:

@@ -10,7 +10,7 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from contactlab.contact import MODE_COLOURS, Floats, Form, Motion, Shape
+from contactlab.contact import MODE_COLOURS, BodyMotion, BodyShape, Floats, Form, rotate
 from contactlab.store.files import replacing
 from contactlab.store.mcap import StoredPair, StoredTrace
 
@@ -20,7 +20,7 @@ _SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
 _XYZW = [1, 2, 3, 0]
 
 
-def write_rrd(path: Path, trace: StoredTrace, motion: Motion) -> None:
+def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
     """Write a run as a Rerun recording.
 
     Args:
@@ -46,7 +46,7 @@ def write_rrd(path: Path, trace: StoredTrace, motion: Motion) -> None:
     recording.disconnect()
 
 
-def _blueprint(motion: Motion) -> rrb.Blueprint:
+def _blueprint(motion: BodyMotion) -> rrb.Blueprint:
     names = ("normal_force", "tangential_force", "penetration", "slip_speed")
     plots = [
         rrb.TimeSeriesView(
@@ -60,7 +60,7 @@ def _blueprint(motion: Motion) -> rrb.Blueprint:
     return rrb.Blueprint(rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2]))
 
 
-def _send_bodies(recording: rr.RecordingStream, motion: Motion) -> None:
+def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
     index = _index(motion.time)
     for body, name in enumerate(motion.bodies):
         if body:
@@ -74,7 +74,7 @@ def _send_bodies(recording: rr.RecordingStream, motion: Motion) -> None:
         recording.log(path, _archetype(shape), static=True)
 
 
-def _archetype(shape: Shape) -> rr.AsComponents:
+def _archetype(shape: BodyShape) -> rr.AsComponents:
     if shape.form is Form.mesh:
         return rr.Mesh3D(
             vertex_positions=_placed(shape),
@@ -99,14 +99,12 @@ def _archetype(shape: Shape) -> rr.AsComponents:
     )
 
 
-def _placed(shape: Shape) -> Floats:
+def _placed(shape: BodyShape) -> Floats:
     """Return a mesh's vertices in its body's frame."""
-    w, axis = shape.rotation[0], shape.rotation[1:]
-    double = 2 * np.cross(axis, shape.vertices)
-    return shape.vertices + w * double + np.cross(axis, double) + shape.position
+    return rotate(shape.rotation, shape.vertices) + shape.position
 
 
-def _send_forces(recording: rr.RecordingStream, motion: Motion) -> None:
+def _send_forces(recording: rr.RecordingStream, motion: BodyMotion) -> None:
     forces = motion.forces
     lengths = np.bincount(forces.frame, minlength=len(motion.time))
     colours = np.array([MODE_COLOURS[mode] for mode in forces.mode.tolist()]).reshape(-1, 4)

@@ -2,12 +2,12 @@
 
 from pathlib import Path
 
-from contactlab.contact import Motion
+from contactlab.contact import BodyMotion
 from contactlab.errors import optional
 from contactlab.store.mcap import StoredTrace
 
 
-def export_mcap(source: Path, target: Path, motion: Motion) -> None:
+def export_mcap(source: Path, target: Path, motion: BodyMotion) -> None:
     """Write a stored trace file once more, with a 3D layer for Foxglove and Lichtblick.
 
     Args:
@@ -23,7 +23,7 @@ def export_mcap(source: Path, target: Path, motion: Motion) -> None:
     write_with_layer(source, target, motion)
 
 
-def export_rrd(target: Path, trace: StoredTrace, motion: Motion) -> None:
+def export_rrd(target: Path, trace: StoredTrace, motion: BodyMotion) -> None:
     """Write a run as a Rerun recording.
 
     Args:

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from contactlab.contact import Motion
+from contactlab.contact import BodyMotion
 from contactlab.engines import body_names, moving_bodies, poses, shapes
 from contactlab.errors import StoreError
 from contactlab.scene import Prepared
@@ -15,7 +15,7 @@ from contactlab.view.stage import arrow_scale, stage
 
 def make_motion(
     prepared: Prepared, trace: StoredTrace, rate: float, moments: Sequence[float] = ()
-) -> Motion:
+) -> BodyMotion:
     """Return what is drawn of a run, up to its first state that is not finite.
 
     The trace holds every configuration, so that nothing is simulated again.
@@ -40,7 +40,7 @@ def make_motion(
     forces = peak_forces(trace.pairs, rows)
     centre, radius = stage(parts, moving, positions, forces.position)
     scale, longest = arrow_scale(forces.force, radius)
-    return Motion(
+    return BodyMotion(
         bodies=body_names(model),
         moving=moving,
         shapes=parts,

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import MODE_COLOURS, Floats, Motion
+from contactlab.contact import MODE_COLOURS, BodyMotion, Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.view.graphics import graphics
 
@@ -29,7 +29,7 @@ _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
 
 def pictures(
     model: mujoco.MjModel,
-    motion: Motion,
+    motion: BodyMotion,
     frames: Mapping[int, Floats],
     size: tuple[int, int],
     camera: str | None = None,
@@ -109,7 +109,7 @@ def _draw_background(scene: mujoco.MjvScene) -> None:
 
 
 def _camera(
-    model: mujoco.MjModel, motion: Motion, aspect: float, name: str | None
+    model: mujoco.MjModel, motion: BodyMotion, aspect: float, name: str | None
 ) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     if name is not None:
@@ -132,7 +132,7 @@ def _find(model: mujoco.MjModel, name: str) -> int:
     return names.index(name)
 
 
-def _draw_forces(scene: mujoco.MjvScene, motion: Motion, frame: int) -> None:
+def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
     chosen = motion.forces.of(frame)
     points, arrows = motion.forces.position[chosen], motion.arrows[chosen]
     modes: Sequence[int] = motion.forces.mode[chosen].tolist()

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from contactlab.contact import Motion
+from contactlab.contact import BodyMotion
 from contactlab.errors import optional
 from contactlab.run.replay import Start, prepare
 from contactlab.store import Store, export_mcap, export_rrd
@@ -14,7 +14,7 @@ from contactlab.view.motion import make_motion
 _RATE = 60.0
 
 
-def render(store: Store, run: str, target: Path, look: Look | None = None) -> Motion:
+def render(store: Store, run: str, target: Path, look: Look | None = None) -> BodyMotion:
     """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
 
     Everything comes from the stored trace and scene; nothing is simulated again.
@@ -44,7 +44,7 @@ def render(store: Store, run: str, target: Path, look: Look | None = None) -> Mo
     return _draw(start, trace, target, look)
 
 
-def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> Motion:
+def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> BodyMotion:
     motion = make_motion(start.prepared, trace, _RATE)
     if target.suffix.lower() == ".rrd":
         export_rrd(target, trace, motion)
@@ -55,7 +55,7 @@ def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> Mot
     return motion
 
 
-def _draw(start: Start, trace: StoredTrace, target: Path, look: Look) -> Motion:
+def _draw(start: Start, trace: StoredTrace, target: Path, look: Look) -> BodyMotion:
     with optional("view", target.suffix):
         from contactlab.view.shots import Shots  # noqa: PLC0415 - an extra
     rate = FILMS.get(target.suffix.lower(), _RATE) / (look.speed or 1.0)

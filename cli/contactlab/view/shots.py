@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contactlab.contact import Floats, Motion
+from contactlab.contact import BodyMotion, Floats
 from contactlab.run.replay import Start
 from contactlab.view import Picture, pictures
 from contactlab.view.caption import captioned
@@ -31,7 +31,7 @@ class Shots:
     """
 
     start: Start
-    motion: Motion
+    motion: BodyMotion
     qpos: Floats
     look: Look
 

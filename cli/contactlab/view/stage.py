@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats, Form, Shape
+from contactlab.contact import BodyShape, Floats, Form
 
 # Beyond so many radii of the largest moving body, that body would be a dot.
 _WIDEST = 25.0
@@ -16,7 +16,7 @@ _MOST = 90
 
 
 def stage(
-    shapes: Sequence[Shape], moving: NDArray[np.bool_], positions: Floats, contacts: Floats
+    shapes: Sequence[BodyShape], moving: NDArray[np.bool_], positions: Floats, contacts: Floats
 ) -> tuple[Floats, float]:
     """Return centre and radius [m] of a sphere around all that moves, or around the contacts.
 
@@ -58,7 +58,7 @@ def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     return float(digit * decade), _LONGEST * radius
 
 
-def _reach(shapes: Sequence[Shape], bodies: int) -> Floats:
+def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
     """Return (B,) the radius around each body's origin that holds its shapes [m]."""
     reach = np.zeros(bodies)
     for shape in shapes:

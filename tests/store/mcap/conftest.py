@@ -86,7 +86,7 @@ def sample(
         iterations=make.counts(runs, steps),
         iterations_most=make.counts(runs, steps),
         momentum=make.floats(runs, steps, 3) if momentum else None,
-        spin=make.floats(runs, steps, 3) if momentum else None,
+        angular_momentum=make.floats(runs, steps, 3) if momentum else None,
         pairs=tuple(pair for pair, _ in sampled),
         warnings=({},) * runs,
     )
@@ -123,7 +123,9 @@ def _state(trace: Trace, run: int, row: int) -> dict[str, Any]:
             "solver_iterations": trace.iterations[run, row],
             "solver_iterations_most": trace.iterations_most[run, row],
             "linear_momentum": [] if trace.momentum is None else list(trace.momentum[run, row]),
-            "angular_momentum": [] if trace.spin is None else list(trace.spin[run, row]),
+            "angular_momentum": []
+            if trace.angular_momentum is None
+            else list(trace.angular_momentum[run, row]),
         }
     return state
 

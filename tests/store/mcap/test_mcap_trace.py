@@ -39,14 +39,15 @@ SIZES = st.fixed_dictionaries(
 
 
 def assert_stored(stored: StoredTrace, trace: Trace, run: int, series: list[PairSeries]) -> None:
-    for field in fields(trace):
-        if field.name in {each.name for each in fields(stored)} - {"pairs"}:
-            ours, source = getattr(stored, field.name), getattr(trace, field.name)
-            if source is None or (field.name in ("momentum", "spin") and trace.steps == 0):
+    names = {each.name: each.name for each in fields(trace)} | {"angular_momentum": "spin"}
+    for name, stored_name in names.items():
+        if stored_name in {each.name for each in fields(stored)} - {"pairs"}:
+            ours, source = getattr(stored, stored_name), getattr(trace, name)
+            if source is None or (name.endswith("momentum") and trace.steps == 0):
                 assert ours is None
             else:
                 assert ours.dtype == source.dtype
-                np.testing.assert_array_equal(ours, source[run], err_msg=field.name, strict=True)
+                np.testing.assert_array_equal(ours, source[run], err_msg=name, strict=True)
     for pair, source, net in zip(stored.pairs, trace.pairs, series, strict=True):
         touching = source.touching[run]
         steps = np.flatnonzero(touching.any(axis=1))

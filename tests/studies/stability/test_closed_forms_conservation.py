@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.contact import FOUND, NORMAL, FreeBody, PairTrace, Setup, Trace
+from contactlab.contact import FOUND, NORMAL, FreeBody, PairTrace, Setup, Trace, rotate
 from contactlab.measure.context import Context, context_of
 from contactlab.measure.oracles import ORACLES
-from contactlab.measure.oracles.attitude import to_body, to_world
 from contactlab.measure.oracles.flip_time import carlson_rf, flip_time
 
 GRAVITY = 9.81
@@ -36,7 +35,7 @@ def trace_of(qpos: np.ndarray, qvel: np.ndarray, timestep: float = 1e-3, **more:
         iterations=counts,
         iterations_most=counts,
         momentum=None,
-        spin=None,
+        angular_momentum=None,
         pairs=(),
         warnings=({},),
     )
@@ -73,20 +72,6 @@ def by_runge_kutta(rate: Vector, state: np.ndarray, step: float, steps: int) -> 
         state = state + step / 6 * (one + 2 * two + 2 * three + four)
         states.append(state)
     return np.array(states)
-
-
-@given(st.lists(st.floats(-1, 1), min_size=7, max_size=7))
-def test_turning_keeps_lengths_and_comes_back(numbers: list[float]) -> None:
-    quaternion, vector = np.array([1.5, 0, 0, 0]) + numbers[:4], np.array(numbers[4:])
-    quaternion /= np.linalg.norm(quaternion)
-    there = to_world(quaternion, vector)
-    assert np.linalg.norm(there) == pytest.approx(np.linalg.norm(vector), abs=1e-12)
-    assert to_body(quaternion, there) == pytest.approx(vector, abs=1e-12)
-
-
-def test_a_quarter_turn_about_z_takes_x_to_y() -> None:
-    quarter = np.array([np.cos(np.pi / 4), 0, 0, np.sin(np.pi / 4)])
-    assert to_world(quarter, np.array([1.0, 0, 0])) == pytest.approx([0, 1, 0], abs=1e-15)
 
 
 def test_elliptic_integral_where_it_is_known() -> None:
@@ -132,12 +117,14 @@ def test_flip_time_reads_the_moments_off_the_start() -> None:
     half = np.array([0.5, 0.5, 0.5, 0.5])
     qpos, qvel = np.zeros((1501, 7)), np.zeros((1501, 6))
     qpos[:, 3:], qvel[:, 3:] = half, w
-    spins = np.tile(to_world(half, inertia * spin), (1, 1500, 1))
-    expected, measured, error = result("flip_time", trace_of(qpos, qvel, spin=spins), bodies=1)
+    spins = np.tile(rotate(half, inertia * spin), (1, 1500, 1))
+    expected, measured, error = result(
+        "flip_time", trace_of(qpos, qvel, angular_momentum=spins), bodies=1
+    )
     assert expected == pytest.approx(1.0917, abs=1e-4)
     assert measured == pytest.approx(expected, rel=1e-6)
     assert error < 1e-6
-    still = trace_of(qpos, np.tile(qvel[:1], (1501, 1)), spin=spins)
+    still = trace_of(qpos, np.tile(qvel[:1], (1501, 1)), angular_momentum=spins)
     assert np.isnan(result("flip_time", still, bodies=1)[1])
 
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact import Floats, rotate_back
 from contactlab.measure.context import Context
-from contactlab.measure.oracles.attitude import to_body
 from contactlab.measure.oracles.oracle import Oracle
 
 _DUPLICATIONS = 30
@@ -53,12 +52,12 @@ def flip_time(inertia: Floats, spin: Floats) -> Floats:
 
 
 def _flip_time(context: Context) -> tuple[Floats, Floats]:
-    if context.trace.spin is None or not context.setup.free_bodies:
+    if context.trace.angular_momentum is None or not context.setup.free_bodies:
         return context.nothing(), context.nothing()
     body = context.setup.free_bodies[0]
     turning = context.trace.qvel[:, 0, body.dof + 3 : body.dof + 6]
     attitude = context.trace.qpos[:, 0, body.qpos + 3 : body.qpos + 7]
-    momentum = to_body(attitude, context.trace.spin[:, 0])
+    momentum = rotate_back(attitude, context.trace.angular_momentum[:, 0])
     middle = context.trace.qvel[:, :, body.dof + 4]
     return flip_time(momentum / turning, turning), first_zero(context, middle)
 

@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact import Floats, rotate
 from contactlab.measure.context import Context
-from contactlab.measure.oracles.attitude import to_world
 from contactlab.measure.oracles.oracle import Oracle
 
 _AXIS = np.array([0.0, 0.0, 1.0])
@@ -15,9 +14,9 @@ def _precession(context: Context) -> tuple[Floats, Floats]:
     first = context.setup.quaternions[0]
     attitude = context.trace.qpos[:, :, first : first + 4]
     turning = context.trace.qvel[:, 0, first : first + 3]
-    axis = to_world(attitude, _AXIS)
+    axis = rotate(attitude, _AXIS)
     start = axis[:, 0]
-    moving = np.cross(to_world(attitude[:, 0], turning), start)
+    moving = np.cross(rotate(attitude[:, 0], turning), start)
     rate = (start[:, 0] * moving[:, 1] - start[:, 1] * moving[:, 0]) / (start[:, :2] ** 2).sum(1)
     azimuth = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]), axis=1)
     return rate, (azimuth[:, -1] - azimuth[:, 0]) / context.seconds

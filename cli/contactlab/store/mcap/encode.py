@@ -141,9 +141,9 @@ def _fill_step(trace: Trace, run: int, step: Items) -> None:
     step["least_distance"] = trace.least_distance[run]
     step["solver_iterations"] = trace.iterations[run]
     step["solver_iterations_most"] = trace.iterations_most[run]
-    if trace.momentum is not None and trace.spin is not None:
+    if trace.momentum is not None and trace.angular_momentum is not None:
         step["linear_momentum"] = trace.momentum[run]
-        step["angular_momentum"] = trace.spin[run]
+        step["angular_momentum"] = trace.angular_momentum[run]
 
 
 def contact_groups(

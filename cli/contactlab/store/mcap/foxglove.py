@@ -24,7 +24,14 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from contactlab.contact import MODE_COLOURS, Floats, Form, Motion, Shape
+from contactlab.contact import (
+    MODE_COLOURS,
+    BodyMotion,
+    BodyShape,
+    Floats,
+    Form,
+    rotation_from_x,
+)
 
 _WORLD = 0
 _FORCES = "contact_forces"
@@ -48,7 +55,7 @@ def descriptors(message: type[Message]) -> bytes:
     return descriptor_set.SerializeToString(deterministic=True)
 
 
-def transforms(motion: Motion, frame: int) -> FrameTransforms:
+def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
     """Return where every body but the world is in a frame."""
     time = _timestamp(motion, frame)
     return FrameTransforms(
@@ -65,14 +72,14 @@ def transforms(motion: Motion, frame: int) -> FrameTransforms:
     )
 
 
-def scene(motion: Motion) -> SceneUpdate:
+def scene(motion: BodyMotion) -> SceneUpdate:
     """Return what the bodies look like, each as an entity that moves with its body's frame."""
     return SceneUpdate(
         entities=[_entity(motion, body) for body in sorted({each.body for each in motion.shapes})]
     )
 
 
-def contact_forces(motion: Motion, frame: int) -> SceneUpdate:
+def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
     """Return the arrows of a frame; they take the place of those of the frame before."""
     chosen = motion.forces.of(frame)
     arrows = zip(
@@ -95,7 +102,7 @@ def contact_forces(motion: Motion, frame: int) -> SceneUpdate:
     )
 
 
-def _entity(motion: Motion, body: int) -> SceneEntity:
+def _entity(motion: BodyMotion, body: int) -> SceneEntity:
     entity = SceneEntity(
         timestamp=_timestamp(motion, 0),
         frame_id=motion.bodies[body],
@@ -108,7 +115,7 @@ def _entity(motion: Motion, body: int) -> SceneEntity:
     return entity
 
 
-def _add(entity: SceneEntity, shape: Shape) -> None:
+def _add(entity: SceneEntity, shape: BodyShape) -> None:
     pose, colour = _pose(shape.position, shape.rotation), _colour(shape.colour)
     size = _vector(shape.size)
     if shape.form is Form.box:
@@ -131,7 +138,7 @@ def _arrow(point: Floats, arrow: Floats, mode: int, usual: float) -> ArrowPrimit
     length = float(np.linalg.norm(arrow))
     thickness = min(usual, _STOUT * length)
     return ArrowPrimitive(
-        pose=_pose(point, along(arrow)),
+        pose=_pose(point, rotation_from_x(arrow)),
         shaft_length=(1 - _HEAD) * length,
         shaft_diameter=thickness,
         head_length=_HEAD * length,
@@ -140,16 +147,7 @@ def _arrow(point: Floats, arrow: Floats, mode: int, usual: float) -> ArrowPrimit
     )
 
 
-def along(vector: Floats) -> Floats:
-    """Return (4,) a unit quaternion w, x, y, z that turns +x into the direction of a vector."""
-    length = np.linalg.norm(vector)
-    x, y, z = vector / length if length else (1.0, 0.0, 0.0)
-    # By way of the half angle; towards -x, after half a turn about z, as the first would vanish.
-    turn = np.array([1 + x, 0.0, -z, y] if x >= 0 else [y, z, 0.0, 1 - x])
-    return turn / np.linalg.norm(turn)
-
-
-def _timestamp(motion: Motion, frame: int) -> Timestamp:
+def _timestamp(motion: BodyMotion, frame: int) -> Timestamp:
     seconds, nanos = divmod(round(motion.time[frame] * 1e9), 10**9)
     return Timestamp(seconds=seconds, nanos=nanos)
 

@@ -11,7 +11,7 @@ from google.protobuf.message import Message
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, Schema
 
-from contactlab.contact import Motion
+from contactlab.contact import BodyMotion
 from contactlab.store.mcap.chunks import Times, overlapping
 from contactlab.store.mcap.container import Head, head, opening
 from contactlab.store.mcap.decode import Messages
@@ -34,7 +34,7 @@ _LAYER = {
 }
 
 
-def write_with_layer(source: Path, target: Path, motion: Motion) -> TraceSummary:
+def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> TraceSummary:
     """Write a trace file once more, message by message, with the 3D layer between.
 
     Args:
@@ -97,7 +97,7 @@ def _as_it_was(channel: int, rows: Rows, records: Items) -> Group:
     return Group(channel, rows, record(Layout(bytes(size - HEADER_SIZE))), fill)
 
 
-def _layer(motion: Motion, channels: Mapping[str, int]) -> Iterator[Group]:
+def _layer(motion: BodyMotion, channels: Mapping[str, int]) -> Iterator[Group]:
     yield _message(channels[SCENE_TOPIC], int(motion.rows[0]), scene(motion))
     for frame, row in enumerate(motion.rows.tolist()):
         yield _message(channels[TRANSFORMS_TOPIC], row, transforms(motion, frame))

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contactlab.contact import SLIDE, SLOT_WIDTH, Floats, Hold, PairTrace, Setup, Trace
+from contactlab.contact import SLIDE, SLOT_WIDTH, Floats, HoldWindow, PairTrace, Setup, Trace
 from contactlab.measure import assess
 from contactlab.scene import Pair, make_setup
 from contactlab.store.mcap import StoredTrace
@@ -61,7 +61,7 @@ def held_pairs(target: Target, tried: Tried, start: float, stop: float) -> list[
 def _held(pairs: tuple[Pair, ...], tried: Tried, steps: slice, setup: Setup) -> Iterator[Held]:
     trace = tried.trace
     seconds = (steps.stop - steps.start) * np.diff(trace.time[:2])
-    whole = Hold(np.zeros(1), seconds)
+    whole = HoldWindow(np.zeros(1), seconds)
     for index, pair in enumerate(pairs):
         friction = tried.record.pairs[pair.name].friction
         slots = PairTrace(pair.name, slots_of(trace, pair, steps), np.array([friction]))
@@ -114,7 +114,7 @@ def part_of(trace: StoredTrace, steps: slice, pairs: tuple[PairTrace, ...]) -> T
         iterations=trace.iterations[None, steps],
         iterations_most=trace.iterations_most[None, steps],
         momentum=None,
-        spin=None,
+        angular_momentum=None,
         pairs=pairs,
         warnings=({},),
     )

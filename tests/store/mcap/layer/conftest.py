@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from contactlab.contact import ContactForces, Form, Motion, Shape, Trace
+from contactlab.contact import BodyMotion, BodyShape, ContactForces, Form, Trace
 
 BODIES = ("world", "ball", "größe/2 b")
 
@@ -15,9 +15,9 @@ def unit(rng: np.random.Generator, *shape: int) -> np.ndarray:
     return values / np.linalg.norm(values, axis=-1, keepdims=True)
 
 
-def shape_of(rng: np.random.Generator, body: int, form: Form) -> Shape:
+def shape_of(rng: np.random.Generator, body: int, form: Form) -> BodyShape:
     corners = 4 if form is Form.mesh else 0
-    return Shape(
+    return BodyShape(
         name=f"{form} {body}",
         body=body,
         form=form,
@@ -30,13 +30,13 @@ def shape_of(rng: np.random.Generator, body: int, form: Form) -> Shape:
     )
 
 
-def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -> Motion:
+def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -> BodyMotion:
     """Return a motion with frames at some state rows and up to `most` forces in each."""
     rng = np.random.default_rng(seed)
     frames, bodies = len(rows), len(BODIES)
     frame = np.repeat(np.arange(frames), rng.integers(0, most + 1, frames))
     force = rng.standard_normal((len(frame), 3)) * 10.0 ** rng.integers(-3, 4, (len(frame), 1))
-    return Motion(
+    return BodyMotion(
         bodies=BODIES,
         moving=np.array([False, True, True]),
         shapes=tuple(shape_of(rng, body, form) for body in range(bodies) for form in Form),
@@ -60,5 +60,5 @@ def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -
 
 
 @pytest.fixture(scope="session")
-def make_motion() -> Callable[..., Motion]:
+def make_motion() -> Callable[..., BodyMotion]:
     return random_motion

@@ -14,13 +14,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from contactlab.contact import MODE_COLOURS, Motion, PairSeries, Shape, Trace
+from contactlab.contact import MODE_COLOURS, BodyMotion, BodyShape, PairSeries, Trace
 from contactlab.store import export_mcap
 from contactlab.store.mcap import TraceExtras, check_trace, read_trace, write_trace
-from contactlab.store.mcap.foxglove import along
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
-MakeMotion = Callable[..., Motion]
+MakeMotion = Callable[..., BodyMotion]
 Found = dict[str, list[tuple[int, Any]]]
 
 LAYER = {"/scene", "/tf", "/contact_forces"}
@@ -69,7 +68,7 @@ def turned(quaternion: Any, point: Any) -> Any:
     return np.array(matrix) @ np.array(point)
 
 
-def assert_transforms(found: Found, motion: Motion) -> None:
+def assert_transforms(found: Found, motion: BodyMotion) -> None:
     assert len(found["/tf"]) == len(motion.rows)
     for frame, (time, message) in enumerate(found["/tf"]):
         assert time == round(motion.time[frame] * 1e9)
@@ -81,7 +80,7 @@ def assert_transforms(found: Found, motion: Motion) -> None:
         assert len(message.transforms) == len(motion.bodies) - 1
 
 
-def assert_primitive(primitive: Any, shape: Shape) -> None:
+def assert_primitive(primitive: Any, shape: BodyShape) -> None:
     colour = primitive.color
     assert vector(primitive.pose.position) == shape.position.tolist()
     assert wxyz(primitive.pose.orientation) == shape.rotation.tolist()
@@ -96,7 +95,7 @@ def assert_primitive(primitive: Any, shape: Shape) -> None:
         assert (primitive.bottom_scale, primitive.top_scale) == (1, 1)
 
 
-def assert_scene(found: Found, motion: Motion) -> None:
+def assert_scene(found: Found, motion: BodyMotion) -> None:
     [(time, message)] = found["/scene"]
     assert time == round(motion.time[0] * 1e9)
     assert [each.id for each in message.entities] == list(motion.bodies)
@@ -115,7 +114,7 @@ def assert_scene(found: Found, motion: Motion) -> None:
                 assert_primitive(primitive, shape)
 
 
-def assert_forces(found: Found, motion: Motion) -> None:
+def assert_forces(found: Found, motion: BodyMotion) -> None:
     """An arrow's tail is the contact; its head lies where the force, scaled and cut, points."""
     assert len(found["/contact_forces"]) == len(motion.rows)
     for frame, (time, message) in enumerate(found["/contact_forces"]):
@@ -168,20 +167,9 @@ def test_python_reads_the_motion_and_all_that_was_there(
     assert (again.metadata, again.model_xml) == (extras.metadata, extras.model_xml)
 
 
-@given(
-    vector=st.tuples(*[st.floats(-1e3, 1e3)] * 3).filter(lambda each: np.linalg.norm(each) > 1e-6)
-)
-def test_arrows_point_along_their_vector(vector: tuple[float, float, float]) -> None:
-    direction = np.array(vector) / np.linalg.norm(vector)
-    quaternion = along(np.array(vector))
-    assert abs(np.linalg.norm(quaternion) - 1) < 1e-15 * 4
-    # The half angle's sum is at least 1, so that no digits are lost: a few roundings remain.
-    np.testing.assert_allclose(turned(quaternion, [1, 0, 0]), direction, atol=4e-15)
-
-
 def small(
     tmp_path: Path, make_trace: MakeTrace, make_motion: MakeMotion, extras: TraceExtras
-) -> tuple[Path, Motion]:
+) -> tuple[Path, BodyMotion]:
     trace, series = make_trace(pairs=("a-b",), steps=40)
     write_trace(tmp_path / "plain.mcap", trace, 0, series, extras)
     motion = make_motion(trace, [0, 7, 8, 30, 40])

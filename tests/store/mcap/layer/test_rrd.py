@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import Motion, PairSeries, Trace
+from contactlab.contact import BodyMotion, PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.store import export_rrd
 from contactlab.store.mcap import StoredTrace, TraceExtras, read_trace, write_trace
@@ -38,9 +38,9 @@ def exported(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
     make_trace: MakeTrace,
-    make_motion: Callable[..., Motion],
+    make_motion: Callable[..., BodyMotion],
     extras: TraceExtras,
-) -> tuple[Columns, StoredTrace, Motion]:
+) -> tuple[Columns, StoredTrace, BodyMotion]:
     monkeypatch.setenv("RERUN_ANALYTICS", "0")
     pytest.importorskip("rerun")
     trace, series = make_trace(pairs=("a-b", "c d/e"), steps=40)
@@ -52,7 +52,7 @@ def exported(
     return rows(tmp_path / "run.rrd"), stored, motion
 
 
-def test_poses_and_shapes(exported: tuple[Columns, StoredTrace, Motion]) -> None:
+def test_poses_and_shapes(exported: tuple[Columns, StoredTrace, BodyMotion]) -> None:
     found, _, motion = exported
     for body, name in enumerate(motion.bodies[1:], start=1):
         poses = found[f"/space/bodies/{name}"]
@@ -80,7 +80,7 @@ def test_poses_and_shapes(exported: tuple[Columns, StoredTrace, Motion]) -> None
             np.testing.assert_allclose(vertices, expected, atol=1e-6)
 
 
-def test_arrows_and_series(exported: tuple[Columns, StoredTrace, Motion]) -> None:
+def test_arrows_and_series(exported: tuple[Columns, StoredTrace, BodyMotion]) -> None:
     found, stored, motion = exported
     arrows = found["/space/contact_forces"]
     for frame, vectors in enumerate(arrows["Arrows3D:vectors"]):
@@ -98,7 +98,7 @@ def test_arrows_and_series(exported: tuple[Columns, StoredTrace, Motion]) -> Non
 
 
 def test_what_cannot_be_written_is_named(
-    tmp_path: Path, exported: tuple[Columns, StoredTrace, Motion]
+    tmp_path: Path, exported: tuple[Columns, StoredTrace, BodyMotion]
 ) -> None:
     _, stored, motion = exported
     with pytest.raises(OutputError, match=r"cannot write .*absent/run\.rrd: No such file"):

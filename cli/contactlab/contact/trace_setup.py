@@ -7,9 +7,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.arrays import Floats
+from contactlab.contact.trace_arrays import Floats
 
-Mode = Literal["stick", "slide"]
+SlipMode = Literal["stick", "slide"]
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class FreeBody:
 
 @dataclass(frozen=True)
 class Barrier:
-    """A fixed plane or box face that a free body of a graded pair must not pass.
+    """A fixed plane or box face that a free body of a monitored pair must not pass.
 
     Attributes:
         pair: index of the pair in the trace.
@@ -50,7 +50,7 @@ class Barrier:
 
 
 @dataclass(frozen=True)
-class Hold:
+class HoldWindow:
     """When n runs should hold their scene's subject.
 
     Attributes:
@@ -74,12 +74,12 @@ class Setup:
         passive: whether nothing but gravity and contact acts, so that energy cannot grow.
         quaternions: indices in qpos where a unit quaternion starts.
         free_bodies: bodies on free joints.
-        barriers: fixed surfaces that free bodies of graded pairs must not pass.
+        barriers: fixed surfaces that free bodies of monitored pairs must not pass.
         thickness: (P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes.
         slots: (P,) contact slots recorded for each pair.
         duration: (n,) simulated time asked for [s].
-        first_mode: the mode that every graded pair should start in, if the scene says.
-        last_mode: the mode that every graded pair should end in, if the scene says.
+        first_mode: the mode that every monitored pair should start in, if the scene says.
+        last_mode: the mode that every monitored pair should end in, if the scene says.
         oracle: name of the scene's closed form, if it has one.
         oracle_tolerance: largest accepted relative or absolute oracle error, as the oracle defines.
         thresholds: label thresholds by name, over the defaults.
@@ -99,13 +99,13 @@ class Setup:
     thickness: Floats
     slots: NDArray[np.int32]
     duration: Floats
-    first_mode: Mode | None = None
-    last_mode: Mode | None = None
+    first_mode: SlipMode | None = None
+    last_mode: SlipMode | None = None
     oracle: str | None = None
     oracle_tolerance: float = np.inf
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
     speculative: NDArray[np.bool_] | None = None
-    hold: Hold | None = None
+    hold: HoldWindow | None = None
 
     def pick(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""
@@ -121,7 +121,27 @@ class Setup:
             gravity=self.gravity[rows],
             duration=self.duration[rows],
             speculative=None if self.speculative is None else self.speculative[rows],
-            hold=self.hold and Hold(self.hold.start[rows], self.hold.stop[rows]),
+            hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),
             free_bodies=tuple(bodies.values()),
             barriers=tuple(replace(each, body=bodies[each.body.name]) for each in self.barriers),
         )
+
+
+@dataclass(frozen=True)
+class Joints:
+    """The joints of a model, by the form of their part of qpos.
+
+    Attributes:
+        scalars: places in qpos of slides and hinges.
+        lengths: (scalars,) what turns their difference into metres: 1 for a slide [1], for a
+            hinge the reach of what it moves [m].
+        points: where the position of a free joint starts in qpos.
+        rotations: where a unit quaternion starts in qpos.
+        reaches: (rotations,) what turns their angle into metres: the reach of what turns [m].
+    """
+
+    scalars: tuple[int, ...]
+    lengths: Floats
+    points: tuple[int, ...]
+    rotations: tuple[int, ...]
+    reaches: Floats

@@ -6,8 +6,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.arrays import Floats, Integers
-from contactlab.contact.series import NO_CONTACT, SLIDE, STICK
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats, Integers
 
 MODE_COLOURS = {
     NO_CONTACT: (0.4, 0.4, 0.4, 1.0),
@@ -27,7 +26,7 @@ class Form(StrEnum):
 
 
 @dataclass(frozen=True)
-class Shape:
+class BodyShape:
     """A rigid part of a body.
 
     Attributes:
@@ -59,7 +58,7 @@ class ContactForces:
 
     Attributes:
         frame: (K,) index of the frame.
-        pair: (K,) index of the graded pair.
+        pair: (K,) index of the monitored pair.
         mode: (K,) STICK or SLIDE, of the pair.
         position: (K, 3) contact point, world frame [m].
         force: (K, 3) force on the pair's second side, world frame [N].
@@ -78,7 +77,7 @@ class ContactForces:
 
 
 @dataclass(frozen=True)
-class Motion:
+class BodyMotion:
     """F frames of a run with B bodies, the first of which is the world.
 
     Attributes:
@@ -89,7 +88,7 @@ class Motion:
         time: (F,) simulated time [s].
         positions: (F, B, 3) of the bodies' frames, world frame [m].
         rotations: (F, B, 4) unit quaternions w, x, y, z to the world frame.
-        pairs: names of the graded pairs.
+        pairs: names of the monitored pairs.
         forces: contact forces; of each pair and frame those of the step with the largest, up to
             the next frame.
         centre: (3,) of the sphere that holds what is worth looking at, world frame [m].
@@ -100,7 +99,7 @@ class Motion:
 
     bodies: tuple[str, ...]
     moving: NDArray[np.bool_]
-    shapes: tuple[Shape, ...]
+    shapes: tuple[BodyShape, ...]
     rows: NDArray[np.intp]
     time: Floats
     positions: Floats

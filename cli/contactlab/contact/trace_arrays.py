@@ -7,6 +7,7 @@ during step k. So with N steps there are N + 1 state rows and N sensor rows, and
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +29,7 @@ SLOT_WIDTH = 23
 
 @dataclass(frozen=True)
 class PairTrace:
-    """What one graded contact pair did, for n runs of N steps with S contact slots.
+    """What one monitored contact pair did, for n runs of N steps with S contact slots.
 
     Attributes:
         name: the pair's name, `geom1-geom2`.
@@ -70,20 +71,20 @@ class PairTrace:
 
 
 @dataclass(frozen=True)
-class Held:
+class HeldPose:
     """Where a scene's subject is, seen from the body that holds it, for n runs of N steps.
 
     Attributes:
-        place: (n, N, 3) the origin of the subject's frame [m], in the holder's frame.
-        turn: (n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z.
+        position: (n, N, 3) origin of the subject's frame [m], in the holder's frame.
+        rotation: (n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z.
     """
 
-    place: Floats
-    turn: Floats
+    position: Floats
+    rotation: Floats
 
-    def pick(self, runs: slice | list[int], steps: int) -> "Held":
+    def pick(self, runs: slice | list[int], steps: int) -> "HeldPose":
         """Return the given runs, cut to their first `steps` steps."""
-        return Held(self.place[runs, :steps], self.turn[runs, :steps])
+        return HeldPose(self.position[runs, :steps], self.rotation[runs, :steps])
 
 
 @dataclass(frozen=True)
@@ -98,13 +99,13 @@ class Trace:
         qvel: (n, N + 1, nv) velocity.
         kinetic: (n, N) kinetic energy [J]; NaN, like the next, where it was not recorded.
         potential: (n, N) potential energy [J] of gravity and springs.
-        contacts: (n, N) contacts in the whole model, graded or not.
+        contacts: (n, N) contacts in the whole model, monitored or not.
         least_distance: (n, N) smallest signed distance of any contact [m]; 0 where none.
         iterations: (n, N) solver iterations, summed over contact islands.
         iterations_most: (n, N) solver iterations of the busiest island.
         momentum: (n, N, 3) linear momentum [kg m/s], or None where the system is not free.
-        spin: (n, N, 3) angular momentum about the centre of mass [kg m^2/s], or None likewise.
-        pairs: the graded contact pairs.
+        angular_momentum: (n, N, 3) about the centre of mass [kg m^2/s], or None likewise.
+        pairs: the monitored contact pairs.
         warnings: for each run, engine warnings by name with their counts.
         held: the subject seen from its holder, or None where nothing is said to be held.
     """
@@ -121,10 +122,10 @@ class Trace:
     iterations: Integers
     iterations_most: Integers
     momentum: Floats | None
-    spin: Floats | None
+    angular_momentum: Floats | None
     pairs: tuple[PairTrace, ...]
     warnings: tuple[dict[str, int], ...]
-    held: Held | None = None
+    held: HeldPose | None = None
 
     @property
     def runs(self) -> int:
@@ -170,7 +171,9 @@ class Trace:
             iterations=sensor(self.iterations),
             iterations_most=sensor(self.iterations_most),
             momentum=None if self.momentum is None else sensor(self.momentum),
-            spin=None if self.spin is None else sensor(self.spin),
+            angular_momentum=None
+            if self.angular_momentum is None
+            else sensor(self.angular_momentum),
             pairs=tuple(
                 replace(pair, slots=sensor(pair.slots), friction=pair.friction[index])
                 for pair in self.pairs
@@ -182,3 +185,83 @@ class Trace:
 
 def _contiguous(runs: Sequence[int]) -> bool:
     return list(runs) == list(range(runs[0], runs[-1] + 1))
+
+
+NO_CONTACT = 0
+STICK = 1
+SLIDE = 2
+
+
+@dataclass(frozen=True)
+class PairSeries:
+    """Net quantities of one monitored pair, for n runs of N steps.
+
+    Attributes:
+        name: the pair's name.
+        contacts: (n, N) contacts recorded, at most the slots.
+        normal: (n, N) net normal force [N].
+        tangential: (n, N) magnitude of the net tangential force [N].
+        usage: (n, N) share of the friction bound in use, in the cone's own norm; 1 means sliding.
+        slip: (n, N) magnitude of the force-weighted tangential velocity [m/s].
+        distance: (n, N) least signed distance [m]; 0 where nothing touches.
+        mode: (n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`).
+    """
+
+    name: str
+    contacts: NDArray[np.int32]
+    normal: Floats
+    tangential: Floats
+    usage: Floats
+    slip: Floats
+    distance: Floats
+    mode: NDArray[np.int8]
+
+
+@dataclass(frozen=True)
+class SelfChecks:
+    """Self-checks of n runs, of N steps; those that do not apply to a run are NaN.
+
+    Attributes:
+        residual: (n, N) how far forces and accelerations contradict each other, over the largest
+            constraint force of the run [1]; 0 to rounding for a solver that converged.
+        jacobian: (n, K) relative difference of the accelerations that a dense and a sparse
+            constraint Jacobian give, at sampled states [1].
+        jacobian_steps: (K,) the steps of these states.
+        overlap: (n, L) deepest geometric overlap of a monitored pair that has no contact [m].
+        apart: (n, L) largest geometric distance of a monitored pair whose contact says less [m].
+        geometry_steps: (L,) the steps of these states.
+        repeats: (n,) whether a second rollout gave every state again, bit for bit.
+    """
+
+    residual: Floats
+    jacobian: Floats
+    jacobian_steps: NDArray[np.intp]
+    overlap: Floats
+    apart: Floats
+    geometry_steps: NDArray[np.intp]
+    repeats: NDArray[np.bool_]
+
+    @property
+    def runs(self) -> int:
+        """How many runs were checked."""
+        return len(self.repeats)
+
+
+class Invariants(NamedTuple):
+    """Energy and momenta at T states.
+
+    Attributes:
+        energy: (T,) mechanical energy [J].
+        kinetic: (T,) the kinetic part of it [J].
+        momentum: (T, 3) linear momentum [kg m/s], or None where the system is not free.
+        angular_momentum: (T, 3) about the centre of mass [kg m^2/s], or None likewise.
+        mass: total mass [kg].
+        lift: energy that lifts everything by 1 mm [J].
+    """
+
+    energy: Floats
+    kinetic: Floats
+    momentum: Floats | None
+    angular_momentum: Floats | None
+    mass: float
+    lift: float

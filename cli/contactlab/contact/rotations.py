@@ -1,0 +1,51 @@
+"""Rotations as unit quaternions w, x, y, z, as MuJoCo keeps them; NumPy only.
+
+A body's quaternion turns vectors given along the body's axes into the world frame.
+"""
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+
+
+def rotate(quaternion: Floats, vector: Floats) -> Floats:
+    """Return vectors (..., 3) turned by quaternions (..., 4): body to world."""
+    scalar, axis = quaternion[..., :1], quaternion[..., 1:]
+    twice = 2 * np.cross(axis, vector)
+    return vector + scalar * twice + np.cross(axis, twice)
+
+
+def rotate_back(quaternion: Floats, vector: Floats) -> Floats:
+    """Return vectors (..., 3) turned by the inverses of quaternions (..., 4): world to body."""
+    return rotate(quaternion * np.array([1.0, -1.0, -1.0, -1.0]), vector)
+
+
+def rotation_matrices(quaternions: Floats) -> Floats:
+    """Return (N, 3, 3) matrices, body to world, of quaternions (N, 4)."""
+    scalar, axis = quaternions[:, 0], quaternions[:, 1:]
+    zero = np.zeros_like(scalar)
+    x, y, z = axis.T
+    cross = np.stack([zero, -z, y, z, zero, -x, -y, x, zero], axis=1).reshape(-1, 3, 3)
+    return np.eye(3) + 2 * (scalar[:, None, None] * cross + cross @ cross)
+
+
+def angles_between(first: Floats, second: Floats) -> Floats:
+    """Return (T,) angles [rad], at most pi, between rotations (T, 4); q and -q are the same.
+
+    The angle comes from both parts of conj(first) * second, so that neither tiny angles nor norms
+    that are not quite 1 cost digits.
+    """
+    scalar, vector = first[:, 0], first[:, 1:]
+    other_scalar, other = second[:, 0], second[:, 1:]
+    real = scalar * other_scalar + (vector * other).sum(axis=1)
+    imaginary = scalar[:, None] * other - other_scalar[:, None] * vector - np.cross(vector, other)
+    return 2 * np.arctan2(np.linalg.norm(imaginary, axis=1), np.abs(real))
+
+
+def rotation_from_x(vector: Floats) -> Floats:
+    """Return (4,) a rotation that turns +x into the direction of a vector (3,)."""
+    length = np.linalg.norm(vector)
+    x, y, z = vector / length if length else (1.0, 0.0, 0.0)
+    # By way of the half angle; towards -x, after half a turn about z, as the first would vanish.
+    turn = np.array([1 + x, 0.0, -z, y] if x >= 0 else [y, z, 0.0, 1 - x])
+    return turn / np.linalg.norm(turn)
