@@ -14,7 +14,14 @@ import xmlschema
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.compare import as_annotations, as_junit, as_markdown, as_text, compare, unreadable
+from contactlab.compare import (
+    as_annotations,
+    as_junit,
+    as_markdown,
+    as_text,
+    compare,
+    unreadable_report,
+)
 from contactlab.errors import StoreError
 from contactlab.schema import (
     Check,
@@ -77,7 +84,7 @@ def test_json_fits_its_schema(worse: ComparisonReport) -> None:
 
 
 def test_junit_fits_its_schema(worse: ComparisonReport, same: ComparisonReport) -> None:
-    error = unreadable(StoreError("no store at x"), ComparePolicy(version=1))
+    error = unreadable_report(StoreError("no store at x"), ComparePolicy(version=1))
     for report in (worse, same, error):
         XSD.validate(as_junit(report))
 
@@ -113,7 +120,7 @@ def test_junit_names_are_unique_and_the_same_every_time(
 
 @given(text=TEXTS)
 def test_junit_holds_any_text(text: str) -> None:
-    report = unreadable(StoreError(text), ComparePolicy(version=1))
+    report = unreadable_report(StoreError(text), ComparePolicy(version=1))
     XSD.validate(as_junit(report))
 
 
@@ -204,7 +211,7 @@ def test_text_of_many_failures_stays_readable(same: ComparisonReport) -> None:
 
 
 def test_text_of_what_cannot_be_compared() -> None:
-    report = unreadable(StoreError("no store at x"), ComparePolicy(version=1))
+    report = unreadable_report(StoreError("no store at x"), ComparePolicy(version=1))
     assert as_text(report) == "not comparable: no store at x\n"
     assert report.exit_code == 3
     expected = "::error title=contactlab compare::not comparable: no store at x\n"

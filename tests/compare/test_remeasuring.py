@@ -3,6 +3,7 @@
 import math
 import sys
 from collections.abc import Callable
+from functools import partial
 from itertools import product
 from pathlib import Path
 from typing import Any
@@ -13,8 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.compare import Remeasure, as_text, compare
-from contactlab.compare.remeasuring import interval
+from contactlab.compare.remeasured_time import median_interval
 from contactlab.errors import PolicyError, StoreError
+from contactlab.run import timing_process
 from contactlab.schema import Check, ComparisonReport
 
 Runs = Callable[[], Any]
@@ -56,6 +58,10 @@ def remeasured(report: ComparisonReport) -> Check:
     return check
 
 
+def remeasure(runs: int, *pythons: Path) -> Remeasure:
+    return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
+
+
 @pytest.mark.parametrize(
     ("factors", "verdict", "code"),
     [
@@ -74,7 +80,7 @@ def test_a_slower_engine_fails_the_gate(  # noqa: PLR0917 - fixtures
     verdict: str,
     code: int,
 ) -> None:
-    asked = Remeasure(3, *(timer(factor) for factor in factors))
+    asked = remeasure(3, *(timer(factor) for factor in factors))
     report = compare(baseline, stored("again", runs()), remeasure=asked)
     found = remeasured(report)
     assert (found.verdict, report.exit_code, found.runs) == (verdict, code, 3)
@@ -88,7 +94,7 @@ def test_runs_take_turns(
     baseline: Path, runs: Runs, stored: Stored, timer: Callable[..., Path], tmp_path: Path
 ) -> None:
     """Each pair is warmed up once in both, then timed in the order ABBA."""
-    asked = Remeasure(2, timer(1.0), timer(1.5))
+    asked = remeasure(2, timer(1.0), timer(1.5))
     compare(baseline, stored("again", runs()), remeasure=asked)
     first, last = f"{1:016x}", f"{8:016x}"
     turns = ("1.0", "1.5", "1.0", "1.5", "1.5", "1.0")
@@ -102,11 +108,11 @@ def test_runs_that_did_not_go_through_are_not_timed(
     crashed = runs()
     for index in range(1, 8):
         crashed.change(index, status="crashed")
-    compare(baseline, stored("crashed", crashed), remeasure=Remeasure(8, timer(1), timer(2)))
+    compare(baseline, stored("crashed", crashed), remeasure=remeasure(8, timer(1), timer(2)))
     diary = (tmp_path / "diary").read_text().split()
     assert set(diary[1::2]) == {f"{1:016x}"}
     crashed.change(0, status="crashed")
-    report = compare(baseline, stored("all", crashed), remeasure=Remeasure(8, timer(1), timer(2)))
+    report = compare(baseline, stored("all", crashed), remeasure=remeasure(8, timer(1), timer(2)))
     assert remeasured(report).outcome == "skipped"
     assert report.exit_code == 3
 
@@ -114,7 +120,7 @@ def test_runs_that_did_not_go_through_are_not_timed(
 def test_a_run_that_cannot_be_timed(
     baseline: Path, runs: Runs, stored: Stored, timer: Callable[..., Path]
 ) -> None:
-    asked = Remeasure(1, timer(1.0), timer(2.0, refused=f"{1:016x}"))
+    asked = remeasure(1, timer(1.0), timer(2.0, refused=f"{1:016x}"))
     with pytest.raises(StoreError, match=r"cannot time run 0*1: it is raining"):
         compare(baseline, stored("again", runs()), remeasure=asked)
 
@@ -123,7 +129,7 @@ def test_a_run_that_cannot_be_timed(
 def test_what_is_no_python_with_contactlab(
     baseline: Path, runs: Runs, stored: Stored, timer: Callable[..., Path], program: str
 ) -> None:
-    asked = Remeasure(1, timer(1.0), Path(program))
+    asked = remeasure(1, timer(1.0), Path(program))
     with pytest.raises(PolicyError, match=r"cannot run|is this version of contactlab installed"):
         compare(baseline, stored("again", runs()), remeasure=asked)
 
@@ -135,7 +141,7 @@ def test_the_interval_holds_the_median_often_enough(n: int) -> None:
     Ranks 0..n-1 stand for the values; a way says how many of them lie below. With five or fewer
     values, the two ways in which all lie on one side are more than 5 %.
     """
-    low, high = interval([float(value) for value in range(n)])
+    low, high = median_interval([float(value) for value in range(n)])
     chances = [math.comb(n, below) / 2**n for below in range(n + 1)]
     missed = sum(chance for below, chance in enumerate(chances) if not low < below <= high)
     assert missed <= 0.05 or n <= 5
@@ -148,6 +154,6 @@ def test_the_interval_holds_the_median_often_enough(n: int) -> None:
 def test_the_interval_covers_drawn_medians() -> None:
     """Of 400 draws at least 93 % cover: 95 % less two standard errors of 1.1 %."""
     rng = np.random.default_rng(0)
-    draws = [interval(rng.exponential(size=20).tolist()) for _ in range(400)]
+    draws = [median_interval(rng.exponential(size=20).tolist()) for _ in range(400)]
     covered = sum(low <= math.log(2) <= high for low, high in draws)
     assert covered >= 0.928 * len(draws)

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.compare.rules import Rule
-from contactlab.compare.values import gaps, judged, reduced
+from contactlab.compare.metric_checks import aggregate, judge, value_gaps
+from contactlab.compare.policies import MetricTolerance
 from contactlab.compare.verdicts import (
     BETTER,
     CHANGED,
@@ -18,14 +18,14 @@ from contactlab.compare.verdicts import (
     NOT_COMPARABLE,
     SAME,
     WORSE,
-    counted,
-    folded,
+    verdict_counts,
+    worst_verdict,
 )
 from contactlab.store import Numbers
 
 REALS = st.floats(-1e6, 1e6)
 RULES = st.builds(
-    Rule,
+    MetricTolerance,
     better=st.sampled_from(["lower", "higher", "none"]),
     rel=st.floats(0, 1),
     abs=st.floats(0, 1),
@@ -37,7 +37,7 @@ RULES = st.builds(
 )
 
 
-def rule(**changes: Any) -> Rule:
+def rule(**changes: Any) -> MetricTolerance:
     plain: dict[str, Any] = {
         "better": "lower",
         "rel": 0.0,
@@ -48,10 +48,10 @@ def rule(**changes: Any) -> Rule:
         "level": "gate",
         "needs_same": (),
     }
-    return Rule(**{**plain, **changes})
+    return MetricTolerance(**{**plain, **changes})
 
 
-def one_by_one(each: Rule, before: float, after: float) -> int:
+def one_by_one(each: MetricTolerance, before: float, after: float) -> int:
     """Judge one pair, as the policy's text says."""
     if abs(after - before) <= each.abs + each.rel * abs(before):
         return SAME
@@ -62,9 +62,9 @@ def one_by_one(each: Rule, before: float, after: float) -> int:
 
 
 @given(RULES, st.lists(st.tuples(REALS, REALS), min_size=1))
-def test_all_pairs_at_once(each: Rule, pairs: list[tuple[float, float]]) -> None:
+def test_all_pairs_at_once(each: MetricTolerance, pairs: list[tuple[float, float]]) -> None:
     before, after = (np.array(column) for column in zip(*pairs, strict=True))
-    assert judged(each, before, after).tolist() == [one_by_one(each, *pair) for pair in pairs]
+    assert judge(each, before, after).tolist() == [one_by_one(each, *pair) for pair in pairs]
 
 
 @given(st.lists(st.tuples(REALS, REALS), min_size=1), st.sampled_from(["lower", "higher"]))
@@ -73,8 +73,8 @@ def test_swapped_sides_swap_better_and_worse(pairs: list[tuple[float, float]], b
     before, after = (np.array(column) for column in zip(*pairs, strict=True))
     swapped = {SAME: SAME, BETTER: WORSE, WORSE: BETTER}
     each = rule(better=better, abs=1.0)
-    there = judged(each, before, after).tolist()
-    assert judged(each, after, before).tolist() == [swapped[verdict] for verdict in there]
+    there = judge(each, before, after).tolist()
+    assert judge(each, after, before).tolist() == [swapped[verdict] for verdict in there]
 
 
 VALUES = st.none() | st.sampled_from([math.nan, math.inf, -math.inf]) | REALS
@@ -92,7 +92,7 @@ def test_what_is_not_there_is_never_the_same(
     pairs: list[tuple[float | None, float | None, bool]],
 ) -> None:
     before, after, exempt = (list(each) for each in zip(*pairs, strict=True))
-    found = gaps(column(before), column(after), np.array(exempt)).tolist()
+    found = value_gaps(column(before), column(after), np.array(exempt)).tolist()
     for verdict, old, new, free in zip(found, before, after, exempt, strict=True):
         given_values = [value for value in (old, new) if value is not None]
         if not all(math.isfinite(value) for value in given_values):
@@ -116,18 +116,20 @@ def test_what_is_not_there_is_never_the_same(
 )
 def test_statistics(statistic: str, better: str, expected: tuple[float, float]) -> None:
     before, after = np.array([1.0, 2.0, 3.0]), np.array([8.0, 1.0, 3.0])
-    values = reduced(rule(statistic=statistic, better=better), before, after)
+    values = aggregate(rule(statistic=statistic, better=better), before, after)
     assert tuple(float(each[0]) for each in values) == expected
 
 
 def test_ratios_to_zero() -> None:
     """0 / 0 is 1 and 1 / 0 without bound, so that the median of these and 6 / 2 is 3."""
-    values = reduced(rule(statistic="ratio"), np.array([0.0, 0.0, 2.0]), np.array([0.0, 1.0, 6.0]))
+    values = aggregate(
+        rule(statistic="ratio"), np.array([0.0, 0.0, 2.0]), np.array([0.0, 1.0, 6.0])
+    )
     assert values[1].tolist() == [3.0]
 
 
 @given(st.lists(st.sampled_from(range(len(NAMES)))))
 def test_a_fold_is_the_worst_and_counts_add_up(codes: list[int]) -> None:
     verdicts = np.array(codes, dtype=np.int8)
-    assert folded(verdicts) == (NAMES[max(codes)] if codes else "same")
-    assert sum(counted(verdicts).values()) == len(codes)
+    assert worst_verdict(verdicts) == (NAMES[max(codes)] if codes else "same")
+    assert sum(verdict_counts(verdicts).values()) == len(codes)

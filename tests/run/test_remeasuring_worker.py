@@ -9,6 +9,7 @@ from contactlab.run import ask_for, run_sweep
 from contactlab.run.remeasuring import MOST_STEPS, course_of
 from contactlab.store import Store
 
+SERVE = "from contactlab.run.remeasuring import main; main()"
 SWEEP = """\
 version: 1
 scene: ball_drop
@@ -25,7 +26,7 @@ def test_it_times_runs_and_says_what_it_cannot(tmp_path: Path) -> None:
     ids = store.table["run_id"].to_pylist()
     asked = [{"run": run, "repeats": 3} for run in (*ids, "nothing", ids[0])]
     done = subprocess.run(
-        [sys.executable, "-m", "contactlab.run.remeasuring", str(store.path)],
+        [sys.executable, "-c", SERVE, str(store.path)],
         input="".join(json.dumps(line) + "\n" for line in asked),
         capture_output=True,
         text=True,
@@ -52,7 +53,7 @@ def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
 
 def test_no_store(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "contactlab.run.remeasuring", str(tmp_path)],
+        [sys.executable, "-c", SERVE, str(tmp_path)],
         stdin=subprocess.DEVNULL,
         capture_output=True,
         text=True,

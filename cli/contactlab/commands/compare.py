@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
 from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -15,6 +16,7 @@ from contactlab.commands.stores import METAVAR, Address, store_at
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
+    from contactlab.compare import Remeasure
     from contactlab.schema import ComparePolicy, ComparisonReport
 
 
@@ -115,28 +117,33 @@ class _Asked:
         return read.model_copy(update={"match": self.match.value}) if self.match else read
 
     def report(self, policy: "ComparePolicy") -> "ComparisonReport":
-        from contactlab.compare import Remeasure
         from contactlab.compare import compare as compare_stores
 
-        pythons = [python or Path(sys.executable) for python in self.pythons]
         return compare_stores(
             self.baseline,
             self.candidate,
             policy,
             thorough=self.thorough,
-            remeasure=Remeasure(self.remeasure, *pythons) if self.remeasure else None,
+            remeasure=self._timers(self.remeasure) if self.remeasure else None,
         )
+
+    def _timers(self, runs: int) -> "Remeasure":
+        from contactlab.compare import Remeasure
+        from contactlab.run import timing_process
+
+        pythons = [python or Path(sys.executable) for python in self.pythons]
+        return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
 
 
 def _compared(asked: _Asked, targets: Sequence[tuple[Path, View]]) -> "ComparisonReport":
     """Compare; stores that cannot be compared are reported like others before the command ends."""
-    from contactlab.compare import unreadable
+    from contactlab.compare import unreadable_report
 
     policy = asked.read_policy()
     try:
         return asked.report(policy)
     except StoreError as error:
-        _publish(unreadable(error, policy), targets)
+        _publish(unreadable_report(error, policy), targets)
         raise
 
 

@@ -1,14 +1,16 @@
 """Two stores to verdicts, without the engine."""
 
-from contactlab.compare.annotations import as_annotations
-from contactlab.compare.comparing import DEFAULT_POLICY, compare, paired
-from contactlab.compare.junit import as_junit
-from contactlab.compare.markdown import as_markdown
+from contactlab.compare.ci_output import as_annotations, as_junit, as_markdown
+from contactlab.compare.compare_stores import (
+    DEFAULT_POLICY,
+    compare,
+    pair_stores,
+    unreadable_report,
+)
 from contactlab.compare.pairing import Pairing
 from contactlab.compare.policies import accept, acceptance, read_policy
-from contactlab.compare.remeasuring import Remeasure
-from contactlab.compare.text import as_text
-from contactlab.compare.unreadable import unreadable
+from contactlab.compare.remeasured_time import Remeasure
+from contactlab.compare.report_lines import as_text
 
 __all__ = [
     "DEFAULT_POLICY",
@@ -21,7 +23,7 @@ __all__ = [
     "as_markdown",
     "as_text",
     "compare",
-    "paired",
+    "pair_stores",
     "read_policy",
-    "unreadable",
+    "unreadable_report",
 ]

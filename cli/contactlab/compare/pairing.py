@@ -1,12 +1,13 @@
 """Which run of the candidate is compared with which run of the baseline."""
 
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.compare.sides import Side
-from contactlab.errors import StoreError
+from contactlab.compare.opened_stores import OpenedStore
+from contactlab.errors import PolicyError, StoreError, did_you_mean
 
 Rows = NDArray[np.intp]
 Keys = NDArray[np.int64] | NDArray[np.bytes_]
@@ -34,12 +35,12 @@ class Pairing(NamedTuple):
         return self._replace(baseline=self.baseline[mask], candidate=self.candidate[mask])
 
 
-def pair_by_id(baseline: Side, candidate: Side) -> Pairing:
+def pair_by_id(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
     """Pair runs of one id: of equal scene content, settings, seed and duration."""
     return pair(baseline.columns.keys("run_id"), candidate.columns.keys("run_id"))
 
 
-def pair_by_axes(baseline: Side, candidate: Side) -> Pairing:
+def pair_by_axes(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
     """Pair runs of equal axis values, to 9 digits, and equal seed.
 
     An axis that one store alone has, with one value, tells none of its runs apart.
@@ -90,12 +91,12 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(np.isfinite(scale), np.rint(values * scale) / scale, values)
 
 
-def _varies(side: Side, name: str) -> bool:
+def _varies(side: OpenedStore, name: str) -> bool:
     codes = _codes(side, side, name)
     return bool((codes != codes[0]).any())
 
 
-def _codes(baseline: Side, candidate: Side, name: str) -> NDArray[np.int64]:
+def _codes(baseline: OpenedStore, candidate: OpenedStore, name: str) -> NDArray[np.int64]:
     """Return a number for each run of both stores, equal where the axis has equal values."""
     sides = (baseline, candidate)
     kinds = {side.columns.is_number(name) for side in sides}
@@ -114,7 +115,7 @@ def _codes(baseline: Side, candidate: Side, name: str) -> NDArray[np.int64]:
     return np.concatenate(parts)
 
 
-def _refuse_repeated(side: Side, keys: NDArray[np.int64]) -> None:
+def _refuse_repeated(side: OpenedStore, keys: NDArray[np.int64]) -> None:
     values, counts = np.unique(keys, return_counts=True)
     if (counts == 1).all():
         return
@@ -124,3 +125,41 @@ def _refuse_repeated(side: Side, keys: NDArray[np.int64]) -> None:
         f"runs cannot be matched by axes: {' and '.join(ids)} of the {side.role} have equal axis "
         "values and seed"
     )
+
+
+def groups(
+    baseline: OpenedStore, pairing: Pairing, axes: Sequence[str]
+) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+    """Yield every group's name, such as `cone=elliptic`, and which of the pairs (n,) are in it.
+
+    Without axes, there is one group, whose name is empty. Groups of the whole baseline are
+    yielded, whether or not its runs have partners, so that there are the same ones every time.
+
+    Raises:
+        PolicyError: an axis was not swept.
+    """
+    if not axes:
+        yield "", np.ones(len(pairing.baseline), dtype=np.bool_)
+        return
+    columns = [_column(baseline, name) for name in axes]
+    stacked = np.stack([codes for codes, _ in columns], axis=1)
+    combinations, member = np.unique(stacked, axis=0, return_inverse=True)
+    of_pairs = member.reshape(-1)[pairing.baseline]
+    for number, combination in enumerate(combinations.tolist()):
+        values = [words[code] for code, (_, words) in zip(combination, columns, strict=True)]
+        name = ", ".join(f"{axis}={value}" for axis, value in zip(axes, values, strict=True))
+        yield name, of_pairs == number
+
+
+def _column(baseline: OpenedStore, axis: str) -> tuple[NDArray[np.int64], list[str]]:
+    """Return each run's code of an axis, and what the codes stand for."""
+    swept = baseline.columns.axis_names
+    if axis not in swept:
+        hint = did_you_mean(axis, swept) or f"; swept are {', '.join(swept) or 'none'}"
+        raise PolicyError(f"the policy groups by '{axis}', which is no axis of the baseline{hint}")
+    if baseline.columns.is_number(axis):
+        values = rounded(baseline.columns.numbers(axis).values)
+        distinct, codes = np.unique(values, return_inverse=True)
+        return codes, [f"{value:.9g}" for value in distinct.tolist()]
+    codes, words = baseline.columns.words(axis)
+    return codes, [*words, "none"]

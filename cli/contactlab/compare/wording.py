@@ -3,23 +3,23 @@
 from contactlab.schema import Setting
 
 
-def number(value: float) -> str:
+def format_number(value: float) -> str:
     """Return a number to four digits."""
     return f"{value:.4g}"
 
 
-def change(baseline: float, candidate: float, unit: str) -> str:
+def value_change(baseline: float, candidate: float, unit: str) -> str:
     """Return two values and what the second is relative to the first."""
-    shown = f"{number(baseline)} -> {number(candidate)}"
-    if number(baseline) == number(candidate):
+    shown = f"{format_number(baseline)} -> {format_number(candidate)}"
+    if format_number(baseline) == format_number(candidate):
         shown = f"{baseline:.10g} -> {candidate:.10g}"
     named = shown if unit in {"", "1", "any"} else f"{shown} {unit}"
     if baseline <= 0 or not abs(candidate / baseline) < 1e3:
         return named
-    return f"{named} ({share(candidate / baseline - 1, signed=True)})"
+    return f"{named} ({format_percent(candidate / baseline - 1, signed=True)})"
 
 
-def share(value: float, *, signed: bool = False) -> str:
+def format_percent(value: float, *, signed: bool = False) -> str:
     """Return a share in percent, to two digits."""
     sign = "+" if signed else ""
     percent = 100 * value
@@ -27,17 +27,17 @@ def share(value: float, *, signed: bool = False) -> str:
     return f"{digits} %"
 
 
-def of(count: int, total: int, noun: str = "run") -> str:
+def out_of(count: int, total: int, noun: str = "run") -> str:
     """Return `2 of 6 runs`."""
     return f"{count:,} of {total:,} {noun}{'' if total == 1 else 's'}"
 
 
-def some(count: int, noun: str = "run") -> str:
+def plural(count: int, noun: str = "run") -> str:
     """Return `1 run` or `2 runs`."""
     return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
-def settings(values: dict[str, Setting]) -> str:
+def format_settings(values: dict[str, Setting]) -> str:
     """Return axis values as `cone=elliptic direction=45`."""
     return " ".join(f"{name}={_setting(value)}" for name, value in values.items())
 

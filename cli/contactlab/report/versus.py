@@ -8,7 +8,7 @@ import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.compare import DEFAULT_POLICY, Pairing, compare, paired
+from contactlab.compare import DEFAULT_POLICY, Pairing, compare, pair_stores
 from contactlab.report.cells import Plane, label_counts, statistic
 from contactlab.report.gathering import Gathered
 from contactlab.report.heatmap import (
@@ -60,7 +60,7 @@ def versus(gathered: Gathered, baseline: Store) -> Versus:
     store = gathered.store
     policy = _policy(baseline, store)
     report = compare(baseline.address, store.address, policy)
-    pairing = paired(baseline.address, store.address, policy)
+    pairing = pair_stores(baseline.address, store.address, policy)
     return Versus(
         report=report,
         checks=tuple(

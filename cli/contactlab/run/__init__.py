@@ -4,6 +4,7 @@ from contactlab.run.asking import ask_for
 from contactlab.run.environment import find_engine, run_on, without_option
 from contactlab.run.forecast import Forecast, forecast
 from contactlab.run.job import Finished
+from contactlab.run.remeasuring import timing_process
 from contactlab.run.replay import Replay, Start, prepare, replay
 from contactlab.run.stop import Stop
 from contactlab.run.sweep import Ask, run_sweep
@@ -24,5 +25,6 @@ __all__ = [
     "replay",
     "run_on",
     "run_sweep",
+    "timing_process",
     "without_option",
 ]

@@ -1,21 +1,21 @@
 """Time stored runs on command: what `contactlab compare --remeasure` talks to.
 
-Run: python -m contactlab.run.remeasuring STORE
-
 Each line of the input asks for a run: {"run": id, "repeats": n}. Each line of the output answers:
 {"seconds": CPU time, "steps": made}, or {"error": why not}. The first line says who answers.
 """
 
 import gc
 import json
+import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from contactlab.engines import Course, count_work, time_course
-from contactlab.errors import ContactlabError
+from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.run.replay import stored_run
 from contactlab.scene import compile_plain, prepare_plain, quiet
 from contactlab.store import Store
@@ -68,5 +68,75 @@ def main() -> None:
         raise SystemExit(f"error: {error}") from error
 
 
-if __name__ == "__main__":
-    main()
+_PATIENCE = 10.0
+"""How long a process may take to end when it is told to [s]."""
+
+
+class TimingProcess:
+    """Times runs; made by `timing_process`.
+
+    Attributes:
+        engine: the engine that steps the runs, with its version.
+    """
+
+    def __init__(self, python: Path, asks: IO[str], answers: IO[str]) -> None:
+        self._python = python
+        self._asks = asks
+        self._answers = answers
+        self.engine = str(self._answer()["engine"])
+
+    def time(self, run: str, repeats: int) -> tuple[float, float]:
+        """Return the CPU time of all steps that were made of a run, and of one of them [s].
+
+        Raises:
+            StoreError: the run cannot be timed.
+        """
+        with suppress(BrokenPipeError):
+            self._asks.write(json.dumps({"run": run, "repeats": repeats}) + "\n")
+            self._asks.flush()
+        answer = self._answer()
+        if "error" in answer:
+            raise StoreError(f"{self._python} cannot time run {run}: {answer['error']}")
+        seconds = float(answer["seconds"])
+        return seconds, seconds / int(answer["steps"])
+
+    def _answer(self) -> dict[str, Any]:
+        try:
+            return dict(json.loads(self._answers.readline()))
+        except ValueError as error:
+            raise PolicyError(
+                f"{self._python} does not time runs: is this version of contactlab installed there?"
+            ) from error
+
+
+@contextmanager
+def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
+    """Yield a process that times the runs of a store; it ends with the context.
+
+    Raises:
+        PolicyError: the interpreter cannot time runs.
+    """
+    command = [str(python), "-c", f"from {__name__} import main; main()", str(store)]
+    try:
+        process = subprocess.Popen(  # noqa: S603 - the user's own Python
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
+    except OSError as error:
+        raise PolicyError(f"cannot run {python}: {error.strerror}") from error
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        yield TimingProcess(python, process.stdin, process.stdout)
+    finally:
+        _end(process, process.stdin, process.stdout)
+
+
+def _end(process: subprocess.Popen[str], asks: IO[str], answers: IO[str]) -> None:
+    with suppress(BrokenPipeError):
+        asks.close()
+    try:
+        process.wait(_PATIENCE)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    answers.close()

@@ -6,19 +6,29 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.compare.checks import MOST_SHOWN, Subject, made, skipped
-from contactlab.compare.compared import Compared
-from contactlab.compare.groups import groups
-from contactlab.compare.sameness import difference
-from contactlab.compare.verdicts import BETTER, CHANGED, NAMES, SAME, WORSE, Verdicts
-from contactlab.compare.wording import of, some
+from contactlab.compare.opened_stores import difference
+from contactlab.compare.paired_stores import PairedStores
+from contactlab.compare.pairing import groups
+from contactlab.compare.verdicts import (
+    BETTER,
+    CHANGED,
+    MOST_SHOWN,
+    NAMES,
+    SAME,
+    WORSE,
+    CheckSubject,
+    Verdicts,
+    make_check,
+    skipped_check,
+)
+from contactlab.compare.wording import out_of, plural
 from contactlab.schema import AllowedTransition, Check, Transition
 
 Masks = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
-class Outcomes:
+class PairLabels:
     """The labels of all pairs.
 
     Attributes:
@@ -31,7 +41,7 @@ class Outcomes:
         notes: what is to be said of allowed transitions, by label.
     """
 
-    compared: Compared
+    compared: PairedStores
     before: Masks
     after: Masks
     gained: Masks
@@ -40,7 +50,7 @@ class Outcomes:
     notes: dict[str, str]
 
     @classmethod
-    def of(cls, compared: Compared) -> "Outcomes":
+    def of(cls, compared: PairedStores) -> "PairLabels":
         """Return the labels of all pairs, with what the policy excuses."""
         sides = (compared.baseline, compared.candidate)
         before, after = (compared.labels(side) for side in sides)
@@ -82,7 +92,7 @@ class Outcomes:
         )
 
 
-def label_checks(outcomes: Outcomes) -> Iterator[Check]:
+def label_checks(outcomes: PairLabels) -> Iterator[Check]:
     """Yield for each label and group whether it is new in some runs."""
     compared = outcomes.compared
     rules = compared.policy.labels
@@ -92,15 +102,21 @@ def label_checks(outcomes: Outcomes) -> Iterator[Check]:
     verdicts = outcomes.verdicts
     for place, label in enumerate(compared.ranks[:-1]):
         for group, member in told:
-            subject = Subject(f"no new {label}", "labels", rules.level, group)
+            subject = CheckSubject(f"no new {label}", "labels", rules.level, group)
             if thresholds and required:
-                yield skipped(subject, f"thresholds differ: {thresholds[0]}, now {thresholds[1]}")
+                yield skipped_check(
+                    subject, f"thresholds differ: {thresholds[0]}, now {thresholds[1]}"
+                )
             else:
                 yield _check(outcomes, subject, place, np.flatnonzero(member), verdicts)
 
 
 def _check(
-    outcomes: Outcomes, subject: Subject, place: int, members: NDArray[np.intp], whole: Verdicts
+    outcomes: PairLabels,
+    subject: CheckSubject,
+    place: int,
+    members: NDArray[np.intp],
+    whole: Verdicts,
 ) -> Check:
     gained = outcomes.gained[members] >> place & 1 == 1
     lost = outcomes.lost[members] >> place & 1 == 1
@@ -110,7 +126,7 @@ def _check(
     verdicts[gained & ((of_run != WORSE) | excused)] = CHANGED
     verdicts[gained & (of_run == WORSE) & ~excused] = WORSE
     label = outcomes.compared.ranks[place]
-    parts = list(_told(verdicts, label, int((gained & excused).sum())))
+    parts = list(_label_counts(verdicts, label, int((gained & excused).sum())))
     if label in outcomes.notes and gained.any():
         parts.append(outcomes.notes[label])
     shown = members[np.flatnonzero(verdicts == verdicts.max(initial=SAME))[:MOST_SHOWN]]
@@ -121,22 +137,22 @@ def _check(
         [ranks[code] for code in outcomes.before[shown].tolist()],
         [ranks[code] for code in outcomes.after[shown].tolist()],
     )
-    return made(subject, verdicts, "; ".join(parts), worst)
+    return make_check(subject, verdicts, "; ".join(parts), worst)
 
 
-def _told(verdicts: Verdicts, label: str, excused: int) -> Iterator[str]:
+def _label_counts(verdicts: Verdicts, label: str, excused: int) -> Iterator[str]:
     counts = np.bincount(verdicts, minlength=len(NAMES)).tolist()
     total = len(verdicts)
     if counts[WORSE]:
-        yield f"{of(counts[WORSE], total)} newly {label}"
+        yield f"{out_of(counts[WORSE], total)} newly {label}"
     if excused:
-        yield f"{some(excused)} newly {label}, as the policy allows"
+        yield f"{plural(excused)} newly {label}, as the policy allows"
     if counts[CHANGED] > excused:
-        yield f"{some(counts[CHANGED] - excused)} newly {label}, but better on the whole"
+        yield f"{plural(counts[CHANGED] - excused)} newly {label}, but better on the whole"
     if counts[BETTER]:
-        yield f"{of(counts[BETTER], total)} no longer {label}"
+        yield f"{out_of(counts[BETTER], total)} no longer {label}"
     if not any(counts[BETTER:]):
-        yield f"none in {some(total)}"
+        yield f"none in {plural(total)}"
 
 
 def _moved(
@@ -145,11 +161,11 @@ def _moved(
     return (before == ranks.index(entry.from_)) & (after == ranks.index(entry.to))
 
 
-def _obstacle(entry: AllowedTransition, runs: int, compared: Compared) -> str | None:
+def _obstacle(entry: AllowedTransition, runs: int, compared: PairedStores) -> str | None:
     """Return why an allowed transition excuses nothing; None if it does."""
     arrow = f"{entry.from_} -> {entry.to}"
     if entry.until is not None and entry.until < compared.today:
         return f"{arrow} was allowed until {entry.until} ({entry.reason})"
     if runs > entry.max:
-        return f"{arrow} is allowed for {some(entry.max)}, but {runs:,} do so ({entry.reason})"
+        return f"{arrow} is allowed for {plural(entry.max)}, but {runs:,} do so ({entry.reason})"
     return None

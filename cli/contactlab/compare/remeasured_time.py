@@ -1,18 +1,18 @@
 """Times measured anew, both stores' runs in turns: the only times that may gate."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 
-from contactlab.compare.checks import Subject, made, skipped
-from contactlab.compare.compared import Compared
-from contactlab.compare.rules import REMEASURED, rule_of
-from contactlab.compare.timer import Timer, timing
-from contactlab.compare.verdicts import BETTER, SAME, WORSE
-from contactlab.compare.wording import share, some
+from contactlab.compare.paired_stores import PairedStores
+from contactlab.compare.policies import REMEASURED, tolerance_of
+from contactlab.compare.verdicts import BETTER, SAME, WORSE, CheckSubject, make_check, skipped_check
+from contactlab.compare.wording import format_percent, plural
 from contactlab.schema import Check, RunPair
 from contactlab.store import Measured
 
@@ -22,22 +22,39 @@ _LEAST = 0.05
 _MOST_REPEATS = 200
 
 
+class RunTimer(Protocol):
+    """Times runs of one store."""
+
+    @property
+    def engine(self) -> str:
+        """The engine that steps the runs, with its version."""
+        ...
+
+    def time(self, run: str, repeats: int) -> tuple[float, float]:
+        """Return the CPU time of all steps that were made of a run, and of one of them [s]."""
+        ...
+
+
+StartTimer = Callable[[Path], AbstractContextManager[RunTimer]]
+"""Starts what times the runs of the store in a folder, for as long as the context lasts."""
+
+
 @dataclass(frozen=True)
 class Remeasure:
-    """What to measure anew.
+    """What to time again.
 
     Attributes:
-        runs: how many pairs of runs, spread evenly over all.
-        baseline_python: what steps the baseline's runs.
-        candidate_python: what steps the candidate's.
+        runs: number of pairs of runs, spread evenly over all.
+        baseline: starts what times the baseline's runs.
+        candidate: starts what times the candidate's runs.
     """
 
     runs: int
-    baseline_python: Path
-    candidate_python: Path
+    baseline: StartTimer
+    candidate: StartTimer
 
 
-def remeasured_check(compared: Compared, asked: Remeasure) -> Check:
+def remeasured_check(compared: PairedStores, request: Remeasure) -> Check:
     """Return whether the candidate's runs take longer, timed in turns on this machine.
 
     The median ratio over the pairs has an interval; only if all of it is beyond the tolerance is
@@ -47,30 +64,31 @@ def remeasured_check(compared: Compared, asked: Remeasure) -> Check:
         StoreError: a run cannot be timed.
         PolicyError: an interpreter cannot time runs.
     """
-    rule = rule_of(Measured(REMEASURED, "1", "lower", 0.0, second_pass=False), compared.policy)
-    subject = Subject(f"{REMEASURED} no worse", "time", rule.level)
-    places = _sample(compared, asked.runs)
+    rule = tolerance_of(Measured(REMEASURED, "1", "lower", 0.0, second_pass=False), compared.policy)
+    subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
+    places = _sample(compared, request.runs)
     if not places:
-        return skipped(subject, "no pair of runs went through in both stores")
+        return skipped_check(subject, "no pair of runs went through in both stores")
     pairs = compared.run_pairs(places, [None] * len(places), [None] * len(places))
     old, new = compared.baseline.store.path, compared.candidate.store.path
-    with timing(asked.baseline_python, old) as before, timing(asked.candidate_python, new) as after:
+    with request.baseline(old) as before, request.candidate(new) as after:
         found = [_timed(before, after, pair) for pair in pairs]
         engines = f"{before.engine}, now {after.engine}"
     ratios = [taken[1] / taken[0] for taken in found]
-    low, high = interval(ratios)
+    low, high = median_interval(ratios)
     code = WORSE if low > 1 + rule.rel else BETTER if high < 1 - rule.rel else SAME
     text = (
-        f"median ratio {np.median(ratios):.3f}, {share(_CONFIDENCE)} interval {low:.3f} to "
-        f"{high:.3f} over {some(len(ratios))} (within {share(rule.rel)}; {engines})"
+        f"median ratio {np.median(ratios):.3f}, {format_percent(_CONFIDENCE)} interval "
+        f"{low:.3f} to {high:.3f} over {plural(len(ratios))} "
+        f"(within {format_percent(rule.rel)}; {engines})"
     )
     worst = max(zip(ratios, pairs, found, strict=True), key=lambda each: each[0])
     shown = worst[1].model_copy(update={"baseline": worst[2][0], "candidate": worst[2][1]})
     verdict = np.full(1, code, dtype=np.int8)
-    return made(subject, verdict, text, [shown] if code != SAME else [], runs=len(ratios))
+    return make_check(subject, verdict, text, [shown] if code != SAME else [], runs=len(ratios))
 
 
-def interval(values: Sequence[float]) -> tuple[float, float]:
+def median_interval(values: Sequence[float]) -> tuple[float, float]:
     """Return an interval that holds the median of what the values are drawn from.
 
     It lies between two of the sorted values, the k-th from each end, with the largest k such that
@@ -85,7 +103,7 @@ def interval(values: Sequence[float]) -> tuple[float, float]:
     return ordered[k - 1], ordered[n - k]
 
 
-def _timed(before: Timer, after: Timer, pair: RunPair) -> tuple[float, float]:
+def _timed(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:
     """Return both sides' CPU time of a step [s]: the lesser of two, taken in turns ABBA."""
     assert pair.baseline_run is not None
     assert pair.candidate_run is not None
@@ -97,7 +115,7 @@ def _timed(before: Timer, after: Timer, pair: RunPair) -> tuple[float, float]:
     return min(first, last), min(others)
 
 
-def _sample(compared: Compared, runs: int) -> list[int]:
+def _sample(compared: PairedStores, runs: int) -> list[int]:
     """Return places of pairs of which both runs went through, spread evenly."""
     sides = (compared.baseline, compared.candidate)
     rows = (compared.pairing.baseline, compared.pairing.candidate)

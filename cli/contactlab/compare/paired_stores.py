@@ -8,8 +8,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.compare.opened_stores import OpenedStore
 from contactlab.compare.pairing import Pairing
-from contactlab.compare.sides import Side
 from contactlab.schema import ComparePolicy, RunPair, Setting
 from contactlab.store import Numbers
 
@@ -17,7 +17,7 @@ Value = float | str | None
 
 
 @dataclass(frozen=True)
-class Compared:
+class PairedStores:
     """Two stores and how their runs belong together.
 
     Attributes:
@@ -28,13 +28,13 @@ class Compared:
         today: the day that expiry dates are held against.
     """
 
-    baseline: Side
-    candidate: Side
+    baseline: OpenedStore
+    candidate: OpenedStore
     pairing: Pairing
     policy: ComparePolicy
     today: date
 
-    def without(self, apart: NDArray[np.bool_]) -> "Compared":
+    def without(self, apart: NDArray[np.bool_]) -> "PairedStores":
         """Return the same without some of the pairs (n,)."""
         return replace(self, pairing=self.pairing.where(~apart)) if apart.any() else self
 
@@ -46,7 +46,7 @@ class Compared:
         )
         return baseline, candidate
 
-    def _numbers(self, side: Side, name: str) -> Numbers:
+    def _numbers(self, side: OpenedStore, name: str) -> Numbers:
         rows = self._rows(side)
         if name in side.columns.schema.names:
             return _taken(side.columns.numbers(name), rows)
@@ -67,13 +67,13 @@ class Compared:
         order.pop("stable", None)
         return (*order, "stable")
 
-    def labels(self, side: Side) -> NDArray[np.int64]:
+    def labels(self, side: OpenedStore) -> NDArray[np.int64]:
         """Return each pair's worst label on one side, as its place in `ranks`."""
         codes, words = side.columns.words("label")
         places = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
         return places[codes[self._rows(side)]]
 
-    def label_sets(self, side: Side) -> NDArray[np.int64]:
+    def label_sets(self, side: OpenedStore) -> NDArray[np.int64]:
         """Return each pair's labels on one side: bit i says that label i of `ranks` applies."""
         masks, words = side.columns.word_sets("labels")
         rows = self._rows(side)
@@ -110,11 +110,11 @@ class Compared:
             for one, other, before, after in zip(old, new, baseline, candidate, strict=True)
         ]
 
-    def _rows(self, side: Side) -> NDArray[np.intp]:
+    def _rows(self, side: OpenedStore) -> NDArray[np.intp]:
         return self.pairing.baseline if side is self.baseline else self.pairing.candidate
 
 
-def lone_runs(side: Side, rows: Sequence[int]) -> list[RunPair]:
+def unpaired_runs(side: OpenedStore, rows: Sequence[int]) -> list[RunPair]:
     """Return runs that have no partner."""
     found = side.columns.identify(rows)
     is_old = side.role == "baseline"

@@ -1,10 +1,10 @@
 """What a comparison has to tell, the worst first, in short words for any kind of output."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
-from contactlab.compare.rules import REMEASURED
-from contactlab.compare.wording import change, number, settings, some
+from contactlab.compare.policies import REMEASURED
+from contactlab.compare.wording import format_number, format_settings, plural, value_change
 from contactlab.schema import Check, ComparedStore, ComparisonReport, Outcome, RunPair
 
 WORDS: dict[Outcome, str] = {
@@ -16,7 +16,7 @@ WORDS: dict[Outcome, str] = {
 }
 
 
-class Line(NamedTuple):
+class ReportLine(NamedTuple):
     """One thing that is told.
 
     Attributes:
@@ -36,7 +36,7 @@ class Line(NamedTuple):
     urgent: bool = False
 
 
-def told(report: ComparisonReport) -> list[Line]:
+def report_lines(report: ComparisonReport) -> list[ReportLine]:
     """Return all that is to be told; checks that passed are not, but for what was asked for."""
     checks = [
         check
@@ -49,40 +49,40 @@ def told(report: ComparisonReport) -> list[Line]:
     return sorted(lines, key=lambda line: order.index(line.outcome))
 
 
-def name(check: Check) -> str:
+def check_name(check: Check) -> str:
     """Return a check's name with its group."""
     return f"{check.name} ({check.group})" if check.group else check.name
 
 
-def found(check: Check) -> str:
+def finding(check: Check) -> str:
     """Return what a check found, and why that is accepted."""
     return f"{check.message}; accepted: {check.accepted}" if check.accepted else check.message
 
 
-def values(check: Check, pair: RunPair) -> str:
+def pair_values(check: Check, pair: RunPair) -> str:
     """Return what was found of a pair: `stable -> tunneling`, or numbers and their ratio."""
     before, after = pair.baseline, pair.candidate
     if before is None and after is None:
         return ""
     if before is None or after is None or isinstance(before, str) or isinstance(after, str):
         return f"{_value(before)} -> {_value(after)}"
-    return change(before, after, check.unit)
+    return value_change(before, after, check.unit)
 
 
-def where(pair: RunPair) -> str:
+def pair_location(pair: RunPair) -> str:
     """Return the axis values of a pair, and the start of its id."""
     run = (pair.candidate_run or pair.baseline_run or "")[:8]
-    return f"{settings(pair.axes)} [{run}]".lstrip()
+    return f"{format_settings(pair.axes)} [{run}]".lstrip()
 
 
-def passed(report: ComparisonReport) -> str:
+def passed_summary(report: ComparisonReport) -> str:
     """Return how many checks of which kind passed."""
     fine = [check.kind for check in report.checks if check.outcome == "passed"]
     kinds = ", ".join(f"{kind} {fine.count(kind)}" for kind in dict.fromkeys(fine))
-    return f"{some(len(fine), 'check')} passed{f' ({kinds})' if kinds else ''}"
+    return f"{plural(len(fine), 'check')} passed{f' ({kinds})' if kinds else ''}"
 
 
-def runs(report: ComparisonReport) -> str:
+def run_summary(report: ComparisonReport) -> str:
     """Return how many runs there are, and what became of them."""
     pairs = report.pairs
     parts = [f"{pairs.paired:,} paired by {report.match}"]
@@ -96,54 +96,99 @@ def runs(report: ComparisonReport) -> str:
     return ", ".join(parts)
 
 
-def labels(report: ComparisonReport) -> list[str]:
+def label_changes(report: ComparisonReport) -> list[str]:
     """Return how many runs went from which worst label to which."""
     return [
-        f"{each.baseline} -> {each.candidate}: {some(each.runs)}" for each in report.transitions
+        f"{each.baseline} -> {each.candidate}: {plural(each.runs)}" for each in report.transitions
     ]
 
 
-def side(store: ComparedStore) -> str:
+def store_summary(store: ComparedStore) -> str:
     """Return what a store is, in one line."""
     revision = f", {store.git_revision[:12]}" if store.git_revision else ""
     return (
-        f"{store.store}: {store.sweep}, {some(store.runs)}, {store.engine}, "
+        f"{store.store}: {store.sweep}, {plural(store.runs)}, {store.engine}, "
         f"contactlab {store.contactlab}, {store.finished[:16].replace('T', ' ')}{revision}"
     )
 
 
-def _line(check: Check) -> Line:
+def _line(check: Check) -> ReportLine:
     pair = check.worst[0] if check.worst else None
-    return Line(
+    return ReportLine(
         check.outcome,
-        name(check),
-        found(check),
-        values(check, pair) if pair else "",
-        where(pair) if pair else "",
+        check_name(check),
+        finding(check),
+        pair_values(check, pair) if pair else "",
+        pair_location(pair) if pair else "",
         check.outcome in {"failed", "warned"},
     )
 
 
-def _skipped(checks: Sequence[Check]) -> list[Line]:
+def _skipped(checks: Sequence[Check]) -> list[ReportLine]:
     """Return checks that could not be made, those of one reason and level in one line."""
     reasons: dict[tuple[str, str], list[Check]] = {}
     for check in checks:
         reasons.setdefault((check.level, check.message), []).append(check)
     return [
-        Line("skipped", *_named(of_it), level == "gate") for (level, _), of_it in reasons.items()
+        ReportLine("skipped", *_named(of_it), level == "gate")
+        for (level, _), of_it in reasons.items()
     ]
 
 
 def _named(checks: Sequence[Check]) -> tuple[str, str, str, str]:
     reason = checks[0].message
     if len(checks) == 1:
-        return name(checks[0]), reason, "", ""
+        return check_name(checks[0]), reason, "", ""
     names = list(dict.fromkeys(check.name.split()[0] for check in checks))
     shown = ", ".join(names[:3])
-    return some(len(checks), "check"), reason, "", shown if len(names) <= 3 else f"{shown}, ..."
+    return plural(len(checks), "check"), reason, "", shown if len(names) <= 3 else f"{shown}, ..."
 
 
 def _value(value: float | str | None) -> str:
     if value is None:
         return "none"
-    return value if isinstance(value, str) else number(value)
+    return value if isinstance(value, str) else format_number(value)
+
+
+_MOST_LINES = 25
+_WIDEST = 60
+
+
+def as_text(report: ComparisonReport) -> str:
+    """Return a comparison as lines of plain text, the worst first."""
+    return "\n".join(line.rstrip() for line in _lines(report)) + "\n"
+
+
+def _lines(report: ComparisonReport) -> Iterator[str]:
+    yield report.headline
+    if report.baseline is None or report.candidate is None:
+        return
+    yield ""
+    yield f"  baseline   {store_summary(report.baseline)}"
+    yield f"  candidate  {store_summary(report.candidate)}"
+    yield f"  runs       {run_summary(report)}"
+    for each in label_changes(report):
+        yield f"  label      {each}"
+    yield ""
+    yield from _table(report_lines(report))
+    yield f"{WORDS['passed']:4}  {passed_summary(report)}"
+    if report.advice:
+        yield ""
+        yield from report.advice
+
+
+def _table(lines: Sequence[ReportLine]) -> Iterator[str]:
+    shown: list[ReportLine] = []
+    for outcome, word in WORDS.items():
+        of_it = [line for line in lines if line.outcome == outcome]
+        shown += of_it[:_MOST_LINES]
+        if len(of_it) > _MOST_LINES:
+            more = f"and {len(of_it) - _MOST_LINES:,} more ({word})"
+            shown.append(ReportLine(outcome, more, "", "", ""))
+    names, found, worst = (
+        min(max((len(str(line[column])) for line in shown), default=0), _WIDEST)
+        for column in (1, 2, 3)
+    )
+    for line in shown:
+        start = f"{WORDS[line.outcome]:4}  {line.name:{names}}  {line.found:{found}}"
+        yield f"{start}  {line.worst:{worst}}  {line.where}"
