@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from contactlab.run import ask_for, run_sweep
-from contactlab.run.remeasuring import MOST_STEPS, course_of
+from contactlab.run.remeasuring import MOST_STEPS, segments_of
 from contactlab.store import Store
 
 SERVE = "from contactlab.run.remeasuring import main; main()"
@@ -45,10 +45,10 @@ def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     record = next(store.records())
-    course = course_of(store, record.run_id)
-    assert course.steps == record.steps
-    assert sum(course.lengths(MOST_STEPS)) == record.steps
-    assert course.model.opt.timestep == record.settings["timestep"]
+    segments = segments_of(store, record.run_id)
+    assert segments.steps == record.steps
+    assert sum(segments.lengths(MOST_STEPS)) == record.steps
+    assert segments.model.opt.timestep == record.settings["timestep"]
 
 
 def test_no_store(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.engines import Course
+from contactlab.engines import Segments
 from contactlab.run import forecast, stopwatch
 from contactlab.schema import Timing
 
@@ -70,11 +70,11 @@ def test_runs_take_turns_within_each_round(sweeper: Any, monkeypatch: pytest.Mon
     """First a few steps of each run for its pace, then round by round, always in plan order."""
     seen: list[tuple[int, float]] = []
 
-    def watched(course: Course, most: int, repeats: int) -> tuple[float, int]:
-        seen.append((course.model.opt.integrator, course.model.opt.timestep))
-        return 1e-4 * repeats * sum(course.lengths(most)), repeats * sum(course.lengths(most))
+    def watched(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
+        seen.append((segments.model.opt.integrator, segments.model.opt.timestep))
+        return 1e-4 * repeats * sum(segments.lengths(most)), repeats * sum(segments.lengths(most))
 
-    monkeypatch.setattr(stopwatch, "time_course", watched)
+    monkeypatch.setattr(stopwatch, "time_segments", watched)
     sweeper.run(TIMED)
     assert len(set(seen)) == 4
     assert seen == seen[:8] * 5
@@ -89,11 +89,11 @@ def test_neither_short_nor_long_runs_take_too_long(
     """At least 20 ms in a round, at most 50 times over; at most 0.1 s, from 8 places."""
     made: list[int] = []
 
-    def watched(course: Course, most: int, repeats: int) -> tuple[float, int]:
-        made.append(repeats * sum(course.lengths(most)))
+    def watched(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
+        made.append(repeats * sum(segments.lengths(most)))
         return cost * made[-1], made[-1]
 
-    monkeypatch.setattr(stopwatch, "time_course", watched)
+    monkeypatch.setattr(stopwatch, "time_segments", watched)
     sweeper.run(TIMED.replace("[1.0e-3, 2.0e-3]", "[1.0e-3]").replace("[Euler, RK4]", "[Euler]"))
     assert set(made[2:]) == {steps}
 

@@ -1,33 +1,38 @@
 """Engines: from compiled models and start states to recorded trajectories."""
 
-from contactlab.engines.buffers import Buffers, bytes_of_run
 from contactlab.engines.checks import run_checks
 from contactlab.engines.geometry import body_names, moving_bodies, poses, shapes
 from contactlab.engines.impulse import roll_out_by_impulse
+from contactlab.engines.integration import SampledStates, integrate_to
 from contactlab.engines.invariants import invariants
 from contactlab.engines.loose import loose_bodies, loose_energy
-from contactlab.engines.march import March, march
-from contactlab.engines.rollout import Rollout, roll_out
+from contactlab.engines.rollout import Buffers, Rollout, bytes_of_run, roll_out
 from contactlab.engines.speeds import pair_speeds
-from contactlab.engines.stopwatch import Course, time_course, time_steps
+from contactlab.engines.step_timing import (
+    SEGMENTS,
+    Segments,
+    Work,
+    count_work,
+    time_segments,
+    time_steps,
+)
 from contactlab.engines.traces import make_trace, trajectory_hash
-from contactlab.engines.work import PLACES, Work, count_work
 
 __all__ = [
-    "PLACES",
+    "SEGMENTS",
     "Buffers",
-    "Course",
-    "March",
     "Rollout",
+    "SampledStates",
+    "Segments",
     "Work",
     "body_names",
     "bytes_of_run",
     "count_work",
+    "integrate_to",
     "invariants",
     "loose_bodies",
     "loose_energy",
     "make_trace",
-    "march",
     "moving_bodies",
     "pair_speeds",
     "poses",
@@ -35,7 +40,7 @@ __all__ = [
     "roll_out_by_impulse",
     "run_checks",
     "shapes",
-    "time_course",
+    "time_segments",
     "time_steps",
     "trajectory_hash",
 ]

@@ -27,8 +27,7 @@ from contactlab.contact import (
     resolve_impact,
     restitution_of,
 )
-from contactlab.engines.buffers import Arrays, Buffers
-from contactlab.engines.rollout import Rollout
+from contactlab.engines.rollout import Arrays, Buffers, Rollout
 from contactlab.errors import SceneError
 from contactlab.scene import Base, Prepared, Starts
 

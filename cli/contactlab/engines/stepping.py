@@ -7,7 +7,7 @@ from contactlab.scene import has_batch
 if TYPE_CHECKING or has_batch():
     from mujoco.batch import Batch, SimulationError
 else:
-    from contactlab.engines.steploop import SimulationError
-    from contactlab.engines.steploop import StepLoop as Batch
+    from contactlab.engines.older_mujoco import SimulationError
+    from contactlab.engines.older_mujoco import StepLoop as Batch
 
 __all__ = ["Batch", "SimulationError"]

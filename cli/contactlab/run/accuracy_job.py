@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.engines import march
+from contactlab.engines import integrate_to
 from contactlab.measure import Discrepancy
 from contactlab.run.job import Finished, Job
 from contactlab.run.notes import Note, note
@@ -98,7 +98,7 @@ def _spread(first: int, last: int, most: int) -> Floats:
 
 def _globally(reference: Reference, plan: RunPlan, times: _Times, watch: Watch) -> Note:
     """Hold a whole run against its reference, in both ways that a sweep may ask for."""
-    found = march(plan.prepared.model, plan.start, times.ends, watch=watch)
+    found = integrate_to(plan.prepared.model, plan.start, times.ends, watch=watch)
     if found is None:
         return {}
     rows, coarse = reference.rows(times.ends), reference.coarse.march
@@ -111,7 +111,7 @@ def _globally(reference: Reference, plan: RunPlan, times: _Times, watch: Watch) 
 
 def _locally(reference: Reference, plan: RunPlan, times: _Times, watch: Watch) -> Note:
     """Hold a run's model against its reference from many of the reference's states."""
-    whole = march(plan.prepared.model, plan.start, times.ends[-1:], watch=watch)
+    whole = integrate_to(plan.prepared.model, plan.start, times.ends[-1:], watch=watch)
     found, own = (
         reference.restarted(prepared, *times, watch)
         for prepared in (plan.prepared, reference.coarse.prepared)

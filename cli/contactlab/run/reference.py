@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats, Invariants, Joints
-from contactlab.engines import March, invariants, march
+from contactlab.engines import SampledStates, integrate_to, invariants
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.run.preparing import Preparer
 from contactlab.run.record import RunPlan
@@ -26,7 +26,7 @@ class Marched:
     """A model, and what it did at T times."""
 
     prepared: Prepared
-    march: March
+    integrate_to: SampledStates
 
 
 @dataclass(frozen=True)
@@ -57,11 +57,11 @@ class Reference:
         """Return where these times, all of them among the reference's, lie among its rows."""
         return np.searchsorted(self.times, times)
 
-    def apart(self, found: March, rows: Rows = slice(None)) -> Discrepancy:
+    def apart(self, found: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return how far a march is from the reference at some of its rows [m]."""
         return Discrepancy.of(distances(self.joints, found.qpos, self.fine.march.qpos[rows]))
 
-    def drift(self, found: March, rows: Rows = slice(None)) -> Discrepancy:
+    def drift(self, found: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return how far a march's energy and momenta are from the reference's, as shares."""
         mine = self._conserved(found.qpos, found.qvel)
         other = self._conserved(self.fine.march.qpos[rows], self.fine.march.qvel[rows])
@@ -80,7 +80,7 @@ class Reference:
         """
         states = self.fine.march.states[self.rows(begins)]
         found = [
-            march(prepared.model, self.start, end, begin=begin, state=state, watch=watch)
+            integrate_to(prepared.model, self.start, end, begin=begin, state=state, watch=watch)
             for begin, end, state in zip(begins.tolist(), ends[:, None], states, strict=True)
         ]
         qpos = [each.qpos for each in found if each is not None]
@@ -150,5 +150,5 @@ class Referee:
     ) -> Marched | None:
         resolved = as_reference(self._plan.resolved, integrator, timestep)
         prepared = self._preparer.scene.prepare(resolved, self._plan.start)
-        found = march(prepared.model, start, times, watch=self._watch)
+        found = integrate_to(prepared.model, start, times, watch=self._watch)
         return found and Marched(prepared, found)

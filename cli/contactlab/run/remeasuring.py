@@ -14,7 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import IO, Any
 
-from contactlab.engines import Course, count_work, time_course
+from contactlab.engines import Segments, count_work, time_segments
 from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.run.replay import stored_run
 from contactlab.scene import compile_plain, prepare_plain, quiet
@@ -27,21 +27,21 @@ MOST_STEPS = 2_000
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     """Yield who answers, then an answer to each line."""
     yield {"engine": f"mujoco {version('mujoco')}", "contactlab": version("contactlab")}
-    courses: dict[str, Course] = {}
+    prepared: dict[str, Segments] = {}
     for line in lines:
         asked = json.loads(line)
         try:
             run = str(asked["run"])
-            if run not in courses:
+            if run not in prepared:
                 # One at a time: what is timed in turns is the same run in two processes.
-                courses = {run: course_of(store, run)}
-            seconds, steps = time_course(courses[run], MOST_STEPS, int(asked["repeats"]))
+                prepared = {run: segments_of(store, run)}
+            seconds, steps = time_segments(prepared[run], MOST_STEPS, int(asked["repeats"]))
             yield {"seconds": seconds, "steps": steps}
         except ContactlabError as error:
             yield {"error": str(error)}
 
 
-def course_of(store: Store, run: str) -> Course:
+def segments_of(store: Store, run: str) -> Segments:
     """Return a stored run, ready to be timed from several places along it.
 
     Raises:
@@ -53,7 +53,7 @@ def course_of(store: Store, run: str) -> Course:
     work = count_work(model, start, resolved.steps)
     if work is None:
         raise ContactlabError(f"run {run} does not go through")
-    return Course(model, start, work.places, work.states, work.steps)
+    return Segments(model, start, work.places, work.states, work.steps)
 
 
 def main() -> None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.engines import Course, Work, time_course, time_steps
+from contactlab.engines import Segments, Work, time_segments, time_steps
 from contactlab.run.job import Finished
 from contactlab.run.jobs import Planned
 from contactlab.run.notes import Note, note
@@ -78,7 +78,7 @@ class Stopwatch:
         quiet()
         todo = [(run.run_id, resolved, work_in(work[run.run_id])) for run, resolved in runs]
         with _undisturbed():
-            paces = [_pace(self._course(resolved, done)) for _, resolved, done in todo]
+            paces = [_pace(self._segments(resolved, done)) for _, resolved, done in todo]
             rounds = [
                 [
                     self._once(resolved, done, pace)
@@ -90,16 +90,16 @@ class Stopwatch:
             yield note("times", run_id, _summed(taken, self._model(resolved)[1]))
 
     def _once(self, resolved: Resolved, work: Work, pace: _Pace) -> _Taken:
-        course = self._course(resolved, work)
-        seconds, steps = time_course(course, pace.most, pace.repeats)
-        half, most = np.quantile(time_steps(course, pace.single), (0.5, 0.99)).tolist()
+        segments = self._segments(resolved, work)
+        seconds, steps = time_segments(segments, pace.most, pace.repeats)
+        half, most = np.quantile(time_steps(segments, pace.single), (0.5, 0.99)).tolist()
         return _Taken(seconds / (steps * resolved.timestep), half, most)
 
-    def _course(self, resolved: Resolved, work: Work) -> Course:
+    def _segments(self, resolved: Resolved, work: Work) -> Segments:
         """Return what is timed of a run; made anew each time, so that memory does not grow."""
         start = self.scene.starts([resolved])
         model = prepare_plain(self.scene, resolved, start, self._model(resolved)[0])
-        return Course(model, start, work.places, work.states, work.steps)
+        return Segments(model, start, work.places, work.states, work.steps)
 
     def _model(self, resolved: Resolved) -> tuple[Any, float]:
         """Return a run's compiled structure, and the least CPU time that compiling it took [s]."""
@@ -128,12 +128,12 @@ def _summed(rounds: Sequence[_Taken], compile_time: float) -> Note:
     }
 
 
-def _pace(course: Course) -> _Pace:
-    seconds, steps = time_course(course, _WARM_STEPS, 1)
+def _pace(segments: Segments) -> _Pace:
+    seconds, steps = time_segments(segments, _WARM_STEPS, 1)
     cost = max(seconds / steps, 1e-7)
-    most = max(1, math.ceil(MOST / (cost * len(course.places))))
-    whole = cost * sum(course.lengths(most))
-    single = min(_MOST_SINGLE, SINGLE / cost) / len(course.places)
+    most = max(1, math.ceil(MOST / (cost * len(segments.places))))
+    whole = cost * sum(segments.lengths(most))
+    single = min(_MOST_SINGLE, SINGLE / cost) / len(segments.places)
     return _Pace(
         most=most,
         repeats=min(_MOST_REPEATS, max(1, math.ceil(LEAST / whole))),

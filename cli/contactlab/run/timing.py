@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Mapping
 
-from contactlab.engines import PLACES
+from contactlab.engines import SEGMENTS
 from contactlab.run.jobs import Planned
 from contactlab.run.notes import Note
 from contactlab.run.stopwatch import LEAST, MOST, SINGLE
@@ -47,6 +47,6 @@ def _settings_hash(rounds: int) -> str:
         "model": "as written, without sensors that record",
         "rounds": rounds,
         "seconds": [LEAST, MOST, SINGLE],
-        "places": PLACES,
+        "places": SEGMENTS,
     }
     return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]

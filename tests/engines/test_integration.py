@@ -9,12 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import Buffers, count_work, invariants, march, roll_out
+from contactlab.engines import Buffers, count_work, integrate_to, invariants, roll_out
 from contactlab.scene import Scene
 
 Make = Callable[..., Scene]
 # The function has its module's name.
-MODULE: Any = sys.modules["contactlab.engines.march"]
+MODULE: Any = sys.modules["contactlab.engines.integration"]
 FALL = """
 <mujoco>
   <option gravity="0 0 -10"/>
@@ -53,7 +53,7 @@ def test_it_is_a_rollout_of_which_few_states_are_kept(
     model = pushed.prepare(run, start).model
     rollout = roll_out([model], start, STEPS, Buffers())
     kept = np.array([1, 2, 50, 99, 100])
-    found = march(model, start, kept * run.timestep)
+    found = integrate_to(model, start, kept * run.timestep)
     assert found is not None
     assert found.states.tobytes() == rollout.state[0, kept].tobytes()
     assert found.qpos.tobytes() == rollout.state[0, kept, 1:8].tobytes()
@@ -71,7 +71,7 @@ def test_it_lands_between_steps_by_a_shorter_step(
     """
     model, start, timestep = falling("Euler")
     rest = fraction * timestep
-    found = march(model, start, np.array([steps * timestep + rest]))
+    found = integrate_to(model, start, np.array([steps * timestep + rest]))
     assert found is not None
     fall = timestep**2 * steps * (steps + 1) / 2 + rest * steps * timestep + rest**2
     least = 3e-13 if 1e-5 < fraction < 1 - 1e-5 else 1e-7
@@ -85,7 +85,7 @@ def test_a_fourth_order_march_is_on_the_parabola_at_any_time(
     """RK4 is exact for it; what is snapped to a step is off by 1e-6 of it, 1e-8 s at 5 m/s."""
     model, start, _ = falling("RK4")
     times = np.array(when)
-    found = march(model, start, times)
+    found = integrate_to(model, start, times)
     assert found is not None
     assert found.qpos[:, 2] == pytest.approx(100 - 5 * times**2, abs=6e-8)
 
@@ -96,9 +96,9 @@ def test_it_goes_on_from_a_state_of_its_own(pushed: Scene) -> None:
     start = pushed.starts([run])
     model = pushed.prepare(run, start).model
     times = np.array([40, 60, 100]) * run.timestep
-    whole = march(model, start, times)
+    whole = integrate_to(model, start, times)
     assert whole is not None
-    rest = march(model, start, times[1:], begin=float(times[0]), state=whole.states[0])
+    rest = integrate_to(model, start, times[1:], begin=float(times[0]), state=whole.states[0])
     assert rest is not None
     assert rest.states == pytest.approx(whole.states[1:], abs=1e-7)
     assert whole.qvel[2, 0] > 2 * whole.qvel[0, 0] > 0
@@ -109,7 +109,7 @@ def test_a_run_that_does_not_go_through_has_no_states(make_scene: Make) -> None:
     run = scene.resolve({"gravity": 1e12}, 0, None)
     start = scene.starts([run])
     model = scene.prepare(run, start).model
-    assert march(model, start, np.array([0.5])) is None
+    assert integrate_to(model, start, np.array([0.5])) is None
     assert count_work(model, start, 250) is None
 
 
@@ -120,7 +120,7 @@ def test_impacts_are_changes_of_the_number_of_contacts(pushed: Scene) -> None:
     layout = pushed.base_of(run).layout
     rollout = roll_out([prepared.model], start, STEPS, Buffers())
     contacts = rollout.sensors[0, :, layout.contacts].astype(int)
-    found = march(prepared.model, start, np.array([STEPS * run.timestep]))
+    found = integrate_to(prepared.model, start, np.array([STEPS * run.timestep]))
     assert found is not None
     assert found.impacts == np.count_nonzero(np.diff(contacts)) > 0
 

@@ -4,7 +4,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, Course, Work, count_work, roll_out, time_course, time_steps
+from contactlab.engines import (
+    Buffers,
+    Segments,
+    Work,
+    count_work,
+    roll_out,
+    time_segments,
+    time_steps,
+)
 from contactlab.scene import Scene, compile_plain, prepare_plain
 
 STEPS = 100
@@ -24,8 +32,8 @@ class Timed:
         self.work: Work = work
 
     @property
-    def course(self) -> Course:
-        return Course(self.model, self.start, self.work.places, self.work.states, STEPS)
+    def segments(self) -> Segments:
+        return Segments(self.model, self.start, self.work.places, self.work.states, STEPS)
 
     def data(self) -> mujoco.MjData:
         data = mujoco.MjData(self.model)
@@ -76,21 +84,21 @@ def test_places_lie_along_the_run(timed: Timed) -> None:
 
 @pytest.mark.parametrize(("most", "steps"), [(5, 40), (STEPS, STEPS)])
 def test_steps_are_counted_as_made(timed: Timed, most: int, steps: int) -> None:
-    seconds, made = time_course(timed.course, most, 3)
+    seconds, made = time_segments(timed.segments, most, 3)
     assert made == 3 * steps
     assert seconds > 0
-    assert len(time_steps(timed.course, most)) == steps
+    assert len(time_steps(timed.segments, most)) == steps
 
 
 def test_twice_the_steps_take_twice_the_time(timed: Timed) -> None:
     """CPU time of a thread spreads by a tenth; the least of some is compared."""
-    ones = min(time_course(timed.course, STEPS, 2)[0] for _ in range(9))
-    twos = min(time_course(timed.course, STEPS, 4)[0] for _ in range(9))
+    ones = min(time_segments(timed.segments, STEPS, 2)[0] for _ in range(9))
+    twos = min(time_segments(timed.segments, STEPS, 4)[0] for _ in range(9))
     assert twos / ones == pytest.approx(2, rel=0.25)
 
 
 def test_single_steps_add_up_to_the_whole(timed: Timed) -> None:
     """A step of ten microseconds and more pays one for the call from Python; the rest is noise."""
-    single = min(float(np.sum(time_steps(timed.course, STEPS))) for _ in range(9))
-    whole = min(time_course(timed.course, STEPS, 1)[0] for _ in range(9))
+    single = min(float(np.sum(time_steps(timed.segments, STEPS))) for _ in range(9))
+    whole = min(time_segments(timed.segments, STEPS, 1)[0] for _ in range(9))
     assert 0.7 * whole < single < 1.6 * whole

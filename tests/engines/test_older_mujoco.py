@@ -10,14 +10,14 @@ import pytest
 
 from contactlab import resources
 from contactlab.contact import Trace
-from contactlab.engines import Buffers, Rollout, count_work, make_trace, march, roll_out
-from contactlab.engines.steploop import SimulationError, StepLoop
+from contactlab.engines import Buffers, Rollout, count_work, integrate_to, make_trace, roll_out
+from contactlab.engines.older_mujoco import SimulationError, StepLoop
 from contactlab.scene import Base, Prepared, Scene, Starts, has_batch
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 
 STEPS = 120
-USERS = ("rollout", "march", "work")
+USERS = ("rollout", "integration", "step_timing")
 EXPLODING: dict[str, Any] = {"timestep": 0.02, "solref": (-1e12, -1.0)}
 # Everything that decides when a sensor is computed, or what it sees.
 SETTINGS: list[dict[str, Any]] = [
@@ -155,7 +155,7 @@ def test_marching_and_counting(request: pytest.FixtureRequest) -> None:
     times = np.array([0.0, 0.0113, 0.05, 0.2])
 
     def both() -> tuple[Any, Any]:
-        return march(model, start, times), count_work(model, start, STEPS)
+        return integrate_to(model, start, times), count_work(model, start, STEPS)
 
     marched, counted = both()
     request.getfixturevalue("by_loop")

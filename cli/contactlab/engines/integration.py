@@ -18,7 +18,7 @@ _BLOCK_BYTES = 4 << 20
 _SNAP = 1e-6
 
 
-class March(NamedTuple):
+class SampledStates(NamedTuple):
     """States of one run at T times.
 
     Attributes:
@@ -49,7 +49,7 @@ class _Grid(NamedTuple):
     rest: Floats
 
 
-def march(
+def integrate_to(
     model: mujoco.MjModel,
     start: Starts,
     times: Floats,
@@ -57,7 +57,7 @@ def march(
     begin: float = 0.0,
     state: Floats | None = None,
     watch: Callable[[], None] = lambda: None,
-) -> March | None:
+) -> SampledStates | None:
     """Return a run's states at some times, or None if it does not go through.
 
     A time between two steps is reached by a shorter step from the one before, with the same
@@ -94,7 +94,7 @@ def march(
     if not _finish(run, states, grid):
         return None
     end = 1 + model.nq
-    return March(states, states[:, 1:end], states[:, end : end + model.nv], impacts)
+    return SampledStates(states, states[:, 1:end], states[:, end : end + model.nv], impacts)
 
 
 def _grid(exact: Floats, timestep: float) -> _Grid:

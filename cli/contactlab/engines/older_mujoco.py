@@ -1,0 +1,311 @@
+"""MuJoCo before 3.17: batches as loops over `mj_step`, contact slots from the list of contacts.
+
+`StepLoop` has what contactlab uses of `mujoco.batch.Batch`: the same names, arrays and bits, but
+slower by what Python takes for each step. `ContactSlots` fills the sensors of versions before 3.16,
+bit for bit as contact sensors do since, with reduction `none` for pairs and `mindist` over all
+contacts.
+"""
+
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from contactlab.contact import (
+    ANGULAR_VELOCITY,
+    DISTANCE,
+    FORCE,
+    FOUND,
+    LINEAR_VELOCITY,
+    NORMAL,
+    POSITION,
+    SLOT_WIDTH,
+    TANGENT,
+    TORQUE,
+    Floats,
+)
+from contactlab.scene import PREFIX
+
+_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
+_COUNT = 1
+
+
+class SimulationError(RuntimeError):
+    """The engine raised an error in a run; `StepLoop.error` has its message."""
+
+
+class StepLoop:
+    """Runs of one layout, stepped one by one.
+
+    Attributes:
+        state: (n, nstate) all that decides what follows, as `mjSTATE_INTEGRATION` has it.
+        warning: (n, kinds, 2) what was last warned of, and how often.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, nsim: int, nthread: int = 1, persistent: bool = False
+    ) -> None:
+        """Hold `nsim` runs of a model; a persistent loop keeps the data of each between calls."""
+        assert nthread == 1
+        self._models = [model] * nsim
+        self._kept: dict[int, mujoco.MjData] | None = {} if persistent else None
+        self._errors = [""] * nsim
+        self.state = np.zeros((nsim, mujoco.mj_stateSize(model, _INTEGRATION)))
+        self.warning = np.zeros((nsim, _WARNINGS, 2), np.int32)
+
+    def set_models(self, models: Sequence[mujoco.MjModel]) -> None:
+        """Give each run a model of its own."""
+        self._models = list(models)
+
+    def reset(self, stage: int) -> None:  # noqa: ARG002 - nothing is computed before a step
+        """Put every run where the first one's model starts."""
+        first = self._models[0]
+        mujoco.mj_getState(first, mujoco.MjData(first), self.state[0], _INTEGRATION)
+        self.state[1:] = self.state[0]
+
+    def bind(self, name: str) -> Floats:
+        """Return a view of a part of the state: time, qpos, qvel, act, ctrl or xfrc_applied."""
+        model, wanted = self._models[0], _component(name)
+        begin = mujoco.mj_stateSize(model, wanted - 1 & _INTEGRATION)
+        part = self.state[:, begin : begin + mujoco.mj_stateSize(model, wanted)]
+        if name == "xfrc_applied":
+            return part.reshape(len(part), -1, 6)
+        return part[:, 0] if name == "time" else part
+
+    def error(self, run: int) -> str:
+        """Return the error that the engine raised in a run's last call, or an empty string."""
+        return self._errors[run]
+
+    def rollout(
+        self,
+        nstep: int,
+        control: Floats | None = None,
+        control_spec: int = 0,
+        record: Sequence[Any] = (),
+        ids: Sequence[int] | None = None,
+        out: dict[Any, np.ndarray] | None = None,
+    ) -> dict[Any, np.ndarray]:
+        """Make some steps and record after each; a run that warns stops and repeats its last row.
+
+        Raises:
+            SimulationError: the engine raised an error; that run is where it was.
+        """
+        runs = list(range(len(self._models)) if ids is None else ids)
+        arrays = out or {item: self._array(item, len(runs), nstep) for item in record}
+        for place, run in enumerate(runs):
+            rows = {item: array[place] for item, array in arrays.items()}
+            inputs = None if control is None else (control_spec, control[place])
+            self._errors[run] = ""
+            try:
+                self._run(run, nstep, inputs, rows)
+            except mujoco.FatalError as error:
+                self._errors[run] = str(error)
+        failed = [run for run in runs if self._errors[run]]
+        if failed:
+            raise SimulationError(f"run {failed[0]}: {self._errors[failed[0]]}")
+        return arrays
+
+    def _run(
+        self, run: int, steps: int, inputs: tuple[int, Floats] | None, rows: dict[Any, np.ndarray]
+    ) -> None:
+        model, data = self._models[run], self._data(run)
+        mujoco.mj_setState(model, data, self.state[run], _INTEGRATION)
+        counts = data.warning.number
+        before = counts.copy()
+        with _filling(contact_slots(model) if rows else None):
+            if rows or inputs is not None:
+                _record(model, data, steps, inputs, rows)
+            else:
+                mujoco.mj_step(model, data, nstep=steps)
+        self.warning[run, :, _COUNT] += data.warning.number - before
+        mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
+
+    def _data(self, run: int) -> mujoco.MjData:
+        if self._kept is None:
+            return mujoco.MjData(self._models[run])
+        if run not in self._kept:
+            self._kept[run] = mujoco.MjData(self._models[run])
+        return self._kept[run]
+
+    def _array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
+        model = self._models[0]
+        if isinstance(item, int):
+            return np.empty((runs, steps, mujoco.mj_stateSize(model, item)))
+        own = np.asarray(getattr(mujoco.MjData(model), item))
+        return np.empty((runs, steps, *(own.shape or (1,))), own.dtype)
+
+
+def _record(
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    steps: int,
+    inputs: tuple[int, Floats] | None,
+    rows: dict[Any, np.ndarray],
+) -> None:
+    """Step, and copy what is asked for into row k after step k."""
+    # A view: reading it afresh would take longer than many a step.
+    counts = data.warning.number
+    before = counts.tobytes()
+    states = [(item, array) for item, array in rows.items() if isinstance(item, int)]
+    fields = [(item, array) for item, array in rows.items() if isinstance(item, str)]
+    for step in range(steps):
+        if inputs is not None:
+            mujoco.mj_setState(model, data, inputs[1][step], inputs[0])
+        mujoco.mj_step(model, data)
+        for item, array in states:
+            mujoco.mj_getState(model, data, array[step], item)
+        for item, array in fields:
+            array[step] = getattr(data, item)
+        if counts.tobytes() != before:
+            for array in rows.values():
+                array[step + 1 :] = array[step]
+            return
+
+
+def _component(name: str) -> int:
+    return int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
+
+
+@contextmanager
+def _filling(fill: "ContactSlots | None") -> Generator[None]:
+    """Fill contact slots within the engine's steps, where its own sensors do not."""
+    if fill is None:
+        yield
+        return
+    mujoco.set_mjcb_sensor(fill)
+    try:
+        yield
+    finally:
+        mujoco.set_mjcb_sensor(None)
+
+
+_USER = int(mujoco.mjtSensor.mjSENS_USER)
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+_ASLEEP, _AWAKE = 0, 1
+_LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
+# What changes sign when a contact is seen from its other geom: normal, tangent, third components.
+_TURNING = [11, 12, 13, 14, 15, 16, FORCE.stop - 1, TORQUE.stop - 1, 19, 22]
+
+
+def contact_slots(model: mujoco.MjModel) -> "ContactSlots | None":
+    """Return what fills the sensors of a model that have only room; None if it has none."""
+    places = [
+        index
+        for index in range(model.nsensor)
+        if model.sensor_type[index] == _USER and model.sensor(index).name.startswith(PREFIX)
+    ]
+    return ContactSlots(places) if places else None
+
+
+class ContactSlots:
+    """Fills sensors of one run, as MuJoCo's sensor callback.
+
+    It is called within a step, at the state before it, with the forces that act during it; with
+    RK4, at its first stage.
+    """
+
+    def __init__(self, places: Sequence[int]) -> None:
+        self._places = places
+        self._last: dict[int, Floats] = {}
+
+    def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> None:
+        """Fill the sensors once all that they measure is computed."""
+        if stage != _LAST_STAGE:
+            return
+        measured = _measured(model, data) if data.ncon else None
+        for place in self._places:
+            begin = int(model.sensor_adr[place])
+            row = data.sensordata[begin : begin + int(model.sensor_dim[place])]
+            if _sleeps(model, data, place):
+                # The engine empties sensors that it leaves to a callback.
+                row[:] = self._last.get(place, 0.0)
+                continue
+            row[:] = 0
+            if measured is not None:
+                _fill(model, data, place, measured, row)
+            self._last[place] = row.copy()
+
+
+def _fill(
+    model: mujoco.MjModel, data: mujoco.MjData, place: int, measured: Floats, row: Floats
+) -> None:
+    if model.sensor_objtype[place] in (_GEOM, _BODY):
+        _fill_pair(model, data, place, measured, row.reshape(-1, SLOT_WIDTH))
+    else:
+        row[:] = data.ncon, data.contact.dist.min()
+
+
+def _fill_pair(
+    model: mujoco.MjModel, data: mujoco.MjData, place: int, measured: Floats, slots: Floats
+) -> None:
+    """Fill a pair's slots with its first contacts.
+
+    Where a contact's geoms are the other way round, its normal and tangent turn, the third axis
+    stays, and what acts on the other body is opposite: along two axes nothing changes, along the
+    third the sign does.
+    """
+    sides = _sides(model, data, body=bool(model.sensor_objtype[place] == _BODY))
+    pair = np.array([model.sensor_objid[place], model.sensor_refid[place]])
+    turned = (sides == pair[::-1]).all(axis=1)
+    found = np.flatnonzero(turned | (sides == pair).all(axis=1))
+    kept = found[: len(slots)]
+    rows = measured[kept]
+    rows[:, FOUND] = len(found)
+    rows[np.ix_(turned[kept], _TURNING)] *= -1.0
+    slots[: len(rows)] = rows
+
+
+def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, place: int) -> bool:
+    """Say whether a pair sleeps: its contacts are no longer found, and its slots stay."""
+    if not model.opt.enableflags & _SLEEP or model.sensor_objtype[place] not in (_GEOM, _BODY):
+        return False
+    pair = [int(model.sensor_objid[place]), int(model.sensor_refid[place])]
+    bodies = pair if model.sensor_objtype[place] == _BODY else model.geom_bodyid[pair]
+    states = data.body_awake[bodies]
+    return not (states == _AWAKE).any() and bool((states == _ASLEEP).any())
+
+
+def _sides(model: mujoco.MjModel, data: mujoco.MjData, *, body: bool) -> np.ndarray:
+    """Return (ncon, 2) the geoms of each contact, or their bodies; -1 for a flex."""
+    geoms = np.asarray(data.contact.geom)
+    return np.where(geoms >= 0, model.geom_bodyid[geoms], -1) if body else geoms
+
+
+def _measured(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+    """Return (ncon, 23) a slot for each contact, seen from its own first geom."""
+    contact = data.contact
+    slots, force = np.zeros((data.ncon, SLOT_WIDTH)), np.empty(6)
+    for row in range(data.ncon):
+        mujoco.mj_contactForce(model, data, row, force)
+        slots[row, FORCE], slots[row, TORQUE] = force[:3], force[3:]
+    frame, point = contact.frame.reshape(-1, 3, 3), contact.pos
+    slots[:, DISTANCE], slots[:, POSITION] = contact.dist, point
+    slots[:, NORMAL], slots[:, TANGENT] = frame[:, 0], frame[:, 1]
+    before, after = (_velocity(model, data, side, point) for side in contact.geom.T)
+    slots[:, LINEAR_VELOCITY] = _in_frame(frame, after[0] - before[0])
+    slots[:, ANGULAR_VELOCITY] = _in_frame(frame, after[1] - before[1])
+    return slots
+
+
+def _velocity(
+    model: mujoco.MjModel, data: mujoco.MjData, geoms: np.ndarray, points: Floats
+) -> tuple[Floats, Floats]:
+    """Return the velocities of points on the bodies of geoms, and their angular velocities."""
+    bodies = model.geom_bodyid[geoms]
+    spatial = data.cvel[bodies]
+    offset = points - data.subtree_com[model.body_rootid[bodies]]
+    x, y, z = (offset[:, axis] for axis in range(3))
+    p, q, r = (spatial[:, axis] for axis in range(3))
+    turning = np.stack((y * r - z * q, z * p - x * r, x * q - y * p), axis=1)
+    return spatial[:, 3:] - turning, spatial[:, :3]
+
+
+def _in_frame(frame: Floats, vectors: Floats) -> Floats:
+    """Return vectors' components, summed in the engine's order; a matrix product may fuse."""
+    x, y, z = (vectors[:, axis, None] for axis in range(3))
+    return frame[:, :, 0] * x + frame[:, :, 1] * y + frame[:, :, 2] * z
