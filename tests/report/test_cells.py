@@ -8,22 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact import Floats
-from contactlab.report.cells import (
-    STATISTICS,
-    Plane,
-    Statistic,
-    label_counts,
-    main_failure,
-    statistic,
-    telling_plane,
-)
-from contactlab.report.changes import changes
-from contactlab.report.grid import GridAxis
 from contactlab.report.heatmap import label_rows
-from contactlab.report.outcomes import CALM, Outcomes
-from contactlab.report.quantities import Quantity
-from contactlab.report.series import thinned
-from contactlab.report.sums import sums
+from contactlab.report.knob_changes import knob_changes
+from contactlab.report.map_cells import (
+    STATISTICS,
+    MapAxes,
+    Statistic,
+    aggregated_columns,
+    cell_statistic,
+    label_counts,
+    most_frequent_failure,
+    most_informative_axes,
+)
+from contactlab.report.report_columns import STABLE_COLOUR, GridAxis, Quantity, RunLabels
+from contactlab.report.run_series import decimated
 from contactlab.store import Measured
 
 NAMES = ("diverged", "chatter", "stable")
@@ -40,12 +38,12 @@ def axis(name: str, codes: list[int], size: int, role: str = "knob") -> GridAxis
     return GridAxis(name, "", role, words, places, None, np.arange(size, dtype=float))  # type: ignore[arg-type]
 
 
-def outcomes(codes: list[int]) -> Outcomes:
+def outcomes(codes: list[int]) -> RunLabels:
     placed = np.array(codes, dtype=np.int64)
-    return Outcomes(
+    return RunLabels(
         names=NAMES,
         letters=("D", "C", ""),
-        colours=("#111111", "#222222", CALM),
+        colours=("#111111", "#222222", STABLE_COLOUR),
         meanings=("", "", ""),
         counts=tuple(np.bincount(placed, minlength=3).tolist()),
         codes=placed,
@@ -74,7 +72,7 @@ runs = st.lists(
 @given(runs)
 def test_cells_are_those_of_a_loop(rows: Runs) -> None:
     xs, ys, labels, values = (list(each) for each in zip(*rows, strict=True))
-    plane = Plane(axis("x", xs, 3), axis("y", ys, 4))
+    plane = MapAxes(axis("x", xs, 3), axis("y", ys, 4))
     counts = label_counts(plane, outcomes(labels))
     for x in range(3):
         for y in range(4):
@@ -84,7 +82,7 @@ def test_cells_are_those_of_a_loop(rows: Runs) -> None:
             ]
             known = np.array([row[3] for row in own if not np.isnan(row[3])])
             for kind in STATISTICS:
-                found = statistic(plane, quantity(values), kind)[y, x]
+                found = cell_statistic(plane, quantity(values), kind)[y, x]
                 if len(known):
                     assert found == pytest.approx(SLOW[kind](known), rel=1e-9, abs=1e-9)
                 else:
@@ -96,24 +94,26 @@ def test_sums_are_what_cells_are(rows: Runs, better: str) -> None:
     """To the 12 bits that sums keep."""
     xs, ys, labels, values = (list(each) for each in zip(*rows, strict=True))
     axes = axis("x", xs, 3), axis("y", ys, 4)
-    found = sums(axes, outcomes(labels), [quantity(values, better)])
-    for name, plane in {"sum:0:1": Plane(*axes), "sum:1:": Plane(axes[1], None)}.items():
+    found = aggregated_columns(axes, outcomes(labels), [quantity(values, better)])
+    for name, plane in {"sum:0:1": MapAxes(*axes), "sum:1:": MapAxes(axes[1], None)}.items():
         counts = label_counts(plane, outcomes(labels))
         assert found[f"{name}:labels"].tolist() == counts.ravel().tolist()
         for kind in STATISTICS:
-            one = statistic(plane, quantity(values, better), kind).ravel()
+            one = cell_statistic(plane, quantity(values, better), kind).ravel()
             np.testing.assert_allclose(found[f"{name}:q:{kind}"], one, rtol=2.0**-12, atol=1e-9)
 
 
 def test_higher_is_better_has_its_least_as_worst() -> None:
-    plane = Plane(axis("x", [0, 0, 1], 2), None)
-    assert statistic(plane, quantity([3.0, -1.0, 2.0], "higher"), "worst").tolist() == [[-1.0, 2.0]]
+    plane = MapAxes(axis("x", [0, 0, 1], 2), None)
+    assert cell_statistic(plane, quantity([3.0, -1.0, 2.0], "higher"), "worst").tolist() == [
+        [-1.0, 2.0]
+    ]
 
 
 @given(runs)
 def test_pieces_fill_their_cell_by_share(rows: Runs) -> None:
     xs, ys, labels, _ = (list(each) for each in zip(*rows, strict=True))
-    plane = Plane(axis("x", xs, 3), axis("y", ys, 4))
+    plane = MapAxes(axis("x", xs, 3), axis("y", ys, 4))
     known = outcomes(labels)
     counts = label_counts(plane, known)
     pieces, letters = label_rows(counts, known)
@@ -125,7 +125,7 @@ def test_pieces_fill_their_cell_by_share(rows: Runs) -> None:
             share = counts[y, x][known.legend.index(each["label"])] / counts[y, x].sum()
             assert (each["x2"] - each["x"]) / width == pytest.approx(share, abs=1e-5)
     failed = (counts[..., :2].sum(axis=-1) > 0).sum()
-    assert len(letters) == failed == (main_failure(counts, known) >= 0).sum()
+    assert len(letters) == failed == (most_frequent_failure(counts, known) >= 0).sum()
 
 
 def test_the_plane_is_that_of_the_axes_that_matter() -> None:
@@ -134,7 +134,7 @@ def test_the_plane_is_that_of_the_axes_that_matter() -> None:
     a, b, c = (rng.integers(0, 2, 400).tolist() for _ in range(3))
     labels = [0 if one and other else 2 for one, other in zip(a, b, strict=True)]
     axes = tuple(axis(name, codes, 2) for name, codes in (("c", c), ("a", a), ("d", a), ("b", b)))
-    plane = telling_plane(axes, outcomes(labels))
+    plane = most_informative_axes(axes, outcomes(labels))
     assert plane is not None
     assert plane.y is not None
     assert {plane.x.name, plane.y.name} in ({"a", "b"}, {"d", "b"})
@@ -145,7 +145,7 @@ def test_changes_are_of_pairs_that_differ_in_nothing_else() -> None:
     knob, world = [0, 0, 0, 1, 1, 1, 1], [0, 1, 2, 0, 1, 2, 3]
     axes = axis("k", knob, 2), axis("w", world, 4, "scenario")
     values = [1.0, 3.0, 5.0, 2.0, 6.0, 99.0, 7.0]
-    (found,) = changes(axes, outcomes([2, 2, 2, 2, 2, 0, 2]), [quantity(values)])
+    (found,) = knob_changes(axes, outcomes([2, 2, 2, 2, 2, 0, 2]), [quantity(values)])
     assert (found.axis, found.pairs, found.failed) == ("k", 3, (0.0, pytest.approx(1 / 3)))
     assert found.ratios["q"] == pytest.approx(2.0)
 
@@ -153,7 +153,7 @@ def test_changes_are_of_pairs_that_differ_in_nothing_else() -> None:
 @given(st.lists(st.floats(-1e9, 1e9) | st.just(np.nan), min_size=1, max_size=2000))
 def test_thinned_values_keep_the_extremes(values: list[float]) -> None:
     array = np.array(values)
-    places = thinned(array, 100)
+    places = decimated(array, 100)
     assert len(places) <= 102
     assert (np.diff(places) > 0).all()
     if np.isfinite(array).any():

@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from contactlab.report.packing import as_json, ids, pack, real, whole
+from contactlab.report.packing import as_json, pack, packed_integers, rounded_floats, run_id_halves
 
 KINDS = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
 
@@ -40,8 +40,8 @@ def unpack(packed: dict[str, Any]) -> dict[str, NDArray[Any]]:
 )
 def test_columns_come_back(singles: list[float], places: list[int], doubles: list[float]) -> None:
     columns = {
-        "singles": real(np.array(singles, dtype=np.float64)),
-        "places": whole(np.array(places, dtype=np.int64)),
+        "singles": rounded_floats(np.array(singles, dtype=np.float64)),
+        "places": packed_integers(np.array(places, dtype=np.int64)),
         "doubles": np.array(doubles, dtype=np.float64),
     }
     found = unpack(json.loads(json.dumps(pack(columns))))
@@ -61,21 +61,21 @@ def test_rounding_keeps_so_many_bits(value: float, bits: int) -> None:
 
     Rounding to single precision before that adds 2^-24.
     """
-    (kept,) = real(np.array([value, -value]), bits)[:1].tolist()
+    (kept,) = rounded_floats(np.array([value, -value]), bits)[:1].tolist()
     assert abs(kept - value) <= value * (2.0 ** -(bits + 1) + 2.0**-24)
-    (other,) = real(np.array([-value]), bits).tolist()
+    (other,) = rounded_floats(np.array([-value]), bits).tolist()
     assert other == -kept
 
 
 def test_what_is_no_number_stays_none() -> None:
-    kept = real(np.array([math.nan, math.inf, -math.inf, 0.0, 1e300]), 9)
+    kept = rounded_floats(np.array([math.nan, math.inf, -math.inf, 0.0, 1e300]), 9)
     assert np.isnan(kept[0])
     assert kept[1:].tolist() == [math.inf, -math.inf, 0.0, math.inf]
 
 
 def test_ids_come_back() -> None:
     runs = ["0123456789abcdef", "ffffffffffffffff", "0000000000000001"]
-    halves = ids(np.array(runs, dtype="S")).reshape(-1, 2).tolist()
+    halves = run_id_halves(np.array(runs, dtype="S")).reshape(-1, 2).tolist()
     assert [f"{high:08x}{low:08x}" for high, low in halves] == runs
 
 

@@ -13,10 +13,9 @@ import pytest
 
 from contactlab.compare import compare
 from contactlab.errors import OutputError, SweepFileError
-from contactlab.report import PageAsk, write_figures, write_page
-from contactlab.report.bounces import bouncing
-from contactlab.report.gathering import gather
-from contactlab.report.impacts import approaches
+from contactlab.report import PageRequest, write_figures, write_page
+from contactlab.report.impact_figures import bouncing_runs, first_impacts
+from contactlab.report.report_data import read_report_data
 from contactlab.store import Store
 from contactlab.tradeoff import Question
 
@@ -72,15 +71,15 @@ def test_figures_are_those_that_the_store_holds(swept: Swept, tmp_path: Path) ->
 
 def test_bounces_come_as_high_as_restitution_says(swept: Swept) -> None:
     """A bounce is seen up to a step late, as the scene's oracle derives: e within 0.07."""
-    gathered = gather(swept("bounce"))
-    found = bouncing(gathered.store, gathered.axes, ~gathered.outcomes.failed)
+    gathered = read_report_data(swept("bounce"))
+    found = bouncing_runs(gathered.store, gathered.axes, ~gathered.outcomes.failed)
     assert {each.setting for each in found} >= {"restitution 0.9"}
     for each in found:
         assert np.sqrt(each.ratios[0]) == pytest.approx(each.restitution, abs=0.07)
 
 
 def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:
-    assert approaches(swept("bounce")) == []
+    assert first_impacts(swept("bounce")) == []
 
 
 @pytest.mark.parametrize("formats", [("gif",), ("png", "jpg")])
@@ -99,7 +98,7 @@ def test_a_page_that_cannot_be_written_leaves_nothing(swept: Swept, tmp_path: Pa
 
 
 def test_a_tolerance_of_nothing_is_refused(swept: Swept, tmp_path: Path) -> None:
-    ask = PageAsk(Question(None, {"penetration": 1.0}))
+    ask = PageRequest(Question(None, {"penetration": 1.0}))
     with pytest.raises(SweepFileError, match="penetration_max"):
         write_page(swept("bounce"), tmp_path / "page.html", ask)
     assert list(tmp_path.iterdir()) == []
@@ -108,7 +107,7 @@ def test_a_tolerance_of_nothing_is_refused(swept: Swept, tmp_path: Path) -> None
 def test_missing_libraries_are_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("contactlab.report.drawing.find_spec", lambda _: None)
+    monkeypatch.setattr("contactlab.report.vega_rendering.find_spec", lambda _: None)
     with pytest.raises(OutputError, match=r"contactlab\[figures\]"):
         write_page(swept("bounce"), tmp_path / "page.html")
 
@@ -119,7 +118,7 @@ def test_above_its_size_a_page_has_sums(
     """Cells are those of all runs, though few of them are on the page."""
     store = swept("tradeoff")
     full = write_page(store, tmp_path / "full.html")
-    summed = write_page(store, tmp_path / "summed.html", PageAsk(most_bytes=1000))
+    summed = write_page(store, tmp_path / "summed.html", PageRequest(most_bytes=1000))
     assert full.notes == ()
     assert "more than fits" in summed.notes[0]
     told: list[list[str]] = []
@@ -140,7 +139,7 @@ def test_above_its_size_a_page_has_sums(
 def test_a_baseline_stands_beside(swept: Swept, tmp_path: Path) -> None:
     before = tmp_path / "before"
     shutil.copytree(swept("bounce").path, before)
-    ask = PageAsk(baseline=Store.open(before))
+    ask = PageRequest(baseline=Store.open(before))
     write_page(swept("bounce"), tmp_path / "page.html", ask)
     page = (tmp_path / "page.html").read_text()
     assert f"contactlab compare {before} {swept('bounce').path}" in page

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact import DISTANCE, FORCE, NORMAL, POSITION, SLOT_WIDTH, TANGENT
 from contactlab.store.mcap import StoredPair
-from contactlab.view.forces import frame_rows, peak_forces, world_force
-from contactlab.view.motion import make_motion
+from contactlab.view.drawn_motion import frame_rows, peak_forces, read_motion, world_force
 
 TIMES = st.lists(st.floats(1e-3, 0.5), max_size=30).map(lambda steps: np.cumsum([0.0, *steps]))
 
@@ -98,7 +97,7 @@ def test_forces_act_on_the_second_side(name: str, drawn: Callable[[str], Any]) -
     run = drawn(name)
     model, trace = run.model, run.trace
     timestep = model.opt.timestep
-    motion = make_motion(run.start.prepared, trace, 1 / timestep)
+    motion = read_motion(run.start.prepared, trace, 1 / timestep)
     assert len(motion.rows) == len(trace.time)
     found = np.zeros((len(trace.kinetic), model.nbody, 3))
     forces = motion.forces
@@ -131,6 +130,6 @@ def test_an_impact_of_one_step_is_seen_at_any_rate(drawn: Callable[[str], Any]) 
     run = drawn("ball")
     [pair] = run.trace.pairs
     for rate in (1.0, 7.0, 60.0):
-        motion = make_motion(run.start.prepared, run.trace, rate)
+        motion = read_motion(run.start.prepared, run.trace, rate)
         strongest = np.linalg.norm(motion.forces.force, axis=1).max()
         assert strongest == pytest.approx(np.hypot(pair.normal, pair.tangential).max())

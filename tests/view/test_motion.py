@@ -16,8 +16,7 @@ from mcap_protobuf.decoder import DecoderFactory
 from contactlab.errors import StoreError
 from contactlab.store.mcap import check_trace, read_trace
 from contactlab.view import render
-from contactlab.view.motion import make_motion
-from contactlab.view.stage import arrow_scale
+from contactlab.view.drawn_motion import arrow_scale, read_motion
 
 
 @pytest.mark.parametrize("name", ["ball", "slide", "stack"])
@@ -50,7 +49,7 @@ def test_poses_in_the_file_are_those_of_the_trajectory(
 @pytest.mark.parametrize("name", ["ball", "slide", "stack"])
 def test_the_stage_holds_all_that_moves(name: str, drawn: Callable[[str], Any]) -> None:
     run = drawn(name)
-    motion = make_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared, run.trace, 60)
     data = mujoco.MjData(run.model)
     for row in motion.rows:
         data.qpos[:] = run.trace.qpos[row]
@@ -66,7 +65,7 @@ def test_a_body_that_flies_away_leaves_the_stage_at_the_contact(
     run = drawn("ball")
     away = run.trace.qpos.copy()
     away[-20:, 2] = np.linspace(10, 1e6, 20)
-    motion = make_motion(run.start.prepared, replace(run.trace, qpos=away), 60)
+    motion = read_motion(run.start.prepared, replace(run.trace, qpos=away), 60)
     # The ball's radius is 0.05 m; contacts are on the floor.
     assert motion.radius == pytest.approx(25 * 0.05)
     np.testing.assert_allclose(motion.centre, 0, atol=0.01)
@@ -76,11 +75,11 @@ def test_a_run_is_drawn_up_to_its_first_bad_state(drawn: Callable[[str], Any]) -
     run = drawn("ball")
     broken = run.trace.qpos.copy()
     broken[100:, 2] = np.nan
-    motion = make_motion(run.start.prepared, replace(run.trace, qpos=broken), 60)
+    motion = read_motion(run.start.prepared, replace(run.trace, qpos=broken), 60)
     assert motion.rows[-1] == 99
     assert np.isfinite(motion.positions).all()
     with pytest.raises(StoreError, match="no finite state to draw"):
-        make_motion(run.start.prepared, replace(run.trace, qpos=broken[:0]), 60)
+        read_motion(run.start.prepared, replace(run.trace, qpos=broken[:0]), 60)
 
 
 @given(

@@ -12,8 +12,8 @@ from PIL import Image
 
 from contactlab.contact import STICK
 from contactlab.errors import OutputError, SceneError
-from contactlab.view import Look, Picture, pictures, render
-from contactlab.view.motion import make_motion
+from contactlab.view import Picture, PictureOptions, draw_pictures, render
+from contactlab.view.drawn_motion import read_motion
 
 SIZE = (160, 120)
 Draw = Callable[[str], Any]
@@ -32,9 +32,9 @@ def graphics(drawn: Draw) -> None:
 
 
 def take(run: Any, frames: list[int], camera: str | None = None) -> list[Picture]:
-    motion = make_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared, run.trace, 60)
     chosen = {frame: run.trace.qpos[motion.rows[frame]] for frame in frames}
-    return list(pictures(run.model, motion, chosen, SIZE, camera))
+    return list(draw_pictures(run.model, motion, chosen, SIZE, camera))
 
 
 def bluish(picture: Picture) -> Any:
@@ -51,7 +51,7 @@ def greenish(picture: Picture) -> Any:
 def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
     """By a pinhole camera: azimuth 120, elevation -18 degrees, 45 degrees of view up and down."""
     run = drawn("ball")
-    motion = make_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared, run.trace, 60)
     distance = 1.05 * motion.radius / np.sin(np.radians(45 / 2))
     azimuth, elevation = np.radians(120), np.radians(-18)
     forward = np.array(
@@ -78,7 +78,7 @@ def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
 
 def test_arrows_show_while_there_is_contact_alone(drawn: Draw) -> None:
     run = drawn("stack")
-    motion = make_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared, run.trace, 60)
     assert set(motion.forces.mode.tolist()) == {STICK}
     [resting] = take(run, [2])
     assert greenish(resting).sum() > 20
@@ -100,16 +100,16 @@ def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
         <body><freejoint/><geom size="0.05" rgba="0.2 0.4 0.8 1"/></body>
         </worldbody></mujoco>"""
     )
-    motion = make_motion(run.start.prepared, run.trace, 60)
+    motion = read_motion(run.start.prepared, run.trace, 60)
     for camera, seen in (("front", True), ("away", False)):
-        [picture] = pictures(model, motion, {0: run.trace.qpos[0]}, SIZE, camera)
+        [picture] = draw_pictures(model, motion, {0: run.trace.qpos[0]}, SIZE, camera)
         assert bluish(picture).any() == seen
 
 
 @pytest.mark.parametrize("speed", [None, 0.25])
 def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float | None) -> None:
     run, path = drawn("ball"), target(".mp4")
-    render(run.store, run.run, path, Look(SIZE, speed=speed))
+    render(run.store, run.run, path, PictureOptions(SIZE, speed=speed))
     seconds = run.trace.time[-1] / (speed or 1)
     with av.open(str(path)) as film:
         stream = film.streams.video[0]
@@ -124,7 +124,7 @@ def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float
 
 def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None:
     run, path = drawn("ball"), target(".gif")
-    render(run.store, run.run, path, Look(SIZE))
+    render(run.store, run.run, path, PictureOptions(SIZE))
     with Image.open(path) as animation:
         lasting = 0
         for frame in range(getattr(animation, "n_frames", 0)):
@@ -136,7 +136,7 @@ def test_animations_last_as_long_as_the_run(drawn: Draw, target: Target) -> None
 
 def test_a_sheet_has_a_picture_for_each_moment(drawn: Draw, target: Target) -> None:
     run, path = drawn("ball"), target(".png")
-    render(run.store, run.run, path, Look(SIZE, at=(0.1, 0.0, 0.1, 0.2)))
+    render(run.store, run.run, path, PictureOptions(SIZE, at=(0.1, 0.0, 0.1, 0.2)))
     with Image.open(path) as image:
         sheet = np.asarray(image)
     height, width = sheet.shape[0] // 2, SIZE[0]
@@ -152,7 +152,7 @@ def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
     run = drawn("slide")
     contents: list[bytes] = []
     for _ in range(2):
-        render(run.store, run.run, target(".png"), Look(SIZE))
+        render(run.store, run.run, target(".png"), PictureOptions(SIZE))
         contents.append(target(".png").read_bytes())
     assert contents[0] == contents[1]
 
@@ -173,5 +173,5 @@ def test_a_full_disk_leaves_no_half_film(drawn: Draw, tmp_path: Path) -> None:
     run, folder = drawn("ball"), tmp_path / "taken.mp4"
     folder.mkdir()
     with pytest.raises(OutputError, match=r"cannot write .*taken\.mp4: Is a directory"):
-        render(run.store, run.run, folder, Look(SIZE))
+        render(run.store, run.run, folder, PictureOptions(SIZE))
     assert list(tmp_path.iterdir()) == [folder]

@@ -32,10 +32,10 @@ def render(  # noqa: PLR0913, PLR0917 - one argument an option
 ) -> None:
     """Show a stored run in 3D with its contact forces: for a viewer, as a film or as pictures."""
     from contactlab.store import Store
-    from contactlab.view import Look
+    from contactlab.view import PictureOptions
     from contactlab.view import render as write
 
-    look = Look(_size(size), camera, speed, tuple(at or ()))
+    look = PictureOptions(_size(size), camera, speed, tuple(at or ()))
     motion = write(Store.open(store), run, target, look)
     if len(motion.forces.frame):
         say(

@@ -53,7 +53,7 @@ def report(  # noqa: PLR0913 - one argument an option
     ] = "png",
 ) -> None:
     """Draw a store as one page that needs no network: maps, accuracy against time, every run."""
-    from contactlab.report import PageAsk, write_figures, write_page
+    from contactlab.report import PageRequest, write_figures, write_page
     from contactlab.store import Store
     from contactlab.tradeoff import Question
 
@@ -63,7 +63,7 @@ def report(  # noqa: PLR0913 - one argument an option
             typer.echo(path)
         return
     against = Store.open(baseline) if baseline else None
-    ask = PageAsk(question, _count(traces), int(max_mb * 1e6), against)
+    ask = PageRequest(question, _count(traces), int(max_mb * 1e6), against)
     page = target or _beside(store)
     opened = Store.open(store)
     _check_target(page)

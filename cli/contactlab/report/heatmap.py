@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats
-from contactlab.report.cells import Plane, main_failure
-from contactlab.report.outcomes import Outcomes
+from contactlab.report.map_cells import MapAxes, most_frequent_failure
+from contactlab.report.report_columns import RunLabels
 from contactlab.tradeoff import INK
 
 Rows = list[dict[str, Any]]
@@ -34,7 +34,7 @@ HALOED: tuple[dict[str, Any], ...] = (
 
 
 @dataclass(frozen=True)
-class Frame:
+class MapFrame:
     """What lies along the sides of a heatmap.
 
     Attributes:
@@ -52,7 +52,7 @@ class Frame:
     room: tuple[int, int] = _ROOM
 
     @classmethod
-    def of(cls, plane: Plane, room: tuple[int, int] = _ROOM) -> "Frame":
+    def of(cls, plane: MapAxes, room: tuple[int, int] = _ROOM) -> "MapFrame":
         """Return the frame of two axes."""
         if plane.y is None:
             return cls(plane.x.words, ("",), plane.x.title, None, room)
@@ -67,14 +67,14 @@ class Frame:
         return width, min(max(self.room[1] / up, low), high) * up
 
 
-def label_rows(counts: NDArray[np.int64], outcomes: Outcomes) -> tuple[Rows, Rows]:
+def label_rows(counts: NDArray[np.int64], outcomes: RunLabels) -> tuple[Rows, Rows]:
     """Return the pieces of each cell, as wide as their share of runs, and the letters on them.
 
     Args:
         counts: (rows, columns, labels) runs.
         outcomes: the labels.
     """
-    main = main_failure(counts, outcomes)
+    main = most_frequent_failure(counts, outcomes)
     pieces: Rows = []
     letters: Rows = []
     for y, x in np.argwhere(counts.any(axis=-1)).tolist():
@@ -109,7 +109,7 @@ def number_rows(values: Floats) -> tuple[Rows, Rows]:
 
 
 def label_map(
-    frame: Frame, pieces: Rows, letters: Rows, outcomes: Outcomes, boundary: Rows | None = None
+    frame: MapFrame, pieces: Rows, letters: Rows, outcomes: RunLabels, boundary: Rows | None = None
 ) -> Layered:
     """Return the map of labels, with the lines of a closed form's boundary if there is one."""
     used = {row["label"] for row in pieces}
@@ -122,7 +122,7 @@ def label_map(
 
 
 def number_map(
-    frame: Frame, pieces: Rows, words: Rows, title: str, resolution: float = 0.0
+    frame: MapFrame, pieces: Rows, words: Rows, title: str, resolution: float = 0.0
 ) -> Layered:
     """Return the map of a number."""
     colour = (
@@ -133,7 +133,7 @@ def number_map(
     return _layered(frame, pieces, words, colour, 10)
 
 
-def ratio_map(frame: Frame, pieces: Rows, words: Rows, title: str) -> Layered:
+def ratio_map(frame: MapFrame, pieces: Rows, words: Rows, title: str) -> Layered:
     """Return the map of a ratio, in which 1 lies in the middle of the colours."""
     sizes = [abs(math.log(row["value"])) for row in pieces]
     reach = math.exp(max([*sizes, math.log(_LEAST_RATIO)]))
@@ -157,7 +157,7 @@ def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
 
 
 def _layered(
-    frame: Frame,
+    frame: MapFrame,
     pieces: Rows,
     texts: Rows,
     colour: alt.Color,
@@ -202,7 +202,7 @@ def _worded(words: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _angle(frame: Frame) -> int:
+def _angle(frame: MapFrame) -> int:
     """Return how words across are turned: where they are wider than a cell."""
     widest = max(map(len, frame.x), default=0)
     return -35 if widest * 7 > frame.size[0] / max(1, len(frame.x)) else 0

@@ -45,13 +45,13 @@ def _shuffled(column: NDArray[Any], kind: str) -> bytes:
     return values.view(np.uint8).reshape(-1, values.itemsize).T.tobytes()
 
 
-def whole(values: NDArray[Any]) -> NDArray[Any]:
+def packed_integers(values: NDArray[Any]) -> NDArray[Any]:
     """Return whole numbers from 0 up in as few bytes as they need."""
     most = int(values.max()) if values.size else 0
     return values.astype("u1" if most < 1 << 8 else "u2" if most < 1 << 16 else "u4")
 
 
-def real(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]:
+def rounded_floats(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]:
     """Return numbers in single precision, rounded to some bits of mantissa.
 
     What is rounded away is zero, and costs nothing once compressed. The relative error is at most
@@ -67,7 +67,7 @@ def real(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]:
     return np.where(np.isfinite(single), rounded.view(np.float32), single)
 
 
-def ids(run_ids: NDArray[np.bytes_]) -> NDArray[np.uint32]:
+def run_id_halves(run_ids: NDArray[np.bytes_]) -> NDArray[np.uint32]:
     """Return (2 n,) the halves of run ids of 16 hexadecimal digits."""
     numbers = np.array([int(run, 16) for run in run_ids.tolist()], dtype=np.uint64)
     return (

@@ -1,14 +1,14 @@
 """A stored run to look at: films, pictures, 3D layers, the interactive viewer."""
 
-from contactlab.view.look import Look
-from contactlab.view.pictures import Picture, pictures
+from contactlab.view.live_viewer import view
+from contactlab.view.mujoco_pictures import Picture, draw_pictures
+from contactlab.view.picture_options import PictureOptions
 from contactlab.view.render import render
-from contactlab.view.viewer import view
 
 __all__ = [
-    "Look",
     "Picture",
-    "pictures",
+    "PictureOptions",
+    "draw_pictures",
     "render",
     "view",
 ]

@@ -7,14 +7,20 @@ from contactlab.errors import optional
 from contactlab.run.replay import Start, prepare
 from contactlab.store import Store, export_mcap, export_rrd
 from contactlab.store.mcap import StoredTrace
-from contactlab.view.look import FILMS, VIEWERS, Look, check_look, check_moments
-from contactlab.view.motion import make_motion
+from contactlab.view.drawn_motion import read_motion
+from contactlab.view.picture_options import (
+    FILMS,
+    VIEWERS,
+    PictureOptions,
+    check_options,
+    check_times,
+)
 
 # As often as screens show pictures; fine enough for a sheet's arrows too.
 _RATE = 60.0
 
 
-def render(store: Store, run: str, target: Path, look: Look | None = None) -> BodyMotion:
+def render(store: Store, run: str, target: Path, look: PictureOptions | None = None) -> BodyMotion:
     """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
 
     Everything comes from the stored trace and scene; nothing is simulated again.
@@ -34,18 +40,18 @@ def render(store: Store, run: str, target: Path, look: Look | None = None) -> Bo
         StoreError: no such run, or no trace of it was kept.
         SceneError: there is no OpenGL to draw pictures with, or no such camera.
     """
-    look = look or Look()
-    check_look(target, look)
+    look = look or PictureOptions()
+    check_options(target, look)
     start = prepare(store, run)
     trace = store.trace(start.record)
-    check_moments(look, trace.time)
+    check_times(look, trace.time)
     if target.suffix.lower() in VIEWERS:
         return _export(store, start, trace, target)
     return _draw(start, trace, target, look)
 
 
 def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> BodyMotion:
-    motion = make_motion(start.prepared, trace, _RATE)
+    motion = read_motion(start.prepared, trace, _RATE)
     if target.suffix.lower() == ".rrd":
         export_rrd(target, trace, motion)
     else:
@@ -55,10 +61,10 @@ def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> Bod
     return motion
 
 
-def _draw(start: Start, trace: StoredTrace, target: Path, look: Look) -> BodyMotion:
+def _draw(start: Start, trace: StoredTrace, target: Path, look: PictureOptions) -> BodyMotion:
     with optional("view", target.suffix):
-        from contactlab.view.shots import Shots  # noqa: PLC0415 - an extra
+        from contactlab.view.film import RunPictures  # noqa: PLC0415 - an extra
     rate = FILMS.get(target.suffix.lower(), _RATE) / (look.speed or 1.0)
-    motion = make_motion(start.prepared, trace, rate, look.at)
-    Shots(start, motion, trace.qpos[motion.rows], look).write(target)
+    motion = read_motion(start.prepared, trace, rate, look.at)
+    RunPictures(start, motion, trace.qpos[motion.rows], look).write(target)
     return motion

@@ -15,7 +15,7 @@ _SPEEDS = (0.001, 1000.0)
 
 
 @dataclass(frozen=True)
-class Look:
+class PictureOptions:
     """How pictures are taken.
 
     Attributes:
@@ -31,7 +31,7 @@ class Look:
     at: tuple[float, ...] = ()
 
 
-def check_look(target: Path, look: Look) -> None:
+def check_options(target: Path, look: PictureOptions) -> None:
     """Refuse a file of unknown kind, and choices that would have no effect on it.
 
     Raises:
@@ -57,7 +57,7 @@ def check_look(target: Path, look: Look) -> None:
         raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
 
 
-def check_moments(look: Look, time: Floats) -> None:
+def check_times(look: PictureOptions, time: Floats) -> None:
     """Refuse moments outside of the run.
 
     Raises:

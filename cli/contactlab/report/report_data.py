@@ -1,4 +1,4 @@
-"""The trade-off of a store, and the numbers that a page weighs it by again."""
+"""What a page should hold, and what was written."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,58 @@ from numpy.typing import NDArray
 
 from contactlab.contact import Floats
 from contactlab.errors import StoreError
-from contactlab.report.grid import Codes
-from contactlab.report.quantities import Quantity
+from contactlab.report.map_boundary import Boundary, read_boundary
+from contactlab.report.map_cells import MapAxes, most_informative_axes
+from contactlab.report.report_columns import (
+    Codes,
+    GridAxis,
+    Quantity,
+    RunLabels,
+    read_axes,
+    read_quantities,
+    read_run_labels,
+)
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
 from contactlab.tradeoff import ESTIMATES, Question, tradeoff
 
+DEFAULT_TRACES = 60
+MOST_BYTES = 25_000_000
+_DEFAULT = Question()
+
 
 @dataclass(frozen=True)
-class Weighing:
+class PageRequest:
+    """What a page should hold.
+
+    Attributes:
+        question: which error stands for accuracy, and tolerances over those of the sweep.
+        traces: of how many runs to give the time series.
+        most_bytes: above this size sums over runs stand for runs [B].
+        baseline: a store to compare with; None for none.
+    """
+
+    question: Question = _DEFAULT
+    traces: int = DEFAULT_TRACES
+    most_bytes: int = MOST_BYTES
+    baseline: Store | None = None
+
+
+@dataclass(frozen=True)
+class WrittenPage:
+    """A page that was written.
+
+    Attributes:
+        bytes: its size [B].
+        notes: what it leaves out.
+    """
+
+    bytes: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class StoreTradeoff:
     """A trade-off over c configurations of n runs.
 
     Attributes:
@@ -31,7 +74,7 @@ class Weighing:
     sound: NDArray[np.bool_]
 
 
-def weigh_store(store: Store, question: Question) -> tuple[TradeoffReport | None, str]:
+def evaluate_store(store: Store, question: Question) -> tuple[TradeoffReport | None, str]:
     """Return the trade-off of a store; without one, why there is none."""
     try:
         return tradeoff(store, question), ""
@@ -41,7 +84,9 @@ def weigh_store(store: Store, question: Question) -> tuple[TradeoffReport | None
         return None, str(error)
 
 
-def weighing(store: Store, report: TradeoffReport, quantities: tuple[Quantity, ...]) -> Weighing:
+def evaluation_columns(
+    store: Store, report: TradeoffReport, quantities: tuple[Quantity, ...]
+) -> StoreTradeoff:
     """Return the largest size of every quantity in every configuration, as a trade-off has it."""
     places = _places(store, report.knobs)
     count = len(report.configurations)
@@ -56,7 +101,7 @@ def weighing(store: Store, report: TradeoffReport, quantities: tuple[Quantity, .
     unknown = [name for name in report.tolerances if name not in sizes]
     sizes |= {name: np.abs(store.columns.numbers(name).values) for name in unknown}
     worst = {name: np.maximum.reduceat(each[order], starts) for name, each in sizes.items()}
-    return Weighing(report, places, worst, full & stable & timed)
+    return StoreTradeoff(report, places, worst, full & stable & timed)
 
 
 def _sizes(store: Store, quantity: Quantity) -> Floats:
@@ -84,3 +129,50 @@ def _places(store: Store, names: tuple[str, ...]) -> Codes:
     ranks = np.empty(len(firsts), dtype=np.int64)
     ranks[np.argsort(firsts)] = np.arange(len(firsts))
     return ranks[inverse]
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """A store as a report sees it.
+
+    Attributes:
+        store: the store.
+        axes: the axes that differ between its runs.
+        outcomes: the labels of its runs.
+        quantities: what was measured of them.
+        plane: the two axes that tell most; None without axes.
+        boundary: the line that the scene's closed form draws through maps; None without.
+        weighing: accuracy against time; None where the store has no error.
+        unweighed: why there is none.
+    """
+
+    store: Store
+    axes: tuple[GridAxis, ...]
+    outcomes: RunLabels
+    quantities: tuple[Quantity, ...]
+    plane: MapAxes | None
+    boundary: Boundary | None
+    weighing: StoreTradeoff | None
+    unweighed: str
+
+
+def read_report_data(store: Store, question: Question = _DEFAULT) -> ReportData:
+    """Read what a report of a store needs.
+
+    Raises:
+        SweepFileError: the question names what the store does not have.
+        StoreError: the store has no value of the error that is asked for.
+    """
+    axes, outcomes = read_axes(store), read_run_labels(store)
+    quantities = read_quantities(store)
+    report, unweighed = evaluate_store(store, question)
+    return ReportData(
+        store=store,
+        axes=axes,
+        outcomes=outcomes,
+        quantities=quantities,
+        plane=most_informative_axes(axes, outcomes),
+        boundary=read_boundary(store, axes),
+        weighing=evaluation_columns(store, report, quantities) if report else None,
+        unweighed=unweighed,
+    )

@@ -10,14 +10,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactlab.contact import Floats, damping_ratio, restitution_of
-from contactlab.report.cells import Plane
-from contactlab.report.grid import GridAxis
+from contactlab.report.map_cells import MapAxes
+from contactlab.report.report_columns import GridAxis
 from contactlab.store import Store
 
 Rows = list[dict[str, Any]]
 
 
-class Law(NamedTuple):
+class BoundaryLaw(NamedTuple):
     """A critical value.
 
     Attributes:
@@ -31,14 +31,14 @@ class Law(NamedTuple):
     critical: Callable[[float, float], float]
 
 
-LAWS: Mapping[str, Law] = MappingProxyType(
+LAWS: Mapping[str, BoundaryLaw] = MappingProxyType(
     {
-        "incline": Law(
+        "incline": BoundaryLaw(
             "tilt",
             "the angle of friction, atan μ; steeper slopes slide",
             lambda friction, _: math.degrees(math.atan(friction)),
         ),
-        "oblique_impact": Law(
+        "oblique_impact": BoundaryLaw(
             "angle",
             "the boundary of Coulomb's cone, tan = μ (1 + e); smaller angles stick",
             lambda friction, restitution: math.degrees(math.atan(friction * (1 + restitution))),
@@ -78,7 +78,7 @@ def read_boundary(store: Store, axes: tuple[GridAxis, ...]) -> Boundary | None:
     return Boundary(axis, law.told, known[codes])
 
 
-def _critical(law: Law, pairs: str) -> float:
+def _critical(law: BoundaryLaw, pairs: str) -> float:
     """Return the critical value of a run, from the parameters of its only pair."""
     found = list(json.loads(pairs).values())
     if len(found) != 1:
@@ -87,7 +87,7 @@ def _critical(law: Law, pairs: str) -> float:
     return law.critical(found[0]["friction"][0], restitution)
 
 
-def boundary_rows(plane: Plane, boundary: Boundary | None) -> Rows:
+def boundary_rows(plane: MapAxes, boundary: Boundary | None) -> Rows:
     """Return the ends of the lines to draw: two for each cell across the axis, at most.
 
     Where the runs of a row, or of a column, differ in their critical value, the least and the

@@ -6,15 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.report.grid import Codes, GridAxis, combined
-from contactlab.report.outcomes import Outcomes
-from contactlab.report.quantities import Quantity
+from contactlab.report.report_columns import Codes, GridAxis, Quantity, RunLabels, combination_codes
 
 _MOST_VALUES = 12
 
 
 @dataclass(frozen=True)
-class Change:
+class KnobChange:
     """One knob from one value to another.
 
     Attributes:
@@ -35,18 +33,18 @@ class Change:
     ratios: dict[str, float | None]
 
 
-def changes(
-    axes: Sequence[GridAxis], outcomes: Outcomes, quantities: Sequence[Quantity]
-) -> list[Change]:
+def knob_changes(
+    axes: Sequence[GridAxis], outcomes: RunLabels, quantities: Sequence[Quantity]
+) -> list[KnobChange]:
     """Return every knob's values against its first, where runs can be matched."""
     knobs = [axis for axis in axes if axis.role == "knob" and len(axis.words) <= _MOST_VALUES]
     return [each for axis in knobs for each in _of(axis, axes, outcomes, quantities)]
 
 
 def _of(
-    axis: GridAxis, axes: Sequence[GridAxis], outcomes: Outcomes, quantities: Sequence[Quantity]
-) -> Iterator[Change]:
-    others = combined([each for each in axes if each is not axis], len(axis.codes))
+    axis: GridAxis, axes: Sequence[GridAxis], outcomes: RunLabels, quantities: Sequence[Quantity]
+) -> Iterator[KnobChange]:
+    others = combination_codes([each for each in axes if each is not axis], len(axis.codes))
     base = np.flatnonzero(axis.codes == 0)
     for code in range(1, len(axis.words)):
         rows = np.flatnonzero(axis.codes == code)
@@ -54,7 +52,7 @@ def _of(
         if len(before):
             failed = outcomes.failed
             fine = ~(failed[before] | failed[after])
-            yield Change(
+            yield KnobChange(
                 axis=axis.name,
                 before=axis.words[0],
                 after=axis.words[code],

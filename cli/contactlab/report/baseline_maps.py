@@ -9,19 +9,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.compare import DEFAULT_POLICY, Pairing, compare, pair_stores
-from contactlab.report.cells import Plane, label_counts, statistic
-from contactlab.report.gathering import Gathered
 from contactlab.report.heatmap import (
-    Frame,
+    MapFrame,
     label_map,
     label_rows,
     number_map,
     number_rows,
     ratio_map,
 )
-from contactlab.report.outcomes import CALM, Outcomes, read_outcomes
-from contactlab.report.quantities import Quantity, read_quantities
-from contactlab.report.theme import configured
+from contactlab.report.map_cells import MapAxes, cell_statistic, label_counts
+from contactlab.report.report_columns import (
+    STABLE_COLOUR,
+    Quantity,
+    RunLabels,
+    read_quantities,
+    read_run_labels,
+)
+from contactlab.report.report_data import ReportData
+from contactlab.report.vega_rendering import themed
 from contactlab.schema import Check, ComparePolicy, ComparisonReport, Outcome
 from contactlab.store import Store
 from contactlab.tradeoff import COLOURS
@@ -35,7 +40,7 @@ Spec = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Versus:
+class BaselineComparison:
     """A comparison as a page tells it.
 
     Attributes:
@@ -51,7 +56,7 @@ class Versus:
     command: str
 
 
-def versus(gathered: Gathered, baseline: Store) -> Versus:
+def compare_with_baseline(gathered: ReportData, baseline: Store) -> BaselineComparison:
     """Compare a store with a baseline.
 
     Raises:
@@ -61,7 +66,7 @@ def versus(gathered: Gathered, baseline: Store) -> Versus:
     policy = _policy(baseline, store)
     report = compare(baseline.address, store.address, policy)
     pairing = pair_stores(baseline.address, store.address, policy)
-    return Versus(
+    return BaselineComparison(
         report=report,
         checks=tuple(
             each for outcome in _TOLD for each in report.checks if each.outcome == outcome
@@ -79,7 +84,7 @@ def _policy(baseline: Store, candidate: Store) -> ComparePolicy:
     return DEFAULT_POLICY.model_copy(update={"match": match})
 
 
-def _maps(gathered: Gathered, baseline: Store, pairing: Pairing) -> list[tuple[str, Spec]]:
+def _maps(gathered: ReportData, baseline: Store, pairing: Pairing) -> list[tuple[str, Spec]]:
     assert gathered.plane is not None
     before, after = pairing.baseline, pairing.candidate
     plane = _at(gathered.plane, after)
@@ -93,26 +98,26 @@ def _maps(gathered: Gathered, baseline: Store, pairing: Pairing) -> list[tuple[s
         )
     ]
     quantities = {each.name: each for each in read_quantities(baseline)}
-    for each in _told(gathered):
+    for each in _compared_quantities(gathered):
         if each.name in quantities:
             old = _values(quantities[each.name], before)
             maps.append((each.name, _number_maps(plane, old, _values(each, after))))
     return maps
 
 
-def _told(gathered: Gathered) -> list[Quantity]:
+def _compared_quantities(gathered: ReportData) -> list[Quantity]:
     """Return the quantities that get maps: the error, or else the depth."""
     name = gathered.weighing.report.error.name if gathered.weighing else _DEPTH
     return [each for each in gathered.quantities if each.name == name]
 
 
-def _at(plane: Plane, rows: Rows) -> Plane:
+def _at(plane: MapAxes, rows: Rows) -> MapAxes:
     x, y = plane.x, plane.y
-    return Plane(replace(x, codes=x.codes[rows]), y and replace(y, codes=y.codes[rows]))
+    return MapAxes(replace(x, codes=x.codes[rows]), y and replace(y, codes=y.codes[rows]))
 
 
-def _labels(store: Store, names: Sequence[str], rows: Rows) -> Outcomes:
-    found = read_outcomes(store, names)
+def _labels(store: Store, names: Sequence[str], rows: Rows) -> RunLabels:
+    found = read_run_labels(store, names)
     return replace(found, codes=found.codes[rows], masks=found.masks[rows])
 
 
@@ -120,8 +125,8 @@ def _values(quantity: Quantity, rows: Rows) -> Quantity:
     return replace(quantity, values=quantity.values[rows])
 
 
-def _label_maps(plane: Plane, before: Outcomes, after: Outcomes) -> Spec:
-    frame = Frame.of(plane, _THIRD)
+def _label_maps(plane: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
+    frame = MapFrame.of(plane, _THIRD)
     sides = [
         label_map(frame, *label_rows(label_counts(plane, each), each), each)
         for each in (before, after)
@@ -129,10 +134,10 @@ def _label_maps(plane: Plane, before: Outcomes, after: Outcomes) -> Spec:
     moved = np.select(
         [after.codes < before.codes, after.codes > before.codes], [_WORSE, _BETTER], _SAME
     )
-    change = Outcomes(
+    change = RunLabels(
         names=("worse", "better", "stable"),
         letters=("W", "B", ""),
-        colours=(COLOURS[1], COLOURS[0], CALM),
+        colours=(COLOURS[1], COLOURS[0], STABLE_COLOUR),
         meanings=("", "", ""),
         counts=tuple(np.bincount(moved, minlength=3).tolist()),
         codes=moved,
@@ -143,9 +148,9 @@ def _label_maps(plane: Plane, before: Outcomes, after: Outcomes) -> Spec:
     return _abreast([*sides, label_map(frame, pieces, letters, change)])
 
 
-def _number_maps(plane: Plane, before: Quantity, after: Quantity) -> Spec:
-    frame = Frame.of(plane, _THIRD)
-    values = [statistic(plane, each, "worst") for each in (before, after)]
+def _number_maps(plane: MapAxes, before: Quantity, after: Quantity) -> Spec:
+    frame = MapFrame.of(plane, _THIRD)
+    values = [cell_statistic(plane, each, "worst") for each in (before, after)]
     title, least = f"worst {after.title}", after.told.resolution
     sides = [number_map(frame, *number_rows(each), title, least) for each in values]
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -162,6 +167,6 @@ def _abreast(charts: Sequence[Any]) -> Spec:
     for place, part in enumerate(spec["hconcat"]):
         for layer in part["layer"]:
             layer["data"]["name"] += str(place)
-    made = configured(spec)
+    made = themed(spec)
     made["config"]["legend"] |= {"orient": "bottom", "columns": 2}
     return made

@@ -1,4 +1,4 @@
-"""From a specification to a picture."""
+"""The same chart on paper, and on a page that may be light or dark."""
 
 import io
 import re
@@ -6,6 +6,73 @@ from importlib.util import find_spec
 from typing import Any
 
 from contactlab.errors import OutputError
+from contactlab.tradeoff import COLOURS
+
+PAPER = "white"
+# What charts are drawn in, and what stands for it on a page; its style sheet sets the variables.
+_ON_PAGE = {
+    "white": "var(--page,#fff)",
+    "#222222": "var(--ink,#222)",
+    "#eeeeee": "var(--grid,#eee)",
+    "#f2f2f2": "var(--band,#f2f2f2)",
+    "#dbe5de": "var(--calm,#dbe5de)",
+    "#777777": "var(--faint,#666)",
+    "#555555": "var(--faint,#666)",
+    "#999999": "var(--edge,#999)",
+    "#c4c4c4": "var(--rest,#c4c4c4)",
+    **{colour: f"var(--hue-{place},{colour})" for place, colour in enumerate(COLOURS)},
+}
+FONT = "system-ui, -apple-system, 'Segoe UI', sans-serif"
+_TEXT = "#222222"
+_FAINT = "#555555"
+
+
+def themed(spec: dict[str, Any]) -> dict[str, Any]:
+    """Return a specification with the look that all charts share."""
+    given = spec.get("config", {})
+    words = {"labelColor": _TEXT, "titleColor": _TEXT}
+    axis = {
+        **words,
+        "tickColor": "#999999",
+        "domainColor": "#999999",
+        "gridColor": "#eeeeee",
+        "labelFontSize": 11,
+        "titleFontSize": 12,
+        "titleFontWeight": "normal",
+        **given.get("axis", {}),
+    }
+    config = {
+        **given,
+        # A chart has one name, and a table beside it; a name for every mark would double its size.
+        "aria": False,
+        "background": PAPER,
+        "font": FONT,
+        # Words are measured in one font, and a reader's may be wider.
+        "padding": {"left": 5, "top": 5, "right": 48, "bottom": 5},
+        "axis": axis,
+        "legend": {**words, "labelLimit": 360, "titleFontWeight": "normal"}
+        | given.get("legend", {}),
+        "title": {"color": _TEXT, "subtitleColor": _FAINT, "anchor": "start"},
+        "view": {"stroke": "#999999", **given.get("view", {})},
+    }
+    return {**spec, "config": config}
+
+
+def with_page_colours(spec: dict[str, Any]) -> dict[str, Any]:
+    """Return a specification whose colours follow the page's style sheet."""
+    return _recoloured(spec)
+
+
+def _recoloured(part: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
+    if isinstance(part, dict):
+        return {
+            key: value if key in {"values", "datasets"} else _recoloured(value)
+            for key, value in part.items()
+        }
+    if isinstance(part, list):
+        return [_recoloured(each) for each in part]
+    return _ON_PAGE.get(part, part) if isinstance(part, str) else part
+
 
 _LIBRARIES = ("altair", "jinja2", "pikepdf", "vl_convert")
 # A picture names no address, not even one that nothing is fetched from.
@@ -16,7 +83,7 @@ _ID = re.compile(r'\bid="([^"]+)"')
 _PART = "part-"
 
 
-def check_libraries() -> None:
+def check_chart_libraries() -> None:
     """Check that charts can be drawn.
 
     Raises:
@@ -52,7 +119,7 @@ def _numbered(svg: str, prefix: str) -> str:
     return known.sub(lambda found: f"{_PART}{places[found[0]]}", svg)
 
 
-def rendered(spec: dict[str, Any], form: str) -> bytes:
+def render_chart(spec: dict[str, Any], form: str) -> bytes:
     """Return a specification as a file of one of the formats."""
     import vl_convert  # noqa: PLC0415 - needs the extra
 
@@ -73,13 +140,13 @@ def _in_order(pdf: bytes) -> bytes:
     return written.getvalue()
 
 
-def inline(svg: str, name: str) -> str:
+def inline_svg(svg: str, name: str) -> str:
     """Return an SVG as part of a page, with a name for those who do not see it."""
     escaped = name.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
     return re.sub(r"<svg ", f'<svg role="img" aria-label="{escaped}" ', svg, count=1)
 
 
-def bundle() -> str:
+def vega_bundle() -> str:
     """Return the code that draws specifications in a browser."""
     import vl_convert  # noqa: PLC0415 - needs the extra
 

@@ -4,16 +4,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab.errors import OutputError
-from contactlab.report.asking import PageAsk, Written
-from contactlab.report.drawing import FORMATS, check_libraries, rendered
+from contactlab.report.report_data import PageRequest, WrittenPage
+from contactlab.report.vega_rendering import FORMATS, check_chart_libraries, render_chart
 from contactlab.store import Store, replacing
 from contactlab.tradeoff import Question
 
-_EVERYTHING = PageAsk()
+_EVERYTHING = PageRequest()
 _NOTHING = Question()
 
 
-def write_page(store: Store, target: Path, ask: PageAsk = _EVERYTHING) -> Written:
+def write_page(store: Store, target: Path, ask: PageRequest = _EVERYTHING) -> WrittenPage:
     """Write everything of a store into one page that needs nothing else.
 
     The same store gives the same bytes.
@@ -28,14 +28,14 @@ def write_page(store: Store, target: Path, ask: PageAsk = _EVERYTHING) -> Writte
         SweepFileError: a tolerance is of something that the store does not measure.
         StoreError: the store cannot be read.
     """
-    check_libraries()
-    from contactlab.report.page import page  # noqa: PLC0415 - needs the extra
+    check_chart_libraries()
+    from contactlab.report.html_page import page  # noqa: PLC0415 - needs the extra
 
     text, notes = page(store, ask)
     data = text.encode()
     with replacing(target) as temporary:
         temporary.write_bytes(data)
-    return Written(len(data), notes)
+    return WrittenPage(len(data), notes)
 
 
 def write_figures(
@@ -62,18 +62,18 @@ def write_figures(
     for form in formats:
         if form not in FORMATS:
             raise OutputError(f"no format '{form}'; write some of {', '.join(FORMATS)}")
-    check_libraries()
-    from contactlab.report.figures import figures  # noqa: PLC0415 - needs the extra
-    from contactlab.report.gathering import gather  # noqa: PLC0415
+    check_chart_libraries()
+    from contactlab.report.paper_figures import figure_specs  # noqa: PLC0415 - needs the extra
+    from contactlab.report.report_data import read_report_data  # noqa: PLC0415
 
-    gathered = gather(store, question)
+    gathered = read_report_data(store, question)
     _make(folder)
     written: list[Path] = []
-    for name, spec in figures(gathered):
+    for name, spec in figure_specs(gathered):
         for form in formats:
             path = folder / f"{name}.{form}"
             with replacing(path) as temporary:
-                temporary.write_bytes(rendered(spec, form))
+                temporary.write_bytes(render_chart(spec, form))
             written.append(path)
     return written
 

@@ -1,0 +1,220 @@
+"""From a stored run to what is drawn of it: poses by kinematics, forces from the trace."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import (
+    FORCE,
+    NORMAL,
+    POSITION,
+    TANGENT,
+    BodyMotion,
+    BodyShape,
+    ContactForces,
+    Floats,
+    Form,
+)
+from contactlab.engines import body_names, moving_bodies, poses, shapes
+from contactlab.errors import StoreError
+from contactlab.scene import Prepared
+from contactlab.store.mcap import StoredPair, StoredTrace
+
+
+def read_motion(
+    prepared: Prepared, trace: StoredTrace, rate: float, moments: Sequence[float] = ()
+) -> BodyMotion:
+    """Return what is drawn of a run, up to its first state that is not finite.
+
+    The trace holds every configuration, so that nothing is simulated again.
+
+    Args:
+        prepared: the run's model.
+        trace: its stored trace.
+        rate: frames per simulated second.
+        moments: times that get frames of their own [s].
+
+    Raises:
+        StoreError: not even the start state is finite.
+    """
+    model = prepared.model
+    broken = np.flatnonzero(~np.isfinite(trace.qpos).all(axis=1))
+    sound = int(broken[0]) if len(broken) else len(trace.qpos)
+    if not sound:
+        raise StoreError(f"run {trace.metadata['run_id']} has no finite state to draw")
+    rows = frame_rows(trace.time[:sound], rate, moments)
+    positions, rotations = poses(model, trace.qpos[rows])
+    parts, moving = shapes(model), moving_bodies(model)
+    forces = peak_forces(trace.pairs, rows)
+    centre, radius = scene_sphere(parts, moving, positions, forces.position)
+    scale, longest = arrow_scale(forces.force, radius)
+    return BodyMotion(
+        bodies=body_names(model),
+        moving=moving,
+        shapes=parts,
+        rows=rows,
+        time=trace.time[rows],
+        positions=positions,
+        rotations=rotations,
+        pairs=tuple(pair.name for pair in trace.pairs),
+        forces=forces,
+        centre=centre,
+        radius=radius,
+        scale=scale,
+        longest=longest,
+    )
+
+
+# Beyond so many radii of the largest moving body, that body would be a dot.
+_WIDEST = 25.0
+# Nine in ten forces are drawn at most about as long as the first share of the radius; arrows are
+# cut at the second.
+_USUAL, _LONGEST = 0.5, 1.0
+_MOST = 90
+
+
+def scene_sphere(
+    shapes: Sequence[BodyShape], moving: NDArray[np.bool_], positions: Floats, contacts: Floats
+) -> tuple[Floats, float]:
+    """Return centre and radius [m] of a sphere around all that moves, or around the contacts.
+
+    Args:
+        shapes: the bodies' shapes.
+        moving: (B,) whether each body can move.
+        positions: (F, B, 3) of the bodies [m].
+        contacts: (K, 3) contact points [m].
+    """
+    reach = _reach(shapes, len(moving))
+    seen = (moving if moving.any() else np.ones_like(moving)) & (reach > 0)
+    if not seen.any():
+        return np.zeros(3), 1.0
+    low = (positions[:, seen] - reach[seen, None]).min(axis=(0, 1))
+    high = (positions[:, seen] + reach[seen, None]).max(axis=(0, 1))
+    centre = (low + high) / 2
+    far = np.linalg.norm(positions[:, seen] - centre, axis=2) + reach[seen]
+    radius = float(far.max())
+    widest = _WIDEST * float(reach[seen].max())
+    if radius <= widest:
+        return centre, radius
+    middle = contacts if len(contacts) else positions[0, seen]
+    return np.median(middle, axis=0), widest
+
+
+def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
+    """Return an arrow's length for a newton [m/N], of first digit 1, 2 or 5, and the longest [m].
+
+    Args:
+        force: (K, 3) contact forces [N].
+        radius: of the stage [m].
+    """
+    strength = np.linalg.norm(force, axis=1)
+    pushing = strength[strength > 0]
+    usual = float(np.percentile(pushing, _MOST)) if len(pushing) else 1.0
+    wanted = _USUAL * radius / usual
+    decade = 10.0 ** np.floor(np.log10(wanted))
+    digit = min((1, 2, 5, 10), key=lambda each: abs(np.log10(each * decade / wanted)))
+    return float(digit * decade), _LONGEST * radius
+
+
+def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
+    """Return (B,) the radius around each body's origin that holds its shapes [m]."""
+    reach = np.zeros(bodies)
+    for shape in shapes:
+        far = np.linalg.norm(shape.size) / 2
+        if shape.form is Form.mesh:
+            far = np.linalg.norm(shape.vertices, axis=1).max(initial=0)
+        elif shape.form is Form.ellipsoid:
+            far = shape.size.max() / 2
+        reach[shape.body] = max(reach[shape.body], np.linalg.norm(shape.position) + far)
+    return reach
+
+
+Rows = NDArray[np.intp]
+
+
+def frame_rows(time: Floats, rate: float, moments: Sequence[float] = ()) -> Rows:
+    """Return the state rows nearest to frames at a rate and to moments, and the last row.
+
+    Args:
+        time: (N + 1,) time of the states, growing [s].
+        rate: frames per simulated second.
+        moments: further times [s].
+    """
+    wanted = np.append(frame_times(time, rate), moments)
+    return np.unique(np.append(nearest(time, wanted), len(time) - 1))
+
+
+def frame_times(time: Floats, rate: float) -> Floats:
+    """Return the times of frames at a rate, from the first state to the last at most [s]."""
+    # Rounding must not cost the frame of the last state.
+    count = int((time[-1] - time[0]) * rate * (1 + 1e-9)) + 1
+    return time[0] + np.arange(count) / rate
+
+
+def nearest(time: Floats, wanted: Floats) -> Rows:
+    """Return the index of the time nearest to each wanted one, the earlier of two."""
+    return np.searchsorted((time[1:] + time[:-1]) / 2, wanted)
+
+
+def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
+    """Return, for each frame and pair, the contact forces of the step with the largest net force.
+
+    A frame stands for the steps from its state to the next frame's, so that an impact of one step
+    is seen at any rate; the last frame for the step that leads to it.
+
+    Args:
+        pairs: what each pair did.
+        rows: (F,) state row of each frame, ascending.
+    """
+    parts = [_of_pair(pair, index, rows) for index, pair in enumerate(pairs)]
+    nothing = ContactForces(
+        frame=np.empty(0, np.intp),
+        pair=np.empty(0, np.intp),
+        mode=np.empty(0, np.int8),
+        position=np.empty((0, 3)),
+        force=np.empty((0, 3)),
+    )
+    columns = {
+        name: np.concatenate([getattr(each, name) for each in (nothing, *parts)])
+        for name in vars(nothing)
+    }
+    order = np.argsort(columns["frame"], kind="stable")
+    return ContactForces(**{name: column[order] for name, column in columns.items()})
+
+
+def _of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
+    entries, frames = _strongest(pair, rows)
+    counts = pair.contacts[entries]
+    ends = np.cumsum(pair.contacts)[entries]
+    within = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+    points = pair.points[np.repeat(ends - counts, counts) + within]
+    force = world_force(points)
+    sound = np.isfinite(force).all(axis=1) & np.isfinite(points[:, POSITION]).all(axis=1)
+    return ContactForces(
+        frame=np.repeat(frames, counts)[sound],
+        pair=np.full(int(sound.sum()), index),
+        mode=np.repeat(pair.mode[entries], counts)[sound],
+        position=points[sound, POSITION],
+        force=force[sound],
+    )
+
+
+def _strongest(pair: StoredPair, rows: Rows) -> tuple[Rows, Rows]:
+    """Return the entry of the step with the largest net force in each frame, and the frames."""
+    final = np.flatnonzero(pair.steps == rows[-1] - 1)
+    entries = np.append(np.arange(len(pair.steps)), final)
+    frames = np.searchsorted(rows, pair.steps, side="right") - 1
+    frames = np.append(frames, np.full(len(final), len(rows) - 1))
+    strength = np.nan_to_num(np.hypot(pair.normal, pair.tangential))[entries]
+    order = np.lexsort((strength, frames))
+    last = np.flatnonzero(np.diff(frames[order], append=len(rows)))
+    chosen = order[last]
+    return entries[chosen], frames[chosen]
+
+
+def world_force(points: Floats) -> Floats:
+    """Return (K, 3) forces on the second side [N], world frame, of (K, 23) contact slots."""
+    normal, tangent = points[:, NORMAL], points[:, TANGENT]
+    axes = np.stack([normal, tangent, np.cross(normal, tangent)], axis=1)
+    return np.einsum("ki,kij->kj", points[:, FORCE], axes)
