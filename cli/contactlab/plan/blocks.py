@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from typing import cast
 
-from contactlab.plan.document import Path
+from contactlab.plan.document import KeyPath
 from contactlab.plan.names import UNREADABLE, Context
 from contactlab.plan.rows import Block
 from contactlab.plan.values import drawn, listed, points
@@ -26,7 +26,7 @@ def read_blocks(context: Context) -> tuple[Block, ...] | None:
     return tuple(blocks) if blocks or not sweep.include else None
 
 
-def _column(context: Context, path: Path, name: str, axis: Axis) -> Column:
+def _column(context: Context, path: KeyPath, name: str, axis: Axis) -> Column:
     """Return the canonical values of a listed axis, each mistake noted at its own value."""
     data = context.document.at(path)
     form = next((key for key in FORMS if isinstance(data, dict) and key in data), None)
@@ -42,7 +42,7 @@ def _column(context: Context, path: Path, name: str, axis: Axis) -> Column:
     return tuple(column)
 
 
-def _zipped(context: Context, path: Path, axes: dict[str, Axis]) -> Block:
+def _zipped(context: Context, path: KeyPath, axes: dict[str, Axis]) -> Block:
     columns: dict[str, Column] = {}
     for name, axis in axes.items():
         if is_sampled(axis):
@@ -96,7 +96,7 @@ def _drawn(context: Context, axes: dict[str, Uniform | Loguniform], sample: Samp
     return Block(tuple(axes), tuple(zip(*columns, strict=False)))
 
 
-def _bounds_fit(context: Context, path: Path, axis: Uniform | Loguniform) -> bool:
+def _bounds_fit(context: Context, path: KeyPath, axis: Uniform | Loguniform) -> bool:
     bounds = axis.uniform if isinstance(axis, Uniform) else axis.loguniform
     places = [context.document.value((*path, index)) for index in range(2)]
     parsed = [
@@ -106,7 +106,7 @@ def _bounds_fit(context: Context, path: Path, axis: Uniform | Loguniform) -> boo
     return UNREADABLE not in parsed
 
 
-def _canonical(context: Context, path: Path, values: list[object]) -> list[object]:
+def _canonical(context: Context, path: KeyPath, values: list[object]) -> list[object]:
     column: list[object] = []
     for value in values:
         column.append(context.canonical(str(path[1]), value, context.document.value(path)))

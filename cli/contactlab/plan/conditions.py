@@ -1,12 +1,12 @@
 """Conditions of `exclude` and `expect`, and rows of `include`, with canonical values."""
 
 from collections.abc import Collection
-from pathlib import Path as FilePath
+from pathlib import Path
 
 from contactlab.errors import did_you_mean
 from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostic import Place
-from contactlab.plan.document import Path
+from contactlab.plan.document import KeyPath
 from contactlab.plan.names import Context, note_conflicts, note_unknown_axis
 from contactlab.plan.rows import Match, Row
 from contactlab.plan.table import Cell, read_table
@@ -14,7 +14,7 @@ from contactlab.schema import Condition, IncludeFile
 
 
 def read_condition(
-    context: Context, condition: Condition, path: Path, known: Collection[str]
+    context: Context, condition: Condition, path: KeyPath, known: Collection[str]
 ) -> Match:
     """Return a condition with canonical values, its mistakes noted.
 
@@ -41,7 +41,7 @@ def read_condition(
     return Match(tuple(settings), expression, document.value(path), inside, splits)
 
 
-def read_rows(context: Context, folder: FilePath) -> tuple[Row, ...]:
+def read_rows(context: Context, folder: Path) -> tuple[Row, ...]:
     """Return the rows to include, with canonical values, their mistakes noted.
 
     Args:
@@ -65,7 +65,7 @@ def read_rows(context: Context, folder: FilePath) -> tuple[Row, ...]:
     return tuple(rows)
 
 
-def _table_rows(context: Context, path: FilePath) -> tuple[Row, ...]:
+def _table_rows(context: Context, path: Path) -> tuple[Row, ...]:
     table = read_table(context.document, ("include", "file"), path)
     for cell in filter(_has_name, table.header):
         note_unknown_axis(context, cell.name, cell.place)
@@ -82,7 +82,7 @@ def _row(context: Context, cells: Collection[Cell]) -> Row:
 
 
 def _read_expression(
-    context: Context, text: str, path: Path, known: Collection[str]
+    context: Context, text: str, path: KeyPath, known: Collection[str]
 ) -> Expression | None:
     inside = _inside(context, path, text)
     whole = context.document.value(path)
@@ -99,7 +99,7 @@ def _read_expression(
     return expression
 
 
-def _inside(context: Context, path: Path, text: str) -> Place | None:
+def _inside(context: Context, path: KeyPath, text: str) -> Place | None:
     """Return where the first character of a text stands; None if it is written with escapes."""
     place = context.document.value(path)
     for skip in (0, 1):

@@ -12,7 +12,7 @@ from ruamel.yaml.reader import ReaderError
 
 from contactlab.plan.diagnostic import Diagnostic, Place, Severity, Source
 
-Path = tuple[str | int, ...]
+KeyPath = tuple[str | int, ...]
 MOST_NODES = 1_000_000
 # YAML 1.2's own definition of a number; the loader misses `.5e3`.
 _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
@@ -40,8 +40,8 @@ class Document:
 
     source: Source
     data: object = None
-    values: dict[Path, Place] = field(default_factory=dict[Path, Place])
-    keys: dict[Path, Place] = field(default_factory=dict[Path, Place])
+    values: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
+    keys: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
     found: list[Diagnostic] = field(default_factory=list[Diagnostic])
     unreadable: set[Place] = field(default_factory=set[Place])
 
@@ -58,7 +58,7 @@ class Document:
     def add(
         self,
         code: str,
-        path: Path | Place,
+        path: KeyPath | Place,
         message: str,
         hint: str = "",
         *,
@@ -71,7 +71,7 @@ class Document:
         if code == "syntax":
             self.unreadable.add(place)
 
-    def replace(self, path: Path, value: object, other: "Document", at: Place) -> None:
+    def replace(self, path: KeyPath, value: object, other: "Document", at: Place) -> None:
         """Put a value from another text at a path, with its places.
 
         Args:
@@ -95,13 +95,13 @@ class Document:
         self.values.update({(*path, *below): place for below, place in other.values.items()})
         self.keys.update({(*path, *below): place for below, place in other.keys.items()})
 
-    def value(self, path: Path) -> Place:
+    def value(self, path: KeyPath) -> Place:
         """Return the place of the value at a path, or of what is nearest above it."""
         while path and path not in self.values:
             path = path[:-1]
         return self.values.get(path) or Place(self.source, 1, 1)
 
-    def at(self, path: Path) -> object:
+    def at(self, path: KeyPath) -> object:
         """Return the data at a path, or None."""
         data = self.data
         for part in path:
@@ -114,7 +114,7 @@ class Document:
                 return None
         return data
 
-    def key(self, path: Path) -> Place:
+    def key(self, path: KeyPath) -> Place:
         """Return the place of the key at a path, or else of the value."""
         return self.keys.get(path) or self.value(path)
 
@@ -176,7 +176,7 @@ class _Reader:
             self._fail("nested too deeply", Place(self.document.source, 1, 1))
         return self.document
 
-    def _data(self, node: Node, path: Path) -> object:
+    def _data(self, node: Node, path: KeyPath) -> object:
         self.nodes += 1
         if self.nodes > MOST_NODES:
             raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
@@ -188,7 +188,7 @@ class _Reader:
             return [self._data(item, (*path, index)) for index, item in enumerate(items)]
         return self._scalar(cast("ScalarNode", node))
 
-    def _mapping(self, node: MappingNode, path: Path) -> dict[str, object]:
+    def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         data: dict[str, object] = {}
         for name, key, value in self._entries(node):
             place = self.origin.place(key.start_mark, key.end_mark)

@@ -6,7 +6,7 @@ from typing import cast
 
 from pydantic import ValidationError
 
-from contactlab.plan.document import Document, Path
+from contactlab.plan.document import Document, KeyPath
 from contactlab.plan.mistakes import file_path, note_mistakes
 from contactlab.schema import Sweep
 
@@ -25,7 +25,7 @@ class Draft:
     sweep: Sweep
     kept: Mapping[str, Sequence[int]]
 
-    def path(self, key: str, index: int, *below: str | int) -> Path:
+    def path(self, key: str, index: int, *below: str | int) -> KeyPath:
         """Return where an entry of one of the sweep's lists lies in the file."""
         kept = self.kept.get(key)
         return (key, kept[index] if kept else index, *below)

@@ -8,7 +8,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from contactlab.errors import did_you_mean
-from contactlab.plan.document import Document, Path
+from contactlab.plan.document import Document, KeyPath
 from contactlab.schema import FORMS, Sweep
 
 _WANTED = {
@@ -39,7 +39,7 @@ def note_mistakes(
     document: Document, error: ValidationError, model: type[BaseModel] = Sweep
 ) -> None:
     """Note every mistake that a model found, once each, at its place in the document."""
-    seen: set[tuple[str, Path]] = set()
+    seen: set[tuple[str, KeyPath]] = set()
     details = error.errors(include_url=False)
     deep = {path for detail in details for path in _above(file_path(detail["loc"]))}
     for detail in details:
@@ -53,20 +53,20 @@ def note_mistakes(
             _note(document, detail, path, model)
 
 
-def file_path(loc: tuple[str | int, ...]) -> Path:
+def file_path(loc: tuple[str | int, ...]) -> KeyPath:
     """Return where in the file an error lies: its location without the tags of unions."""
     return tuple(part for part in loc if not (isinstance(part, str) and part.startswith("@")))
 
 
-def _above(path: Path) -> Iterator[Path]:
+def _above(path: KeyPath) -> Iterator[KeyPath]:
     return (path[:length] for length in range(len(path)))
 
 
-def _is_form(path: Path) -> bool:
+def _is_form(path: KeyPath) -> bool:
     return len(path) > 2 and path[-1] in _COUNTED and path[0] in {"axes", "zip"}
 
 
-def _note(document: Document, detail: ErrorDetails, path: Path, model: type[BaseModel]) -> None:
+def _note(document: Document, detail: ErrorDetails, path: KeyPath, model: type[BaseModel]) -> None:
     kind = detail["type"]
     if kind == "extra_forbidden":
         _note_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
@@ -80,7 +80,7 @@ def _note(document: Document, detail: ErrorDetails, path: Path, model: type[Base
         _note_value(document, detail, path)
 
 
-def _note_unknown_key(document: Document, path: Path, model: type[BaseModel]) -> None:
+def _note_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
     name = str(path[-1])
     known = [field.alias or each for each, field in model.model_fields.items()]
     hint = _suggestion(name, known) or f"known here: {', '.join(known)}"
@@ -89,7 +89,7 @@ def _note_unknown_key(document: Document, path: Path, model: type[BaseModel]) ->
     document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
 
 
-def _note_form(document: Document, path: Path) -> None:
+def _note_form(document: Document, path: KeyPath) -> None:
     data, name = document.at(path), path[-1]
     forms = ", ".join(FORMS)
     if isinstance(data, dict):
@@ -105,7 +105,7 @@ def _note_form(document: Document, path: Path) -> None:
         document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{data}]")
 
 
-def _note_length(document: Document, kind: str, path: Path) -> None:
+def _note_length(document: Document, kind: str, path: KeyPath) -> None:
     name = path[-1]
     if _is_form(path):
         description = (FORMS[str(name)].model_fields[str(name)].description or "").split(":")[0]
@@ -120,12 +120,12 @@ def _note_length(document: Document, kind: str, path: Path) -> None:
         document.add("wrong-length", path, f"'{name}' has too few entries")
 
 
-def _example(path: Path) -> str:
-    examples: dict[Path, str] = {("version",): "version: 1", ("scene",): "scene: NAME"}
+def _example(path: KeyPath) -> str:
+    examples: dict[KeyPath, str] = {("version",): "version: 1", ("scene",): "scene: NAME"}
     return f"add {examples.get(path, f'{path[-1]}: ...')}"
 
 
-def _note_type(document: Document, wanted: str, path: Path) -> None:
+def _note_type(document: Document, wanted: str, path: KeyPath) -> None:
     data = document.at(path)
     shown = "nothing" if data is None else repr(data) if _is_scalar(data) else _kind(data)
     name = next((part for part in reversed(path) if isinstance(part, str)), None)
@@ -142,7 +142,7 @@ def _kind(data: object) -> str:
     return "a mapping" if isinstance(data, Mapping) else "a list"
 
 
-def _note_value(document: Document, detail: ErrorDetails, path: Path) -> None:
+def _note_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
     kind = detail["type"]
     name = next((f"'{part}' " for part in reversed(path) if isinstance(part, str)), "")
     wording = (

@@ -8,7 +8,7 @@ from typing import cast
 
 from contactlab.errors import did_you_mean
 from contactlab.plan.diagnostic import Place
-from contactlab.plan.document import Document, Path
+from contactlab.plan.document import Document, KeyPath
 from contactlab.plan.draft import Draft
 from contactlab.schema import ERRORS, AxisSpec, Sweep, Vocabulary
 
@@ -52,7 +52,7 @@ class Context:
             self.document.add("bad-value", place, message, f"{error}{close}")
             return UNREADABLE
 
-    def swept(self) -> list[tuple[str, Path]]:
+    def swept(self) -> list[tuple[str, KeyPath]]:
         """Return the axes that the file names, readable or not, with where it names them."""
         return list(_swept(self.document))
 
@@ -121,7 +121,7 @@ def _switched(document: Document) -> list[str]:
     return [name for name in document.mapping("effects") if name != "base"]
 
 
-def _swept(document: Document) -> Iterator[tuple[str, Path]]:
+def _swept(document: Document) -> Iterator[tuple[str, KeyPath]]:
     for name in document.mapping("axes"):
         yield name, ("axes", name)
     blocks = document.at(("zip",))
@@ -142,7 +142,7 @@ def _check_tolerances(context: Context) -> None:
             document.add("not-asked", place, message, "add accuracy: {}")
 
 
-def _check_known(document: Document, kind: str, known: object, path: Path) -> None:
+def _check_known(document: Document, kind: str, known: object, path: KeyPath) -> None:
     names = list(cast("list[str]", known))
     for name in document.mapping(*path):
         if name not in names:
@@ -156,7 +156,7 @@ def _note_unknown(document: Document, kind: str, name: str, place: Place, known:
     document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
 
 
-def _label_place(document: Document, path: Path, label: str) -> Place:
+def _label_place(document: Document, path: KeyPath, label: str) -> Place:
     data = document.at(path)
     if isinstance(data, list):
         return document.value((*path, cast("list[object]", data).index(label)))

@@ -7,7 +7,7 @@ from typing import cast
 
 from contactlab.errors import did_you_mean
 from contactlab.plan.diagnostic import Place, Source
-from contactlab.plan.document import Document, Path, read_argument
+from contactlab.plan.document import Document, KeyPath, read_argument
 from contactlab.plan.names import Context
 from contactlab.schema import FORMS, Sweep
 
@@ -124,7 +124,7 @@ def _option(document: Document, flag: str, text: str) -> Option | None:
     return Option(name, value, Place(source, 1, start, len(name)), place)
 
 
-def _path(name: str) -> Path:
+def _path(name: str) -> KeyPath:
     head, _, rest = name.partition(".")
     if head in _ENTRIES and rest:
         return (head, rest)
@@ -137,7 +137,7 @@ def _in_zip(document: Document, name: str) -> bool:
     return any(name in document.mapping("zip", index) for index in range(count))
 
 
-def _value(document: Document, option: Option, path: Path) -> tuple[object, Document]:
+def _value(document: Document, option: Option, path: KeyPath) -> tuple[object, Document]:
     """Return the data that an option gives, and the places of its parts."""
     call = _CALL.fullmatch(option.value) if path[0] == "axes" else None
     value, other = _form(option, call) if call else _listed(option, path)
@@ -154,7 +154,7 @@ def _value(document: Document, option: Option, path: Path) -> tuple[object, Docu
     return {**cast("dict[str, object]", value), "role": role}, other
 
 
-def _listed(option: Option, path: Path) -> tuple[object, Document]:
+def _listed(option: Option, path: KeyPath) -> tuple[object, Document]:
     other = _pieces(option)
     value = other.data
     if path[0] != "axes" and isinstance(value, list) and len(cast("list[object]", value)) == 1:
@@ -179,14 +179,14 @@ def _pieces(option: Option) -> Document:
 
 
 def _only_item(other: Document) -> Document:
-    def lifted(places: dict[Path, Place]) -> dict[Path, Place]:
+    def lifted(places: dict[KeyPath, Place]) -> dict[KeyPath, Place]:
         return {path[1:]: place for path, place in places.items() if path}
 
     return Document(other.source, None, lifted(other.values), lifted(other.keys), other.found)
 
 
 def _below(other: Document, name: str, place: Place) -> Document:
-    def lowered(places: dict[Path, Place]) -> dict[Path, Place]:
+    def lowered(places: dict[KeyPath, Place]) -> dict[KeyPath, Place]:
         return {(name, *path): each for path, each in places.items()}
 
     values = {**lowered(other.values), (): place}

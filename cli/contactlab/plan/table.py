@@ -6,8 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.plan.diagnostic import Place, Source
-from contactlab.plan.document import Document
-from contactlab.plan.document import Path as FilePath
+from contactlab.plan.document import Document, KeyPath
 
 # One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
@@ -36,7 +35,7 @@ class Table:
     rows: tuple[tuple[Cell, ...], ...]
 
 
-def read_table(document: Document, at: FilePath, path: Path) -> Table:
+def read_table(document: Document, at: KeyPath, path: Path) -> Table:
     """Read a CSV file, noting its mistakes in the document that names it at a path."""
     try:
         text = path.read_text(encoding="utf-8-sig")
