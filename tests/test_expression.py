@@ -1,5 +1,6 @@
 """Expressions equal Python's own arithmetic, and nothing else gets in."""
 
+import ast
 import math
 import pickle
 from typing import Any
@@ -44,10 +45,30 @@ def joined(parts: st.SearchStrategy[str]) -> st.SearchStrategy[str]:
     )
 
 
+class RealPowers(ast.NodeTransformer):
+    """Makes powers calls of `pow`, so that one that is complex can be refused where it arises."""
+
+    def visit_BinOp(self, node: ast.BinOp) -> ast.expr:
+        self.generic_visit(node)
+        if not isinstance(node.op, ast.Pow):
+            return node
+        return ast.Call(ast.Name("pow", ast.Load()), [node.left, node.right], [])
+
+
+def real_power(base: float, exponent: float) -> float:
+    """Return a power; raises where Python's is complex."""
+    result = base**exponent
+    if isinstance(result, complex):
+        raise ArithmeticError
+    return result
+
+
 def by_python(text: str) -> object:
-    """Return Python's result, or None where it is no finite real number."""
+    """Return Python's result, or None where it, or a part of it, is not a finite real number."""
+    tree = ast.fix_missing_locations(RealPowers().visit(ast.parse(text, mode="eval")))
+    names = {"__builtins__": {}, "pow": real_power, **FUNCTIONS}
     try:
-        result = eval(text, {"__builtins__": {}, **FUNCTIONS}, PYTHON_NAMES)  # noqa: S307
+        result = eval(compile(tree, "expression", "eval"), names, PYTHON_NAMES)  # noqa: S307
     except (ArithmeticError, ValueError, TypeError):
         return None
     return result if isinstance(result, bool | int | float) and math.isfinite(result) else None

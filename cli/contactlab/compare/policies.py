@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from contactlab.errors import PolicyError, did_you_mean
-from contactlab.plan import read_as
+from contactlab.plan import read_yaml_as
 from contactlab.schema import (
     AcceptedCheck,
     Check,
@@ -37,7 +37,7 @@ def read_policy(path: Path) -> ComparePolicy:
     Raises:
         SweepFileError: it cannot be read, or holds mistakes, all of which are in the message.
     """
-    return read_as(path, ComparePolicy)
+    return read_yaml_as(path, ComparePolicy)
 
 
 def acceptance(

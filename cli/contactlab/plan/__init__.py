@@ -1,12 +1,10 @@
 """A sweep file and the runs that it asks for; other files that people write."""
 
-from contactlab.plan.diagnostic import Diagnostic, Place, Source, SweepMistakesError
-from contactlab.plan.other import read_as
-from contactlab.plan.override import Overrides
-from contactlab.plan.plan import CONFIRM_ABOVE, MOST_RUNS, Plan, Row, Run, SweptAxis
-from contactlab.plan.reading import SweepFile, read_sweep
-from contactlab.plan.rows import Match
+from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
+from contactlab.plan.grid import CONFIRM_ABOVE, MOST_RUNS, Match, Plan, Row, Run, SweptAxis
+from contactlab.plan.overrides import Overrides
 from contactlab.plan.starter import SCHEMA_NAME, starter
+from contactlab.plan.sweep_file import SweepFile, read_sweep, read_yaml_as
 
 __all__ = [
     "CONFIRM_ABOVE",
@@ -19,11 +17,11 @@ __all__ = [
     "Plan",
     "Row",
     "Run",
-    "Source",
+    "SourceText",
     "SweepFile",
     "SweepMistakesError",
     "SweptAxis",
-    "read_as",
     "read_sweep",
+    "read_yaml_as",
     "starter",
 ]

@@ -7,17 +7,17 @@ from itertools import combinations
 from typing import cast
 
 from contactlab.errors import did_you_mean
-from contactlab.plan.diagnostic import Place
-from contactlab.plan.document import Document, KeyPath
-from contactlab.plan.draft import Draft
+from contactlab.plan.diagnostics import Place
+from contactlab.plan.validation import Draft
+from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema import ERRORS, AxisSpec, Sweep, Vocabulary
 
 UNREADABLE = object()
 
 
 @dataclass(frozen=True)
-class Context:
-    """What the checks of a file share: what was read, and the names it may use."""
+class SweepContext:
+    """A draft, and the names that its scene offers."""
 
     draft: Draft
     vocabulary: Vocabulary
@@ -37,7 +37,7 @@ class Context:
         return self.vocabulary.axes.find(name)
 
     def canonical(self, name: str, value: object, place: Place) -> object:
-        """Return the canonical form of an axis value, or UNREADABLE, with the mistake noted."""
+        """Return the canonical form of an axis value; or UNREADABLE, and add the mistake."""
         spec = self.find(name)
         if spec is None:
             return UNREADABLE
@@ -48,7 +48,7 @@ class Context:
             return spec.parse(value)
         except ValueError as error:
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
-            message = f"{_shown(value)} is no value of '{name}'"
+            message = f"{_shown(value)} is not a value of '{name}'"
             self.document.add("bad-value", place, message, f"{error}{close}")
             return UNREADABLE
 
@@ -57,13 +57,13 @@ class Context:
         return list(_swept(self.document))
 
 
-def check_names(context: Context) -> None:
-    """Note unknown names, axes given twice and axes that set the same thing."""
+def check_names(context: SweepContext) -> None:
+    """Find unknown names, axes given twice and axes that set the same thing."""
     document, vocabulary = context.document, context.vocabulary
     for name, path in context.swept():
-        note_unknown_axis(context, name, document.key(path))
+        check_axis(context, name, document.key(path))
     for name in _switched(document):
-        note_unknown_axis(context, name, document.key(("effects", name)), "effect")
+        check_axis(context, name, document.key(("effects", name)), "effect")
     _check_twice(context)
     _check_tolerances(context)
     _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
@@ -73,22 +73,22 @@ def check_names(context: Context) -> None:
         for label in expectation.label or ():
             if label not in vocabulary.labels:
                 place = _label_place(document, (*path, "label"), label)
-                _note_unknown(document, "label", label, place, vocabulary.labels)
+                _add_unknown(document, "label", label, place, vocabulary.labels)
 
 
-def note_unknown_axis(context: Context, name: str, place: Place, kind: str = "axis") -> None:
-    """Note an axis that the scene does not have."""
+def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis") -> None:
+    """Add a mistake if the scene does not have this axis."""
     if context.find(name) is None:
         known = list(context.vocabulary.axes.names)
         if not place.source.numbered:
             known += list(Sweep.model_fields)
         if name == "seed":
             known = ["seeds"]
-        _note_unknown(context.document, kind, name, place, known)
+        _add_unknown(context.document, kind, name, place, known)
 
 
-def note_conflicts(context: Context, places: dict[str, Place]) -> None:
-    """Note pairs of axes that set the same thing and stand in one row."""
+def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
+    """Add a mistake for every two axes of one row that set the same thing."""
     for first, second in combinations(places, 2):
         if _conflict(context.find(first), context.find(second)):
             message = f"'{second}' sets the same thing as '{first}'"
@@ -102,7 +102,7 @@ def _conflict(first: AxisSpec | None, second: AxisSpec | None) -> bool:
     return second.name in first.conflicts or first.name in second.conflicts
 
 
-def _check_twice(context: Context) -> None:
+def _check_twice(context: SweepContext) -> None:
     document = context.document
     places: dict[str, Place] = {}
     paths = [(name, ("effects", name)) for name in _switched(document)]
@@ -113,7 +113,7 @@ def _check_twice(context: Context) -> None:
             document.add("axis-twice", place, f"'{name}' is given twice", hint)
         else:
             places[name] = place
-    note_conflicts(context, places)
+    check_conflicts(context, places)
 
 
 def _switched(document: Document) -> list[str]:
@@ -130,7 +130,7 @@ def _swept(document: Document) -> Iterator[tuple[str, KeyPath]]:
             yield name, ("zip", index, name)
 
 
-def _check_tolerances(context: Context) -> None:
+def _check_tolerances(context: SweepContext) -> None:
     document, known = context.document, (*context.vocabulary.metrics, *ERRORS)
     _check_known(document, "metric", known, ("tolerances",))
     if context.sweep.accuracy is not None:
@@ -146,10 +146,10 @@ def _check_known(document: Document, kind: str, known: object, path: KeyPath) ->
     names = list(cast("list[str]", known))
     for name in document.mapping(*path):
         if name not in names:
-            _note_unknown(document, kind, name, document.key((*path, name)), names)
+            _add_unknown(document, kind, name, document.key((*path, name)), names)
 
 
-def _note_unknown(document: Document, kind: str, name: str, place: Place, known: object) -> None:
+def _add_unknown(document: Document, kind: str, name: str, place: Place, known: object) -> None:
     names = list(cast("list[str]", known))
     few = f"known: {', '.join(names)}" if 0 < len(names) <= 12 else ""
     hint = did_you_mean(name, names).removeprefix("; ") or few

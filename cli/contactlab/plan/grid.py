@@ -1,4 +1,7 @@
-"""Rows of settings: the product of blocks, less what is excluded, and then what is included."""
+"""The runs of a sweep, in a fixed order: the product of its axes, minus `exclude`, plus `include`.
+
+Rows are streamed: a plan of a million runs takes no memory for them.
+"""
 
 import itertools
 import math
@@ -7,9 +10,10 @@ from dataclasses import dataclass
 from typing import cast
 
 from contactlab.expression import Expression, ExpressionError, NoValueError
-from contactlab.plan.diagnostic import Diagnostic, Place, SweepMistakesError
+from contactlab.plan.diagnostics import Diagnostic, Place, SweepMistakesError
+from contactlab.schema import Expectation, Role, Sweep
 
-Row = dict[str, object]
+RowValues = dict[str, object]
 Split = Callable[[object], Mapping[str, float]]
 
 
@@ -28,13 +32,13 @@ class Block:
 
 @dataclass(frozen=True)
 class Match:
-    """A condition on a row: settings that must be equal and an expression that must be true.
+    """A condition on a row: settings that must match, and an expression that must be true.
 
     Attributes:
         settings: canonical values by axis.
-        expression: further condition, if any.
-        place: where the condition stands.
-        inside: where the expression's first character stands, if it can be told.
+        expression: a further condition, if any.
+        place: where the condition is written.
+        inside: where the expression's first character is, if known.
         splits: how the values of axes split into parts that the expression names.
     """
 
@@ -45,7 +49,7 @@ class Match:
     splits: tuple[tuple[str, Split], ...] = ()
 
     def holds(self, row: Mapping[str, object]) -> bool:
-        """Tell whether a row meets the condition; an axis that it lacks meets none.
+        """Return whether a row meets the condition; a row that lacks one of the axes does not.
 
         Raises:
             SweepMistakesError: the expression cannot be computed for this row.
@@ -64,7 +68,7 @@ class Match:
 
     def _with_parts(self, row: Mapping[str, object]) -> Mapping[str, object]:
         """Return the row, and the parts of its values that the expression may name."""
-        parts: Row = {}
+        parts: RowValues = {}
         for name, split in self.splits:
             if name in row:
                 parts |= split(row[name])
@@ -89,17 +93,17 @@ class Grid:
         added: further rows.
     """
 
-    base: Row
+    base: RowValues
     blocks: tuple[Block, ...] | None
     excludes: tuple[Match, ...]
-    added: tuple[Row, ...]
+    added: tuple[RowValues, ...]
 
     @property
     def product_size(self) -> int:
         """Number of rows of the product, before any is left out."""
         return 0 if self.blocks is None else math.prod(len(block.rows) for block in self.blocks)
 
-    def rows(self) -> Iterator[Row]:
+    def rows(self) -> Iterator[RowValues]:
         """Yield every row, in order."""
         if self.excludes:
             yield from (row for row in self._product() if not self._excluded(row))
@@ -108,7 +112,7 @@ class Grid:
         yield from (self.base | row for row in self.added)
 
     def count(self, most: float = math.inf) -> tuple[int, Sequence[Match]]:
-        """Return the number of rows, counted up to `most`, and the excludes that met none."""
+        """Return the number of rows, counted up to `most`, and the excludes that match none."""
         if not self.excludes:
             return self.product_size + len(self.added), ()
         left, unmet = 0, list(self.excludes)
@@ -123,7 +127,7 @@ class Grid:
                 return left, ()
         return left + len(self.added), unmet
 
-    def _product(self) -> Iterator[Row]:
+    def _product(self) -> Iterator[RowValues]:
         if self.blocks is None:
             return
         base, join = self.base, itertools.chain.from_iterable
@@ -132,5 +136,99 @@ class Grid:
             row = dict(zip(names, join(parts), strict=True))
             yield base | row if base else row
 
-    def _excluded(self, row: Row) -> bool:
+    def _excluded(self, row: RowValues) -> bool:
         return any(each.holds(row) for each in self.excludes)
+
+
+CONFIRM_ABOVE = 100_000
+MOST_RUNS = 10_000_000
+
+
+@dataclass(frozen=True)
+class SweptAxis:
+    """One axis of a plan.
+
+    Attributes:
+        name: as in the sweep file.
+        role: knob or scenario.
+        values: the canonical values it takes, each once, in order.
+    """
+
+    name: str
+    role: Role
+    values: tuple[object, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of different values."""
+        return len(self.values)
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One rollout to do.
+
+    Attributes:
+        index: its position in the plan, from 0.
+        values: canonical settings by axis, the sweep's effects among them; treat as read-only,
+            since the seeds of one row share it. What is absent is as the scene has it.
+        seed: what the scene's perturbation is drawn from.
+    """
+
+    index: int
+    values: Mapping[str, object]
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """The runs of one row of settings.
+
+    Attributes:
+        first: the first run's position in the plan, from 0.
+        values: canonical settings by axis; see `Run`.
+        seeds: one for each run.
+    """
+
+    first: int
+    values: Mapping[str, object]
+    seeds: Sequence[int]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a sweep file, with the options of the command line, asks for.
+
+    Attributes:
+        sweep: the file as read.
+        axes: the axes, in the order in which they advance, the slowest first.
+        count: number of runs.
+        warnings: mistakes that do not stop the sweep.
+        grid: the rows of settings.
+        expected: conditions of `expect`, each with its expectation.
+    """
+
+    sweep: Sweep
+    axes: tuple[SweptAxis, ...]
+    count: int
+    warnings: tuple[Diagnostic, ...]
+    grid: Grid
+    expected: tuple[tuple[Match, Expectation], ...]
+
+    def rows(self) -> Iterator[Row]:
+        """Yield the rows: the product in the order written, then included rows."""
+        seeds = self.sweep.seed_values
+        starts = range(0, self.count, len(seeds))
+        # zip() stops at the last position, so rows beyond it are not even made.
+        for first, values in zip(starts, self.grid.rows(), strict=False):
+            yield Row(first, values, seeds[: self.count - first])
+
+    def runs(self) -> Iterator[Run]:
+        """Yield the runs, row by row, seeds innermost."""
+        for row in self.rows():
+            for index, seed in enumerate(row.seeds, row.first):
+                yield Run(index, row.values, seed)
+
+    def expectations(self, run: Run) -> tuple[Expectation, ...]:
+        """Return the expectations that apply to a run."""
+        return tuple(each for match, each in self.expected if match.holds(run.values))

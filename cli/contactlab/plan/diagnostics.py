@@ -13,7 +13,7 @@ _MOST_SHOWN = 50
 
 
 @dataclass(frozen=True)
-class Source:
+class SourceText:
     """A text that mistakes point into.
 
     Attributes:
@@ -31,7 +31,7 @@ class Source:
 class Place:
     """Some characters of one line; line and column count from 1."""
 
-    source: Source
+    source: SourceText
     line: int
     column: int
     width: int = 1

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import cast
 
 from contactlab.errors import did_you_mean
-from contactlab.plan.diagnostic import Place, Source
-from contactlab.plan.document import Document, KeyPath, read_argument
-from contactlab.plan.names import Context
+from contactlab.plan.diagnostics import Place, SourceText
+from contactlab.plan.names import SweepContext
+from contactlab.plan.yaml_document import Document, KeyPath, read_argument
 from contactlab.schema import FORMS, Sweep
 
 _ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
@@ -31,8 +31,8 @@ class Overrides:
 
 
 @dataclass(frozen=True)
-class Option:
-    """One option taken apart: what it names, and where name and value stand."""
+class ParsedOption:
+    """One option, parsed: its name and value, and where each is."""
 
     name: str
     value: str
@@ -50,7 +50,7 @@ class Filter:
 
 
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
-    """Write every `--set` into the document, with the places of its parts in the argument."""
+    """Apply every `--set` to the document, with the places of its parts in the argument."""
     for text in settings:
         option = _option(document, "--set", text)
         if option is None:
@@ -65,9 +65,9 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
 
 
 def read_filters(
-    context: Context, texts: Sequence[str], swept: Sequence[str]
+    context: SweepContext, texts: Sequence[str], swept: Sequence[str]
 ) -> tuple[Filter, ...]:
-    """Return every `--only` with canonical values, its mistakes noted.
+    """Return every `--only` with canonical values; add their mistakes to the document.
 
     Args:
         context: the file and its names.
@@ -90,30 +90,32 @@ def read_filters(
     return tuple(filters)
 
 
-def _is_swept(document: Document, option: Option, swept: Sequence[str]) -> bool:
+def _is_swept(document: Document, option: ParsedOption, swept: Sequence[str]) -> bool:
     if option.name in swept:
         return True
     close = did_you_mean(option.name, swept).removeprefix("; ")
     hint = close or f"swept: {', '.join(swept) or 'nothing'}"
-    document.add("axis-not-swept", option.key, f"'{option.name}' is no axis of this sweep", hint)
+    document.add(
+        "axis-not-swept", option.key, f"'{option.name}' is not an axis of this sweep", hint
+    )
     return False
 
 
 def check_values(
     document: Document, filters: Sequence[Filter], taken: Mapping[str, Mapping[object, None]]
 ) -> None:
-    """Note every filter that asks for values which its axis never takes."""
+    """Add a mistake for every filter whose axis never takes any of its values."""
     for each in filters:
         values = list(taken.get(each.name, ()))
         if not set(values).intersection(each.values):
             shown = ", ".join(str(value) for value in values[:8])
             more = ", ..." if len(values) > 8 else ""
-            message = f"'{each.name}' takes no such value in this sweep"
+            message = f"'{each.name}' never takes this value in this sweep"
             document.add("value-not-swept", each.place, message, f"it takes {shown}{more}")
 
 
-def _option(document: Document, flag: str, text: str) -> Option | None:
-    source = Source("command line", (f"{flag} {text}",), numbered=False)
+def _option(document: Document, flag: str, text: str) -> ParsedOption | None:
+    source = SourceText("command line", (f"{flag} {text}",), numbered=False)
     name, equals, value = text.partition("=")
     start = len(flag) + 2
     if not (name and equals and value.strip()):
@@ -121,7 +123,7 @@ def _option(document: Document, flag: str, text: str) -> Option | None:
         document.add("bad-option", place, "an option takes a name and values", "NAME=VALUE,VALUE")
         return None
     place = Place(source, 1, start + len(name) + 1, len(value))
-    return Option(name, value, Place(source, 1, start, len(name)), place)
+    return ParsedOption(name, value, Place(source, 1, start, len(name)), place)
 
 
 def _path(name: str) -> KeyPath:
@@ -137,7 +139,7 @@ def _in_zip(document: Document, name: str) -> bool:
     return any(name in document.mapping("zip", index) for index in range(count))
 
 
-def _value(document: Document, option: Option, path: KeyPath) -> tuple[object, Document]:
+def _value(document: Document, option: ParsedOption, path: KeyPath) -> tuple[object, Document]:
     """Return the data that an option gives, and the places of its parts."""
     call = _CALL.fullmatch(option.value) if path[0] == "axes" else None
     value, other = _form(option, call) if call else _listed(option, path)
@@ -154,7 +156,7 @@ def _value(document: Document, option: Option, path: KeyPath) -> tuple[object, D
     return {**cast("dict[str, object]", value), "role": role}, other
 
 
-def _listed(option: Option, path: KeyPath) -> tuple[object, Document]:
+def _listed(option: ParsedOption, path: KeyPath) -> tuple[object, Document]:
     other = _pieces(option)
     value = other.data
     if path[0] != "axes" and isinstance(value, list) and len(cast("list[object]", value)) == 1:
@@ -162,7 +164,7 @@ def _listed(option: Option, path: KeyPath) -> tuple[object, Document]:
     return value, other
 
 
-def _form(option: Option, call: re.Match[str]) -> tuple[object, Document]:
+def _form(option: ParsedOption, call: re.Match[str]) -> tuple[object, Document]:
     name = call.group(1)
     start = option.place.column + len(name) + 1
     other = read_argument(f"[{call.group(2)}]", option.place.source, start)
@@ -174,7 +176,7 @@ def _form(option: Option, call: re.Match[str]) -> tuple[object, Document]:
     return {name: other.data}, below
 
 
-def _pieces(option: Option) -> Document:
+def _pieces(option: ParsedOption) -> Document:
     return read_argument(f"[{option.value}]", option.place.source, option.place.column)
 
 

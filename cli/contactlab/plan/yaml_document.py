@@ -10,7 +10,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
-from contactlab.plan.diagnostic import Diagnostic, Place, Severity, Source
+from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
 
 KeyPath = tuple[str | int, ...]
 MOST_NODES = 1_000_000
@@ -27,18 +27,18 @@ class _Mark(Protocol):
 
 @dataclass
 class Document:
-    """Plain data with places, and the mistakes noted about it.
+    """Plain data with places, and the mistakes found in it.
 
     Attributes:
         source: the text.
         data: mappings, lists, words, numbers, booleans and None.
         values: path to the place of the value there.
         keys: path to the place of the key there.
-        found: mistakes, in the order in which they were noted.
+        found: mistakes, in the order in which they were added.
         unreadable: places of syntax errors, which nothing else is said of.
     """
 
-    source: Source
+    source: SourceText
     data: object = None
     values: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
     keys: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
@@ -47,7 +47,7 @@ class Document:
 
     @property
     def has_errors(self) -> bool:
-        """Whether a mistake was noted that is more than a warning."""
+        """Whether any mistake is more than a warning."""
         return any(each.severity == "error" for each in self.found)
 
     def mapping(self, *path: str | int) -> dict[str, object]:
@@ -64,7 +64,7 @@ class Document:
         *,
         severity: Severity = "error",
     ) -> None:
-        """Note a mistake at the value of a path, or at a place."""
+        """Add a mistake at the value of a path, or at a place."""
         place = path if isinstance(path, Place) else self.value(path)
         if place not in self.unreadable:
             self.found.append(Diagnostic(code, message, place, hint, severity))
@@ -121,11 +121,11 @@ class Document:
 
 def read_document(text: str, name: str) -> Document:
     """Read a YAML text; its mistakes are in the document's `found`."""
-    source = Source(name, tuple(_BREAK.split(text)))
+    source = SourceText(name, tuple(_BREAK.split(text)))
     return _Reader(Document(source), _Origin(source)).read(text)
 
 
-def read_argument(text: str, source: Source, column: int) -> Document:
+def read_argument(text: str, source: SourceText, column: int) -> Document:
     """Read a piece of YAML that stands in a line of another text.
 
     Args:
@@ -140,7 +140,7 @@ def read_argument(text: str, source: Source, column: int) -> Document:
 class _Origin:
     """Where a YAML text lies in its source."""
 
-    source: Source
+    source: SourceText
     shift: int = 0
 
     def place(self, start: _Mark, end: _Mark | None = None) -> Place:
@@ -167,7 +167,7 @@ class _Reader:
             if root is not None:
                 self.document.data = self._data(root, ())
         except MarkedYAMLError as error:
-            self._fail(_wording(error), self._marked(error))
+            self._fail(_syntax_message(error), self._marked(error))
         except ReaderError as error:
             self._fail("a character that YAML does not allow", self._character(text, error))
         except YAMLError as error:
@@ -244,7 +244,7 @@ _PLAIN = {
 }
 
 
-def _wording(error: MarkedYAMLError) -> str:
+def _syntax_message(error: MarkedYAMLError) -> str:
     """Return a syntax error in one line, with the cause first."""
     problem = str(error.problem or error.context or "not YAML").strip()
     for known, plain in _PLAIN.items():

@@ -1,6 +1,10 @@
-"""What pydantic finds wrong with a document, in the words of the sweep file."""
+"""Validate a document against its model: mistakes in the words of the file, each at its place.
 
-from collections.abc import Iterator, Mapping
+What is sound stays as a draft for further checks, so that one pass finds all mistakes.
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from types import UnionType
 from typing import Annotated, Union, cast, get_args, get_origin
 
@@ -8,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from contactlab.errors import did_you_mean
-from contactlab.plan.document import Document, KeyPath
+from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema import FORMS, Sweep
 
 _WANTED = {
@@ -35,10 +39,10 @@ _COUNTED = set(FORMS) - {"values"}
 _TRACE = "write all, flagged, none or sample:N"
 
 
-def note_mistakes(
+def add_validation_errors(
     document: Document, error: ValidationError, model: type[BaseModel] = Sweep
 ) -> None:
-    """Note every mistake that a model found, once each, at its place in the document."""
+    """Add every validation error to the document, once each, at its place."""
     seen: set[tuple[str, KeyPath]] = set()
     details = error.errors(include_url=False)
     deep = {path for detail in details for path in _above(file_path(detail["loc"]))}
@@ -50,7 +54,7 @@ def note_mistakes(
             path = path[:-1]
         if (detail["type"], path) not in seen:
             seen.add((detail["type"], path))
-            _note(document, detail, path, model)
+            _add(document, detail, path, model)
 
 
 def file_path(loc: tuple[str | int, ...]) -> KeyPath:
@@ -66,21 +70,21 @@ def _is_form(path: KeyPath) -> bool:
     return len(path) > 2 and path[-1] in _COUNTED and path[0] in {"axes", "zip"}
 
 
-def _note(document: Document, detail: ErrorDetails, path: KeyPath, model: type[BaseModel]) -> None:
+def _add(document: Document, detail: ErrorDetails, path: KeyPath, model: type[BaseModel]) -> None:
     kind = detail["type"]
     if kind == "extra_forbidden":
-        _note_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
+        _add_unknown_key(document, path, _model_at(detail["loc"][:-1], model))
     elif kind == "axis_form":
-        _note_form(document, path)
+        _add_axis_form(document, path)
     elif kind in {"missing", "too_long", "too_short"}:
-        _note_length(document, kind, path)
+        _add_length(document, kind, path)
     elif kind in _WANTED:
-        _note_type(document, _WANTED[kind], path)
+        _add_type(document, _WANTED[kind], path)
     else:
-        _note_value(document, detail, path)
+        _add_value(document, detail, path)
 
 
-def _note_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
+def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
     name = str(path[-1])
     known = [field.alias or each for each, field in model.model_fields.items()]
     hint = _suggestion(name, known) or f"known here: {', '.join(known)}"
@@ -89,7 +93,7 @@ def _note_unknown_key(document: Document, path: KeyPath, model: type[BaseModel])
     document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
 
 
-def _note_form(document: Document, path: KeyPath) -> None:
+def _add_axis_form(document: Document, path: KeyPath) -> None:
     data, name = document.at(path), path[-1]
     forms = ", ".join(FORMS)
     if isinstance(data, dict):
@@ -105,7 +109,7 @@ def _note_form(document: Document, path: KeyPath) -> None:
         document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{data}]")
 
 
-def _note_length(document: Document, kind: str, path: KeyPath) -> None:
+def _add_length(document: Document, kind: str, path: KeyPath) -> None:
     name = path[-1]
     if _is_form(path):
         description = (FORMS[str(name)].model_fields[str(name)].description or "").split(":")[0]
@@ -125,7 +129,7 @@ def _example(path: KeyPath) -> str:
     return f"add {examples.get(path, f'{path[-1]}: ...')}"
 
 
-def _note_type(document: Document, wanted: str, path: KeyPath) -> None:
+def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
     data = document.at(path)
     shown = "nothing" if data is None else repr(data) if _is_scalar(data) else _kind(data)
     name = next((part for part in reversed(path) if isinstance(part, str)), None)
@@ -142,7 +146,7 @@ def _kind(data: object) -> str:
     return "a mapping" if isinstance(data, Mapping) else "a list"
 
 
-def _note_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
+def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
     kind = detail["type"]
     name = next((f"'{part}' " for part in reversed(path) if isinstance(part, str)), "")
     wording = (
@@ -182,3 +186,71 @@ def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
     elif get_origin(annotation) in {Annotated, Union, UnionType, tuple, dict}:
         for part in get_args(annotation):
             yield from _models_in(part)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """A sweep file without the entries that cannot be read.
+
+    Attributes:
+        document: the file as written.
+        sweep: what could be read.
+        kept: for every list that lost entries, where the others stood in the file.
+    """
+
+    document: Document
+    sweep: Sweep
+    kept: Mapping[str, Sequence[int]]
+
+    def path(self, key: str, index: int, *below: str | int) -> KeyPath:
+        """Return where an entry of one of the sweep's lists lies in the file."""
+        kept = self.kept.get(key)
+        return (key, kept[index] if kept else index, *below)
+
+    @property
+    def has_scene(self) -> bool:
+        """Whether the file names its scene."""
+        return isinstance(self.document.at(("scene",)), str)
+
+
+def read_draft(document: Document) -> Draft:
+    """Check a document against the model of a sweep, noting its mistakes."""
+    data = document.mapping()
+    try:
+        return Draft(document, Sweep.model_validate(document.data), {})
+    except ValidationError as error:
+        add_validation_errors(document, error)
+        return _salvaged(document, data, error)
+
+
+def _salvaged(document: Document, data: dict[str, object], error: ValidationError) -> Draft:
+    kept: dict[str, list[int]] = {}
+    for depth in (2, 1):
+        data, lists = _pruned(data, error, depth)
+        kept |= lists
+        try:
+            return Draft(document, Sweep.model_validate({"version": 1, "scene": "?", **data}), kept)
+        except ValidationError as remaining:
+            error = remaining
+    return Draft(document, Sweep(version=1, scene="?"), {})
+
+
+def _pruned(
+    data: dict[str, object], error: ValidationError, depth: int
+) -> tuple[dict[str, object], dict[str, list[int]]]:
+    """Leave out the entries that hold an error: whole keys, or what lies directly in them."""
+    bad = {file_path(detail["loc"])[:depth] for detail in error.errors(include_url=False)}
+    pruned: dict[str, object] = {}
+    kept: dict[str, list[int]] = {}
+    for key, value in data.items():
+        if (key,) in bad:
+            continue
+        pruned[key] = value
+        if isinstance(value, dict):
+            inner = cast("dict[str, object]", value)
+            pruned[key] = {name: part for name, part in inner.items() if (key, name) not in bad}
+        elif isinstance(value, list) and depth == 2:
+            items = cast("list[object]", value)
+            kept[key] = [index for index in range(len(items)) if (key, index) not in bad]
+            pruned[key] = [items[index] for index in kept[key]]
+    return pruned, kept
