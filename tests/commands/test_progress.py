@@ -8,8 +8,8 @@ import pytest
 from rich.console import Console
 from rich.text import Text
 
-from contactlab.commands import progress as module
-from contactlab.commands.progress import DRAWN_PER_SECOND, Progress, progress
+from contactlab.commands import terminal as module
+from contactlab.commands.terminal import DRAWN_PER_SECOND, Progress, progress
 from contactlab.run import Finished
 
 LABELS = ("stable", "chatter", "tunneling")

@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from contactlab.commands.stopping import obeying
+from contactlab.commands.stopping import stop_on_signals
 from contactlab.run import Stop
 
 SAID = "finishing the runs in flight; again to stop at once\n"
@@ -20,7 +20,7 @@ def test_the_first_is_a_wish_and_the_second_an_order(
     first: signal.Signals, second: signal.Signals, capfd: pytest.CaptureFixture[str]
 ) -> None:
     stop = Stop()
-    with obeying(stop):
+    with stop_on_signals(stop):
         with stop.heeded():
             signal.raise_signal(first)
             assert stop.is_set
@@ -33,11 +33,11 @@ def test_the_first_is_a_wish_and_the_second_an_order(
 @pytest.mark.parametrize("number", NUMBERS)
 def test_it_is_an_order_where_no_runs_are_under_way(number: signal.Signals) -> None:
     stop = Stop()
-    with obeying(stop), pytest.raises(KeyboardInterrupt):
+    with stop_on_signals(stop), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
     with stop.heeded():
         pass
-    with obeying(stop), pytest.raises(KeyboardInterrupt):
+    with stop_on_signals(stop), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
 
 
@@ -51,14 +51,14 @@ class Finalized:
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 def test_an_order_that_gets_lost_stays_a_wish() -> None:
     stop = Stop()
-    with obeying(stop):
+    with stop_on_signals(stop):
         Finalized()
     assert stop.is_set
 
 
 def test_all_is_as_before_in_the_end() -> None:
     before = [signal.getsignal(number) for number in NUMBERS]
-    with obeying(Stop()):
+    with stop_on_signals(Stop()):
         assert [signal.getsignal(number) for number in NUMBERS] != before
     assert [signal.getsignal(number) for number in NUMBERS] == before
 
@@ -66,7 +66,7 @@ def test_all_is_as_before_in_the_end() -> None:
 def test_what_is_ignored_stays_so() -> None:
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        with obeying(Stop()):
+        with stop_on_signals(Stop()):
             signal.raise_signal(signal.SIGINT)
         assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     finally:
@@ -78,7 +78,7 @@ def test_other_threads_hear_nothing() -> None:
     found: list[object] = []
 
     def run() -> None:
-        with obeying(Stop()):
+        with stop_on_signals(Stop()):
             found.extend(signal.getsignal(number) for number in NUMBERS)
 
     thread = threading.Thread(target=run)
@@ -90,7 +90,7 @@ def test_other_threads_hear_nothing() -> None:
 # As a signal that comes while the main thread is writing, which may not be begun twice.
 WRITING = """
 import io, os, signal, sys
-from contactlab.commands.stopping import obeying
+from contactlab.commands.stopping import stop_on_signals
 from contactlab.run.stop import Stop
 
 class Interrupted(io.RawIOBase):
@@ -103,7 +103,7 @@ class Interrupted(io.RawIOBase):
 
 stop = Stop()
 sys.stderr = io.TextIOWrapper(io.BufferedWriter(Interrupted()), write_through=True)
-with obeying(stop), stop.heeded():
+with stop_on_signals(stop), stop.heeded():
     sys.stderr.write("progress\\n")
     sys.stderr.flush()
 assert stop.is_set

@@ -3,23 +3,21 @@
 import typer
 from rich.console import Console
 
-from contactlab.commands.baseline import app as baseline
-from contactlab.commands.check import check
-from contactlab.commands.compare import compare
-from contactlab.commands.effects import effects
-from contactlab.commands.init import init
-from contactlab.commands.metrics import labels, metrics, thresholds
-from contactlab.commands.render import render
-from contactlab.commands.replay import replay
-from contactlab.commands.report import report
-from contactlab.commands.scenes import scenes
-from contactlab.commands.schema import schema
-from contactlab.commands.show import show
-from contactlab.commands.stability import stability
-from contactlab.commands.sweep import sweep
-from contactlab.commands.sweeps import sweeps
-from contactlab.commands.tradeoff import tradeoff
-from contactlab.commands.verify import verify
+from contactlab.commands.baseline_command import app as baseline
+from contactlab.commands.check_command import check
+from contactlab.commands.compare_command import compare
+from contactlab.commands.effects_command import effects
+from contactlab.commands.init_command import init
+from contactlab.commands.list_commands import labels, metrics, scenes, sweeps, thresholds
+from contactlab.commands.render_command import render
+from contactlab.commands.replay_command import replay
+from contactlab.commands.report_command import report
+from contactlab.commands.schema_command import schema
+from contactlab.commands.show_command import show
+from contactlab.commands.stability_command import stability
+from contactlab.commands.sweep_command import sweep
+from contactlab.commands.tradeoff_command import tradeoff
+from contactlab.commands.verify_command import verify
 from contactlab.errors import ContactlabError
 
 app = typer.Typer(

@@ -3,11 +3,18 @@
 import contextlib
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from contactlab.commands.terminal import say
+from contactlab.errors import StoppedError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.run import Stop
@@ -19,7 +26,7 @@ Handler = Callable[[int, FrameType | None], None]
 
 
 @contextmanager
-def obeying(stop: "Stop") -> Generator[None]:
+def stop_on_signals(stop: "Stop") -> Generator[None]:
     """Turn Ctrl-C and SIGTERM into a wish to stop, where runs are under way that heed it.
 
     Elsewhere, and the second time, they raise KeyboardInterrupt. A signal that is ignored, as
@@ -58,3 +65,70 @@ def _say() -> None:
     begin = "\n" if os.isatty(2) else ""
     with contextlib.suppress(OSError):
         os.write(2, (begin + _SAID).encode())
+
+
+RESULTS = Path("results")
+GOES_ON, AGAIN = "goes on where it stopped", "starts anew"
+
+MujocoOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="VERSION|PYTHON",
+        help="Run on another MuJoCo: a version, or the path of a Python that has it.",
+    ),
+]
+
+
+def rerun_with_mujoco(asked: str | None, store: Path | None) -> None:
+    """Go on with another MuJoCo, where one is asked for, as the same command.
+
+    Args:
+        asked: a version or the path of a Python; nothing happens for None and this version.
+        store: where results go if nothing else is said; its name is followed by the version.
+
+    Raises:
+        EngineError: there is no such version, or it cannot be had.
+    """
+    if asked is None:
+        return
+    from contactlab.run import find_engine, run_on, without_option
+
+    other = find_engine(asked, say)
+    if other is None:
+        return
+    target = ["-o", f"{store}-{other.mujoco}"] if store else []
+    run_on(other, [*without_option(sys.argv[1:], "--mujoco"), *target])
+
+
+@contextmanager
+def resumable(then: str = GOES_ON) -> Generator["Stop"]:
+    """Yield what Ctrl-C and SIGTERM set, and turn an early end into a word on how to go on.
+
+    Args:
+        then: what the same command does.
+    """
+    from contactlab.run import Stop
+
+    stop = Stop()
+    try:
+        with stop_on_signals(stop):
+            yield stop
+    except (KeyboardInterrupt, StoppedError) as error:
+        say(f"interrupted; the same command {then}")
+        raise typer.Exit(StoppedError.exit_code) from error
+
+
+def sweep_path(name: str) -> Path:
+    """Return the path of a sweep file, given by path or by shipped name.
+
+    Raises:
+        SweepFileError: there is none.
+    """
+    from contactlab import resources
+
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"} or "/" in name:
+        if not path.is_file():
+            raise SweepFileError(f"no sweep file {path}")
+        return path
+    return resources.sweep_file(name)

@@ -2,8 +2,8 @@
 
 import typer
 
-from contactlab.commands.output import Format, FormatOption, print_json
-from contactlab.commands.stores import StoreArgument
+from contactlab.commands.options import StoreArgument
+from contactlab.commands.terminal import Format, FormatOption, print_json
 from contactlab.errors import StoreError
 
 

@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.output import Format, FormatOption, print_json
-from contactlab.commands.stores import METAVAR, Address, store_at
+from contactlab.commands.options import METAVAR, Address, store_at
+from contactlab.commands.terminal import Format, FormatOption, print_json
 
 app = typer.Typer(help="Keep stores to compare with.", no_args_is_help=True)
 

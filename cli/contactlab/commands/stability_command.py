@@ -7,10 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.cores import cores
-from contactlab.commands.output import Format, FormatOption, print_json, print_table, say
-from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere, resumable
-from contactlab.commands.stores import folder_at
+from contactlab.commands.options import cores, folder_at
+from contactlab.commands.stopping import RESULTS, MujocoOption, rerun_with_mujoco, resumable
+from contactlab.commands.terminal import Format, FormatOption, print_json, print_table, say
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -37,10 +36,10 @@ def stability(
     output: FormatOption = Format.text,
 ) -> None:
     """Run hard cases and say what held, what failed, and whether that is what should."""
-    from contactlab.commands.progress import progress
+    from contactlab.commands.terminal import progress
     from contactlab.studies.stability import find_cases, run_case
 
-    go_elsewhere(mujoco, None if results != _RESULTS else results)
+    rerun_with_mujoco(mujoco, None if results != _RESULTS else results)
     processes = cores() if workers is None else workers
     done: list[CaseResult] = []
     cases = find_cases(names or [])

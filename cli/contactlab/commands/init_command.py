@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.output import say
+from contactlab.commands.terminal import say
 from contactlab.errors import OutputError
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.stores import METAVAR, Address, store_at
+from contactlab.commands.options import METAVAR, Address, store_at
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:

@@ -6,10 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.cores import cores
-from contactlab.commands.output import Format, FormatOption, print_table
-from contactlab.commands.running import AGAIN, resumable
-from contactlab.commands.stores import folder_at
+from contactlab.commands.options import cores, folder_at
+from contactlab.commands.stopping import AGAIN, resumable
+from contactlab.commands.terminal import Format, FormatOption, print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -50,7 +49,7 @@ def check(  # noqa: PLR0913 - one argument an option
     output: FormatOption = Format.text,
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
-    from contactlab.commands.progress import progress
+    from contactlab.commands.terminal import progress
     from contactlab.studies.check import CheckAsk, check_model
 
     ask = CheckAsk(

@@ -4,17 +4,25 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.cores import cores
-from contactlab.commands.executing import (
+from contactlab.commands.options import (
+    METAVAR,
+    Address,
     AddressOption,
-    Executing,
+    ExecutorName,
     ExecutorOption,
     check_executor,
+    cores,
     executing,
+    store_at,
 )
-from contactlab.commands.output import Format, FormatOption, say
-from contactlab.commands.running import RESULTS, MujocoOption, go_elsewhere, resumable, sweep_path
-from contactlab.commands.stores import METAVAR, Address, store_at
+from contactlab.commands.stopping import (
+    RESULTS,
+    MujocoOption,
+    rerun_with_mujoco,
+    resumable,
+    sweep_path,
+)
+from contactlab.commands.terminal import Format, FormatOption, say
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
@@ -44,7 +52,7 @@ def sweep(  # noqa: PLR0913 - one argument an option
         int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
     ] = None,
     *,
-    executor: ExecutorOption = Executing.local,
+    executor: ExecutorOption = ExecutorName.local,
     address: AddressOption = None,
     mujoco: MujocoOption = None,
     plan: Annotated[bool, typer.Option("--plan", help="Say what would run; run nothing.")] = False,
@@ -57,13 +65,13 @@ def sweep(  # noqa: PLR0913 - one argument an option
     output: FormatOption = Format.text,
 ) -> None:
     """Run a sweep into a store; the same command resumes one that was interrupted."""
-    from contactlab.commands.summary import print_plan, print_summary
+    from contactlab.commands.show_command import print_plan, print_summary
     from contactlab.plan import Overrides
     from contactlab.run import ask_for, forecast, run_sweep
 
     check_executor(executor, address, workers)
     path = sweep_path(name)
-    go_elsewhere(mujoco, None if store else RESULTS / path.stem)
+    rerun_with_mujoco(mujoco, None if store else RESULTS / path.stem)
     target = store or RESULTS / path.stem
     ask = ask_for(
         path,
@@ -81,7 +89,7 @@ def sweep(  # noqa: PLR0913 - one argument an option
         print_plan(ask.plan, forecast(ask.plan, ask.scene, ask.workers), output)
         return
     _confirm(ask.plan.count, yes=yes)
-    from contactlab.commands.progress import progress
+    from contactlab.commands.terminal import progress
 
     placed = executing(ask, executor, address, workers)
     with resumable() as stop, progress() as shown, placed as ask:

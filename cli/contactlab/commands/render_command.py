@@ -5,8 +5,8 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.output import say
-from contactlab.commands.stores import StoreArgument
+from contactlab.commands.options import StoreArgument
+from contactlab.commands.terminal import say
 from contactlab.errors import OutputError
 
 

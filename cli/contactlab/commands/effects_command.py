@@ -5,10 +5,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.cores import cores
-from contactlab.commands.output import Format, FormatOption, print_table, say
-from contactlab.commands.running import AGAIN, RESULTS, resumable
-from contactlab.commands.stores import folder_at
+from contactlab.commands.options import cores, folder_at
+from contactlab.commands.stopping import AGAIN, RESULTS, resumable
+from contactlab.commands.terminal import Format, FormatOption, print_table, say
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ def effects(  # noqa: PLR0913 - one argument an option
     output: FormatOption = Format.text,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
-    from contactlab.commands.progress import progress
+    from contactlab.commands.terminal import progress
     from contactlab.studies.effects import Ablation, ask, draw
     from contactlab.tradeoff import check_figure
 

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.output import print_json, say
+from contactlab.commands.terminal import print_json, say
 from contactlab.errors import ExpectationError, SweepFileError, did_you_mean
 
 _SUFFIX = ".schema.json"

@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.output import say
-from contactlab.commands.stores import METAVAR, Address, StoreArgument, store_at
-from contactlab.commands.tradeoff import tolerances_of
+from contactlab.commands.options import METAVAR, Address, StoreArgument, store_at
+from contactlab.commands.terminal import say
+from contactlab.commands.tradeoff_command import tolerances_of
 from contactlab.errors import OutputError
 
 _ALL = 1_000_000

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.output import Format, FormatOption, print_json
-from contactlab.commands.stores import StoreArgument
+from contactlab.commands.options import StoreArgument
+from contactlab.commands.terminal import Format, FormatOption, print_json
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
