@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.engines import Buffers, Rollout, roll_out
-from contactlab.scene import Prepared, Scene, Starts, quiet
+from contactlab.scene import InitialStates, PreparedModel, Scene, silence_mujoco
 
 # Every kind of thing that a setting can act on: free and jointed bodies, springs, dry friction, a
 # limit, a motor, a weld to a mocap body, unequal geoms, priorities and an explicit pair.
@@ -53,7 +53,7 @@ class Recorded(NamedTuple):
     iterations: np.ndarray
 
 
-def loop(model: mujoco.MjModel, starts: Starts, run: int, steps: int) -> Recorded:
+def loop(model: mujoco.MjModel, starts: InitialStates, run: int, steps: int) -> Recorded:
     """Step one run with mj_step."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = starts.qpos[run], starts.qvel[run], starts.ctrl[run]
@@ -89,8 +89,8 @@ class Rolled(NamedTuple):
     """A group of runs, rolled out."""
 
     scene: Scene
-    prepared: list[Prepared]
-    starts: Starts
+    prepared: list[PreparedModel]
+    starts: InitialStates
     rollout: Rollout
 
     def assert_equals_loop(self, steps: int) -> None:
@@ -117,7 +117,7 @@ HEAD = "version: 1\ntitle: t\ndescription: d\nduration: 0.1\n"
 @pytest.fixture(scope="session", autouse=True)
 def silent() -> None:
     """Keep diverging runs from writing a log."""
-    quiet()
+    silence_mujoco()
 
 
 @pytest.fixture(scope="session")

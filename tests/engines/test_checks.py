@@ -9,9 +9,9 @@ import pytest
 from contactlab.contact import Setup, Trace
 from contactlab.engines import Buffers, make_trace, roll_out, run_checks
 from contactlab.measure import assess
-from contactlab.scene import Base, Prepared, Scene, Starts, make_setup
+from contactlab.scene import CompiledScene, InitialStates, PreparedModel, Scene, make_setup
 
-Run = tuple[Base, list[Prepared], Starts, Trace, Setup]
+Run = tuple[CompiledScene, list[PreparedModel], InitialStates, Trace, Setup]
 
 
 def simulated(name: str, **values: Any) -> Run:

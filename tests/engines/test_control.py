@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from contactlab.engines import Buffers, roll_out, roll_out_by_impulse, run_checks
 from contactlab.engines.traces import make_trace
 from contactlab.errors import SceneError
-from contactlab.scene import Scene, Starts
+from contactlab.scene import InitialStates, Scene
 
 STEPS = 60
 MODEL = """
@@ -49,7 +49,9 @@ def driven(make_scene: Make, control: str, initial: str = "{}") -> Scene:
     return make_scene(MODEL, manifest(control, initial))
 
 
-def slow(model: mujoco.MjModel, start: Starts, lines: dict[str, Any], steps: int) -> np.ndarray:
+def slow(
+    model: mujoco.MjModel, start: InitialStates, lines: dict[str, Any], steps: int
+) -> np.ndarray:
     """Step with np.interp at every step; `lines` are read here, and not by the scene."""
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:] = start.qpos[0], start.qvel[0]

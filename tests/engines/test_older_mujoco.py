@@ -12,7 +12,7 @@ from contactlab import resources
 from contactlab.contact import Trace
 from contactlab.engines import Buffers, Rollout, count_work, integrate_to, make_trace, roll_out
 from contactlab.engines.older_mujoco import SimulationError, StepLoop
-from contactlab.scene import Base, Prepared, Scene, Starts, has_batch
+from contactlab.scene import CompiledScene, InitialStates, PreparedModel, Scene, has_batch
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 
@@ -33,9 +33,9 @@ SETTINGS: list[dict[str, Any]] = [
 class Seen(NamedTuple):
     """Runs of a scene, and what came of them."""
 
-    base: Base
-    prepared: list[Prepared]
-    starts: Starts
+    base: CompiledScene
+    prepared: list[PreparedModel]
+    starts: InitialStates
     rollout: Rollout
     trace: Trace
 

@@ -13,7 +13,7 @@ from contactlab.engines import (
     time_segments,
     time_steps,
 )
-from contactlab.scene import Scene, compile_plain, prepare_plain
+from contactlab.scene import Scene, compile_without_sensors, prepare_without_sensors
 
 STEPS = 100
 
@@ -25,8 +25,8 @@ class Timed:
         self.run = scene.resolve({"integrator": integrator}, 1, None)
         self.start = scene.starts([self.run])
         self.recorded = scene.prepare(self.run, self.start).model
-        compiled = compile_plain(scene, self.run)
-        self.model = prepare_plain(scene, self.run, self.start, compiled)
+        compiled = compile_without_sensors(scene, self.run)
+        self.model = prepare_without_sensors(scene, self.run, self.start, compiled)
         work = count_work(self.model, self.start, STEPS)
         assert work is not None
         self.work: Work = work

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contactlab.engines import Buffers, Rollout, make_trace, roll_out, trajectory_hash
-from contactlab.scene import Base, Prepared, Scene, Starts, quiet
+from contactlab.scene import CompiledScene, InitialStates, PreparedModel, Scene, silence_mujoco
 
 STEPS = 60
 # The engine's own switch for automatic resets is left as MuJoCo has it: on.
@@ -31,7 +31,7 @@ EXPLODING: dict[str, Any] = {"timestep": 0.02, "solref": (-1e12, -1.0)}
 def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Run where a log would be seen, with the engine told not to write one."""
     monkeypatch.chdir(tmp_path)
-    quiet()
+    silence_mujoco()
 
 
 @pytest.fixture(scope="module")
@@ -48,9 +48,9 @@ class Group:
 
     def __init__(self, scene: Scene, values: list[dict[str, Any]]) -> None:
         runs = [scene.resolve(each, 0, None) for each in values]
-        self.base: Base = scene.base({})
-        self.prepared: list[Prepared] = [self.base.prepare(run.edits()) for run in runs]
-        self.starts: Starts = scene.starts(runs)
+        self.base: CompiledScene = scene.base({})
+        self.prepared: list[PreparedModel] = [self.base.prepare(run.edits()) for run in runs]
+        self.starts: InitialStates = scene.starts(runs)
 
     def roll(self, buffers: Buffers | None = None) -> Rollout:
         models = [each.model for each in self.prepared]

@@ -13,7 +13,7 @@ from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.measure import assess
 from contactlab.plan import Overrides
 from contactlab.run import ask_for, run_sweep
-from contactlab.scene import Prepared, Scene, make_setup
+from contactlab.scene import PreparedModel, Scene, make_setup
 
 Rows = list[dict[str, Any]]
 
@@ -25,7 +25,7 @@ class Measured(NamedTuple):
     labels: list[str]
     series: tuple[PairSeries, ...]
     trace: Trace
-    prepared: Prepared
+    prepared: PreparedModel
 
 
 @pytest.fixture(scope="session")

@@ -18,7 +18,7 @@ from contactlab.run import Scenes, forecast
 from contactlab.run.job import PlannedRun
 from contactlab.run.jobs import JOB_BYTES, MOST_RUNS, pack
 from contactlab.run.roster import Roster
-from contactlab.scene import Resolved, Scene
+from contactlab.scene import ResolvedRun, Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 SCENES = Scenes(None)
@@ -38,9 +38,9 @@ OWN: dict[str, dict[str, list[object]]] = {
 }
 
 
-def planned(plan: Plan, scene: Scene) -> list[tuple[PlannedRun, Resolved]]:
+def planned(plan: Plan, scene: Scene) -> list[tuple[PlannedRun, ResolvedRun]]:
     """Return all runs at once, each resolved by itself."""
-    found: dict[str, tuple[PlannedRun, Resolved]] = {}
+    found: dict[str, tuple[PlannedRun, ResolvedRun]] = {}
     for run in plan.runs():
         resolved = scene.resolve(run.values, run.seed, plan.sweep.duration)
         run_id = scene.run_id(resolved)
@@ -88,7 +88,7 @@ def test_a_roster_is_the_list_of_its_runs(
     _check_jobs(left, scene, workers)
 
 
-def _check_jobs(left: list[tuple[PlannedRun, Resolved]], scene: Scene, workers: int) -> None:
+def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, workers: int) -> None:
     """Check that every run is in one job, in order within each, and that jobs are bounded."""
     jobs = list(pack(iter(left), len(left), scene, workers))
     resolved = {run.run_id: each for run, each in left}
@@ -154,7 +154,7 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
     plan, scene = large
     roster, taken = Roster(plan, scene), 0
 
-    def counted() -> Iterator[tuple[PlannedRun, Resolved]]:
+    def counted() -> Iterator[tuple[PlannedRun, ResolvedRun]]:
         nonlocal taken
         for each in roster.runs():
             taken += 1
@@ -167,12 +167,12 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
 
 
 @pytest.fixture
-def checked(monkeypatch: pytest.MonkeyPatch) -> list[Resolved]:
+def checked(monkeypatch: pytest.MonkeyPatch) -> list[ResolvedRun]:
     """What is checked of a scene whose runs depend on time."""
-    seen: list[Resolved] = []
+    seen: list[ResolvedRun] = []
     check = Scene.check
 
-    def watched(self: Scene, run: Resolved) -> None:
+    def watched(self: Scene, run: ResolvedRun) -> None:
         seen.append(run)
         check(self, run)
 
@@ -187,7 +187,7 @@ def timed(times: list[float]) -> Roster:
     return Roster(plan, SCENES.open("grasp_mug"))
 
 
-def test_what_depends_on_time_is_checked_once_a_start(checked: list[Resolved]) -> None:
+def test_what_depends_on_time_is_checked_once_a_start(checked: list[ResolvedRun]) -> None:
     assert len(timed([0.2, 0.3, 0.4])) == 3 * 3 * 2 * 5
     starts = [(run.structure["shape"], run.initial["lift_time"]) for run in checked]
     assert sorted(starts) == [(shape, time) for shape in (1, 2) for time in (0.2, 0.3, 0.4)]

@@ -10,7 +10,7 @@ from contactlab.errors import SweepFileError
 from contactlab.plan import Overrides
 from contactlab.run import Ask, ask_for
 from contactlab.scene import FLAGS, PARAMETERS, Scene, mujoco_versions
-from contactlab.scene.mujoco_versions import ARRIVALS, Arrival, why_lacking
+from contactlab.scene.mujoco_versions import NEW_FEATURES, NewFeature, why_unsupported
 
 SWEEP = "version: 1\nscene: ball_drop\nduration: 0.02\n"
 MATRIX = SWEEP + "zip:\n  - {integrator: [Euler, discrete], timestep: [1.0e-3, 2.0e-3]}\n"
@@ -30,14 +30,14 @@ def ask(text: str, *assign: str, partly: bool = False) -> Ask:
 
 
 def test_the_table_agrees_with_the_installed_engine() -> None:
-    for each in ARRIVALS:
+    for each in NEW_FEATURES:
         words = PARAMETERS[each.axis].axis.choices if each.axis in PARAMETERS else FLAGS
         there = (each.axis if isinstance(each.value, bool) else each.value) in words
-        assert there == (why_lacking(each.axis, each.value) is None), each
+        assert there == (why_unsupported(each.axis, each.value) is None), each
 
 
-@pytest.mark.parametrize("each", ARRIVALS, ids=lambda each: f"{each.axis}-{each.value}")
-def test_refused_by_name(each: Arrival, version: Callable[[str], None]) -> None:
+@pytest.mark.parametrize("each", NEW_FEATURES, ids=lambda each: f"{each.axis}-{each.value}")
+def test_refused_by_name(each: NewFeature, version: Callable[[str], None]) -> None:
     version("3.3.0")
     value = str(each.value).lower()
     for text, options in (
@@ -53,7 +53,7 @@ def test_refused_by_name(each: Arrival, version: Callable[[str], None]) -> None:
 
 
 def test_taken_from_the_version_on_that_has_it(version: Callable[[str], None]) -> None:
-    arrival = Arrival("integrator", "discrete", "3.13.0")
+    arrival = NewFeature("integrator", "discrete", "3.13.0")
     for number, lacks in (
         ("3.9.1", True),
         ("3.12.9", True),
@@ -61,11 +61,11 @@ def test_taken_from_the_version_on_that_has_it(version: Callable[[str], None]) -
         ("4.0.1.dev5", False),
     ):
         version(number)
-        assert (why_lacking(arrival.axis, arrival.value) is not None) == lacks
+        assert (why_unsupported(arrival.axis, arrival.value) is not None) == lacks
 
 
 def test_a_planted_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mujoco_versions, "ARRIVALS", (Arrival("hover", True, "99.0.0"),))
+    monkeypatch.setattr(mujoco_versions, "NEW_FEATURES", (NewFeature("hover", True, "99.0.0"),))
     with pytest.raises(SweepFileError, match=r"has no switch 'hover', which came with 99\.0\.0"):
         ask(SWEEP, "hover=true")
     # Off is what every engine does that has no such thing, and so no other run.
@@ -111,8 +111,8 @@ def test_what_versions_can(
     version(number)
     assert mujoco_versions.has_batch() == batch
     assert mujoco_versions.has_contact_sensors() == sensors
-    assert bool(mujoco_versions.lacking_records(driven=True)) != batch
-    assert not mujoco_versions.lacking_records(driven=False)
+    assert bool(mujoco_versions.null_fields(driven=True)) != batch
+    assert not mujoco_versions.null_fields(driven=False)
 
 
 def test_the_engine_has_what_its_version_promises() -> None:

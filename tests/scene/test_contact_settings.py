@@ -106,9 +106,9 @@ def test_what_is_as_written_already_changes_nothing(unequal: Scene, differing: A
         plain = base.prepare({}).model
         for name, value in base.settings.items():
             changed = differing(plain, base.prepare({name: value}).model)
-            assert bool(changed) == (name in base.varied), name
-    assert unequal.base({}).varied == set(CONTACT_SETTINGS)
-    assert Scene.open("box_slide").base({}).varied == set()
+            assert bool(changed) == (name in base.nonuniform), name
+    assert unequal.base({}).nonuniform == set(CONTACT_SETTINGS)
+    assert Scene.open("box_slide").base({}).nonuniform == set()
 
 
 def test_a_setting_and_a_field_of_the_same_geom(unequal: Scene) -> None:

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene import Scene
-from contactlab.scene.contact_pairs import Pair, effective
+from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
 
 TWO = """
 <mujoco>
@@ -71,7 +71,9 @@ def assert_effective(model: mujoco.MjModel) -> None:
     assert data.ncon == 1
     contact = data.contact[0]
     for order in ((0, 1), (1, 0)):
-        found = effective(model, Pair("p", ("", ""), False, ((order[0],), (order[1],)), 1))
+        found = effective_parameters(
+            model, MonitoredPair("p", ("", ""), False, ((order[0],), (order[1],)), 1)
+        )
         assert found.condim == contact.dim
         assert found.margin == pytest.approx(contact.includemargin, rel=1e-15)
         # A weighted mean is rounded otherwise when its terms change places.
@@ -112,7 +114,7 @@ def test_override_replaces(
 def test_margin_bounds_force_and_gap_bounds_contact(distance: float) -> None:
     shell = 'margin="0.0025" gap="0.002"'
     model = mujoco.MjModel.from_xml_string(TWO.format(option="", floor=shell, ball=shell, pair=""))
-    found = effective(model, Pair("p", ("", ""), False, ((0,), (1,)), 1))
+    found = effective_parameters(model, MonitoredPair("p", ("", ""), False, ((0,), (1,)), 1))
     data = mujoco.MjData(model)
     data.qpos[2] = 0.1 + distance
     mujoco.mj_forward(model, data)

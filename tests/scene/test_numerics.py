@@ -6,7 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.scene import NUMERICS, PARAMETERS, Scene, as_reference, joints_of, twin_of
+from contactlab.scene import (
+    NUMERICS,
+    PARAMETERS,
+    Scene,
+    joints_of,
+    perturbed_copy,
+    with_reference_numerics,
+)
 
 DISCRETISING: list[dict[str, Any]] = [
     {"timestep": 1e-3},
@@ -54,7 +61,7 @@ def scene(make_scene: Callable[..., Scene]) -> Scene:
 
 def reference(scene: Scene, values: dict[str, Any], seed: int = 0) -> str:
     run = scene.resolve(values, seed, None)
-    return scene.run_id(as_reference(run, "RK4", 1e-5))
+    return scene.run_id(with_reference_numerics(run, "RK4", 1e-5))
 
 
 def known(scene: Scene, values: dict[str, Any]) -> bool:
@@ -101,7 +108,7 @@ def test_every_option_was_decided_on() -> None:
 
 def test_a_reference_is_solved_to_the_end(scene: Scene) -> None:
     run = scene.resolve({"solver": "PGS", "iterations": 1, "island": False}, 0, None)
-    settled = as_reference(run, "RK4", 1e-5)
+    settled = with_reference_numerics(run, "RK4", 1e-5)
     option = scene.prepare(settled, scene.starts([settled])).model.opt
     assert (option.timestep, option.iterations, option.tolerance) == (1e-5, 200, 1e-12)
     assert settled.settings["solver"] == "Newton"
@@ -112,10 +119,10 @@ def test_a_twin_is_hardly_another(scene: Scene) -> None:
     run = scene.resolve({}, 0, None)
     start = scene.starts([run])
     joints = joints_of(scene.base_of(run).model)
-    twin = twin_of(start, joints, 3)
+    twin = perturbed_copy(start, joints, 3)
     apart = np.concatenate([(twin.qpos - start.qpos)[0], (twin.qvel - start.qvel)[0]])
     assert 0 < np.abs(apart).max() <= 1e-8
     assert (twin.qpos[0, 3:] == start.qpos[0, 3:]).all(), "rotations stay"
     assert (twin.qvel != start.qvel).all()
-    assert (twin_of(start, joints, 3).qpos == twin.qpos).all()
-    assert (twin_of(start, joints, 4).qpos != twin.qpos).any()
+    assert (perturbed_copy(start, joints, 3).qpos == twin.qpos).all()
+    assert (perturbed_copy(start, joints, 4).qpos != twin.qpos).any()

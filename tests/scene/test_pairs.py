@@ -9,7 +9,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene import Scene, contact_pairs
-from contactlab.scene.contact_pairs import found_pairs
+from contactlab.scene.contact_pairs import detected_pairs
 
 SHAPES = {
     "sphere": "size='.1'",
@@ -106,7 +106,9 @@ def test_no_contact_is_ungraded_in_many_models(text: str, seed: int) -> None:
 
 def assert_graded(text: str, seed: int) -> None:
     model = compiled(text)
-    graded = {frozenset((each.geoms[0][0], each.geoms[1][0])): each for each in found_pairs(model)}
+    graded = {
+        frozenset((each.geoms[0][0], each.geoms[1][0])): each for each in detected_pairs(model)
+    }
     for both, count in touching(model, seed).items():
         assert both in graded
         assert count <= graded[both].slots
@@ -124,7 +126,9 @@ def test_no_pair_is_graded_that_mujoco_never_makes(text: str) -> None:
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     made = {frozenset(both) for both in data.contact.geom.tolist()}
-    assert {frozenset((each.geoms[0][0], each.geoms[1][0])) for each in found_pairs(model)} <= made
+    assert {
+        frozenset((each.geoms[0][0], each.geoms[1][0])) for each in detected_pairs(model)
+    } <= made
 
 
 def test_many_geoms_are_searched_by_a_short_run(make_scene: Make) -> None:
@@ -139,7 +143,7 @@ def test_many_geoms_are_searched_by_a_short_run(make_scene: Make) -> None:
     names = {pair.name for pair in scene.base({}).pairs}
     assert names <= {"geom0-geom1", "geom1-geom2", "geom0-geom3", "geom3-geom4"}
     assert {"geom0-geom1", "geom0-geom3"} <= names
-    assert contact_pairs.MOST_PAIRS < 78
+    assert contact_pairs.MAX_PAIRS < 78
 
 
 def test_names_given_to_geoms_do_not_clash(make_scene: Make) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
 from contactlab.scene import PARAMETERS, Scene
-from contactlab.scene.engine_flags import FLAGS, read_flags, unusual, write_flags
+from contactlab.scene.engine_flags import FLAGS, non_default, read_flags, write_flags
 from contactlab.scene.parameters import CONTACT_SETTINGS
 
 BALL = Scene.open("ball_drop")
@@ -125,7 +125,7 @@ def test_a_switch_is_the_flag_of_that_name(flag: str, state: bool) -> None:
     assert model.opt.disableflags == wanted.opt.disableflags
     assert model.opt.enableflags == wanted.opt.enableflags
     assert read_flags(model)[flag] is state
-    assert unusual({flag: state}) == ({} if state == usual else {flag: state})
+    assert non_default({flag: state}) == ({} if state == usual else {flag: state})
 
 
 def test_what_recording_needs_is_on_whatever_the_model_says(make_scene: Any) -> None:

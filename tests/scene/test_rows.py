@@ -9,9 +9,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene import ID_BYTES, PARAMETERS, Resolved, Scene
+from contactlab.scene import ID_BYTES, PARAMETERS, ResolvedRun, Scene
 from contactlab.scene.effects import EFFECTS
-from contactlab.scene.engine_flags import unusual
+from contactlab.scene.engine_flags import non_default
 from contactlab.scene.model_fields import is_as_written
 from contactlab.scene.run_identity import other_effects
 
@@ -41,7 +41,7 @@ TUPLES = {
 WHOLE = {"iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"}
 
 
-def slow_id(scene: Scene, run: Resolved) -> str:
+def slow_id(scene: Scene, run: ResolvedRun) -> str:
     """Return a run's id as one JSON text of all that it is."""
     base = scene.base(run.structure)
     identity = {
@@ -51,8 +51,8 @@ def slow_id(scene: Scene, run: Resolved) -> str:
             for name, value in run.values.items()
             if name in base.settings or not is_as_written(base.model, name, value)
         },
-        "written_over": sorted(run.changed & base.varied),
-        "flags": unusual(run.flags) | other_effects(base, run),
+        "written_over": sorted(run.changed & base.nonuniform),
+        "flags": non_default(run.flags) | other_effects(base, run),
         "seed": run.seed,
         "duration": run.duration,
     }

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact import Floats, SelfChecks, Trace
 from contactlab.engines.rollout import STATE, driven, start_batch
-from contactlab.scene import Base, Pair, Prepared, Starts, can_collide
+from contactlab.scene import CompiledScene, InitialStates, MonitoredPair, PreparedModel, can_collide
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
@@ -31,9 +31,9 @@ class _Again(NamedTuple):
 
 
 def run_checks(
-    base: Base,
-    prepared: Sequence[Prepared],
-    starts: Starts,
+    base: CompiledScene,
+    prepared: Sequence[PreparedModel],
+    starts: InitialStates,
     trace: Trace,
     proceed: Callable[[], bool] = lambda: True,
 ) -> SelfChecks:
@@ -72,7 +72,7 @@ def _spread(steps: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, steps - 1, min(steps, most)).astype(np.intp))
 
 
-def _again(model: mujoco.MjModel, start: Starts, steps: int) -> _Again:
+def _again(model: mujoco.MjModel, start: InitialStates, steps: int) -> _Again:
     checked = copy.copy(model)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
     fields = [int(STATE), "solver_fwdinv", "qfrc_constraint"]
@@ -95,7 +95,7 @@ def _residual(model: mujoco.MjModel, again: _Again) -> Floats:
 
 
 def _jacobian(
-    model: mujoco.MjModel, trace: Trace, starts: Starts, run: int, steps: NDArray[np.intp]
+    model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, steps: NDArray[np.intp]
 ) -> Floats:
     """Return (K,) how far the accelerations of a dense and a sparse Jacobian differ."""
     dense, sparse = (
@@ -111,7 +111,7 @@ def _accelerations(
     model: mujoco.MjModel,
     kind: int,
     trace: Trace,
-    starts: Starts,
+    starts: InitialStates,
     run: int,
     steps: NDArray[np.intp],
 ) -> Floats:
@@ -134,7 +134,7 @@ def _accelerations(
 
 
 def _geometry(
-    base: Base, model: mujoco.MjModel, trace: Trace, run: int, steps: NDArray[np.intp]
+    base: CompiledScene, model: mujoco.MjModel, trace: Trace, run: int, steps: NDArray[np.intp]
 ) -> tuple[Floats, Floats]:
     """Return (L,) overlaps without contact, and distances beyond what contacts say."""
     data = mujoco.MjData(model)
@@ -159,7 +159,7 @@ def _geometry(
     return overlap, apart
 
 
-def _distance(model: mujoco.MjModel, data: mujoco.MjData, pair: Pair) -> float:
+def _distance(model: mujoco.MjModel, data: mujoco.MjData, pair: MonitoredPair) -> float:
     """Return the signed distance of a pair by a route that shares nothing with its contacts."""
     return min(
         mujoco.mj_geomDistance(model, data, first, second, 1.0, None)

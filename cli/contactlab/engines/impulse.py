@@ -29,7 +29,7 @@ from contactlab.contact import (
 )
 from contactlab.engines.rollout import Arrays, Buffers, Rollout
 from contactlab.errors import SceneError
-from contactlab.scene import Base, Prepared, Starts
+from contactlab.scene import CompiledScene, InitialStates, PreparedModel
 
 _GEOM = mujoco.mjtGeom
 _NEEDS = (
@@ -77,9 +77,9 @@ class _Step:
 
 
 def roll_out_by_impulse(
-    base: Base,
-    prepared: Sequence[Prepared],
-    starts: Starts,
+    base: CompiledScene,
+    prepared: Sequence[PreparedModel],
+    starts: InitialStates,
     steps: int,
     buffers: Buffers,
     proceed: Callable[[], bool] = lambda: True,
@@ -121,7 +121,7 @@ def roll_out_by_impulse(
     )
 
 
-def _fly(base: Base, mass: _Mass, start: Starts, arrays: Arrays, run: int) -> None:
+def _fly(base: CompiledScene, mass: _Mass, start: InitialStates, arrays: Arrays, run: int) -> None:
     """Step one run and record it."""
     state, sensors = arrays.state[run], arrays.sensors[run]
     timestep = mass.timestep
@@ -155,7 +155,7 @@ def _step(mass: _Mass, now: _Step, timestep: float) -> _Step:
     return _Step(place + before * speed + (timestep - before) * after, after, impact.impulse[0])
 
 
-def _record(base: Base, mass: _Mass, row: Floats, now: _Step, step: _Step) -> None:
+def _record(base: CompiledScene, mass: _Mass, row: Floats, now: _Step, step: _Step) -> None:
     """Fill a sensor row: the state before a step, and the impulse within it."""
     layout = base.layout
     if layout.kinetic is not None:
@@ -180,7 +180,7 @@ def _tangent(normal: Floats) -> Floats:
     return across / np.linalg.norm(across)
 
 
-def _mass_of(base: Base, prepared: Prepared) -> _Mass:
+def _mass_of(base: CompiledScene, prepared: PreparedModel) -> _Mass:
     model = prepared.model
     plane, sphere = _plane_and_sphere(base, model)
     data = mujoco.MjData(model)
@@ -204,7 +204,7 @@ def _mass_of(base: Base, prepared: Prepared) -> _Mass:
     )
 
 
-def _plane_and_sphere(base: Base, model: mujoco.MjModel) -> tuple[int, int]:
+def _plane_and_sphere(base: CompiledScene, model: mujoco.MjModel) -> tuple[int, int]:
     kinds = {int(_GEOM.mjGEOM_PLANE): 0, int(_GEOM.mjGEOM_SPHERE): 1}
     if len(base.pairs) != 1 or base.pairs[0].bodies:
         raise SceneError(_NEEDS)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contactlab.contact import Floats
 from contactlab.engines.rollout import STATE, driven, start_batch
 from contactlab.engines.stepping import Batch, SimulationError
-from contactlab.scene import Starts
+from contactlab.scene import InitialStates
 
 _BLOCK_BYTES = 4 << 20
 # A time that is this share of a step from the end of one is that end.
@@ -38,7 +38,7 @@ class _Run(NamedTuple):
     """What is stepped; `first` is the number of steps that led to where it starts."""
 
     model: mujoco.MjModel
-    start: Starts
+    start: InitialStates
     first: float
 
 
@@ -51,7 +51,7 @@ class _Grid(NamedTuple):
 
 def integrate_to(
     model: mujoco.MjModel,
-    start: Starts,
+    start: InitialStates,
     times: Floats,
     *,
     begin: float = 0.0,

@@ -10,7 +10,7 @@ import numpy as np
 
 from contactlab.contact import Floats
 from contactlab.engines.stepping import Batch, SimulationError
-from contactlab.scene import Starts, has_batch
+from contactlab.scene import InitialStates, has_batch
 
 _ISLANDS = 20
 
@@ -90,7 +90,7 @@ class Rollout:
     errors: tuple[str | None, ...]
 
 
-def start_batch(models: Sequence[mujoco.MjModel], starts: Starts) -> Batch:
+def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batch:
     """Return a batch of one thread, each run on its own model and at its start."""
     persistent = any(model.opt.enableflags & _PERSISTENT for model in models)
     batch = Batch(models[0], len(models), 1, persistent=persistent)
@@ -106,7 +106,7 @@ def start_batch(models: Sequence[mujoco.MjModel], starts: Starts) -> Batch:
 
 
 def driven(
-    model: mujoco.MjModel, starts: Starts, run: int, steps: int, first: float = 0
+    model: mujoco.MjModel, starts: InitialStates, run: int, steps: int, first: float = 0
 ) -> dict[str, Any]:
     """Return what a batch's rollout is told of inputs that change; nothing if none does."""
     if not starts.driven.size:
@@ -119,7 +119,7 @@ def driven(
 
 def roll_out(
     models: Sequence[mujoco.MjModel],
-    starts: Starts,
+    starts: InitialStates,
     steps: int,
     buffers: Buffers,
     watch: Callable[[], None] = lambda: None,
@@ -182,7 +182,7 @@ def roll_out(
     )
 
 
-def _native_cost(model: mujoco.MjModel, starts: Starts, run: int, steps: int) -> float:
+def _native_cost(model: mujoco.MjModel, starts: InitialStates, run: int, steps: int) -> float:
     """Return what a run's steps take without Python between them: made again, unrecorded."""
     if starts.driven.size:
         return np.nan

@@ -6,12 +6,14 @@ import mujoco
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.scene import Pair
+from contactlab.scene import MonitoredPair
 
 _MOST_STATES = 5000
 
 
-def pair_speeds(model: mujoco.MjModel, pairs: Sequence[Pair], qpos: Floats, qvel: Floats) -> Floats:
+def pair_speeds(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], qpos: Floats, qvel: Floats
+) -> Floats:
     """Return (P,) a bound on how fast the geoms of each pair move against each other [m/s].
 
     The speed of their centres, and for the turning of each its angular speed times the farthest

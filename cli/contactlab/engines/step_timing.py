@@ -11,7 +11,7 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.engines.rollout import driven, start_batch
 from contactlab.engines.stepping import Batch, SimulationError
-from contactlab.scene import Starts
+from contactlab.scene import InitialStates
 
 # States kept along a run, its start among them.
 SEGMENTS = 8
@@ -40,7 +40,10 @@ class Work(NamedTuple):
 
 
 def count_work(
-    model: mujoco.MjModel, start: Starts, steps: int, watch: Callable[[], None] = lambda: None
+    model: mujoco.MjModel,
+    start: InitialStates,
+    steps: int,
+    watch: Callable[[], None] = lambda: None,
 ) -> Work | None:
     """Run once, untimed, and count; None if the run does not go through.
 
@@ -66,7 +69,9 @@ def count_work(
     return Work(steps, iterations, contacts, rows, tuple(places), np.array(states))
 
 
-def _counted(batch: Batch, model: mujoco.MjModel, start: Starts, steps: range) -> np.ndarray | None:
+def _counted(
+    batch: Batch, model: mujoco.MjModel, start: InitialStates, steps: range
+) -> np.ndarray | None:
     inputs = driven(model, start, 0, len(steps), steps.start)
     try:
         out = batch.rollout(len(steps), record=list(_FIELDS), **inputs)
@@ -97,7 +102,7 @@ class Segments:
     """
 
     model: mujoco.MjModel
-    start: Starts
+    start: InitialStates
     places: tuple[int, ...]
     states: Floats
     steps: int

@@ -7,10 +7,10 @@ import numpy as np
 
 from contactlab.contact import SLOT_WIDTH, Floats, HeldPose, PairTrace, Trace
 from contactlab.engines.rollout import Rollout
-from contactlab.scene import Base, Prepared
+from contactlab.scene import CompiledScene, PreparedModel
 
 
-def make_trace(base: Base, models: Sequence[Prepared], rollout: Rollout) -> Trace:
+def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout) -> Trace:
     """Return the trace of n runs, views of the rollout where NumPy allows.
 
     Rows of runs that stopped early are not valid beyond `rollout.steps`; cut them with `pick`.
@@ -61,7 +61,9 @@ def _held(sensors: Floats, address: int | None) -> HeldPose | None:
     return HeldPose(sensors[:, :, address : address + 3], sensors[:, :, address + 3 : address + 7])
 
 
-def _pair_trace(base: Base, models: Sequence[Prepared], sensors: Floats, index: int) -> PairTrace:
+def _pair_trace(
+    base: CompiledScene, models: Sequence[PreparedModel], sensors: Floats, index: int
+) -> PairTrace:
     pair, address = base.pairs[index], base.layout.pairs[index]
     block = sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
     shape = (*block.shape[:2], pair.slots, SLOT_WIDTH)

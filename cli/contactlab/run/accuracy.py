@@ -6,7 +6,7 @@ from contactlab.run.clamping import is_clamped, solref_rules
 from contactlab.run.job import Job, PlannedRun, Task
 from contactlab.run.jobs import Planned
 from contactlab.run.notes import Note
-from contactlab.scene import Resolved, Scene, as_reference
+from contactlab.scene import ResolvedRun, Scene, with_reference_numerics
 from contactlab.schema import Accuracy, ErrorKind, SolrefRule
 
 _NOTHING: Note = {}
@@ -16,7 +16,7 @@ def families(planned: Planned, scene: Scene) -> list[Job]:
     """Return runs grouped by all that they share but numerics, and so by their reference."""
     found: dict[str, list[PlannedRun]] = {}
     for run, resolved in planned:
-        shared = scene.run_id(as_reference(resolved, "RK4", 1.0))
+        shared = scene.run_id(with_reference_numerics(resolved, "RK4", 1.0))
         found.setdefault(shared, []).append(run)
     return [tuple(runs) for runs in found.values()]
 
@@ -71,6 +71,6 @@ def _accuracy(note: Note, kind: ErrorKind, rule: SolrefRule | None, *, clamped: 
     )
 
 
-def _clamped(scene: Scene, run: Resolved) -> bool:
+def _clamped(scene: Scene, run: ResolvedRun) -> bool:
     pairs = scene.base_of(run).prepare(run.edits()).pairs
     return is_clamped(run, [pair.solref for pair in pairs.values()])

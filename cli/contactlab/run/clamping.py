@@ -2,13 +2,13 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from contactlab.scene import Resolved
+from contactlab.scene import ResolvedRun
 from contactlab.schema import SolrefRule
 
 _EQUAL = 1e-9
 
 
-def is_clamped(run: Resolved, solrefs: Iterable[Sequence[float]]) -> bool:
+def is_clamped(run: ResolvedRun, solrefs: Iterable[Sequence[float]]) -> bool:
     """Return whether refsafe raises any of these time constants to two timesteps.
 
     Args:
@@ -25,7 +25,7 @@ def raises(solref: Sequence[float], timestep: float) -> bool:
     return 0 < solref[0] < 2 * timestep
 
 
-def solref_rules(runs: Mapping[str, Resolved]) -> dict[str, SolrefRule | None]:
+def solref_rules(runs: Mapping[str, ResolvedRun]) -> dict[str, SolrefRule | None]:
     """Return, for each run, how solref goes with the timestep among runs that else are equal.
 
     It is tied where the time constant is one multiple of every timestep, else absolute; None where
@@ -40,12 +40,12 @@ def solref_rules(runs: Mapping[str, Resolved]) -> dict[str, SolrefRule | None]:
     return found
 
 
-def _beside_contact(run: Resolved) -> str:
+def _beside_contact(run: ResolvedRun) -> str:
     values = {name: each for name, each in run.values.items() if name not in ("timestep", "solref")}
     return repr((sorted(values.items()), sorted(run.flags.items()), run.seed, run.duration))
 
 
-def _rule(runs: Mapping[str, Resolved], names: Sequence[str]) -> SolrefRule | None:
+def _rule(runs: Mapping[str, ResolvedRun], names: Sequence[str]) -> SolrefRule | None:
     timesteps = {runs[name].timestep for name in names}
     if len(timesteps) == 1:
         return None
@@ -54,6 +54,6 @@ def _rule(runs: Mapping[str, Resolved], names: Sequence[str]) -> SolrefRule | No
     return "tied" if least > 0 and most - least <= _EQUAL * most else "absolute"
 
 
-def _time_constant(run: Resolved) -> float:
+def _time_constant(run: ResolvedRun) -> float:
     solref = run.settings.get("solref")
     return float(solref[0]) if isinstance(solref, tuple) else 0.0

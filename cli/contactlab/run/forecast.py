@@ -14,7 +14,7 @@ from contactlab.plan import Plan
 from contactlab.run.clamping import raises
 from contactlab.run.pass_forecast import accuracy_steps, timing_seconds
 from contactlab.run.roster import Roster
-from contactlab.scene import Resolved, Scene, Shape, has_batch, quiet
+from contactlab.scene import ResolvedRun, RowGroup, Scene, has_batch, silence_mujoco
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _FASTEST = 0.8
@@ -66,7 +66,7 @@ class _Sums:
     bytes: int = 0
     fast: int = 0
     clamped: int = 0
-    sampled: list[Resolved] = field(default_factory=list[Resolved])
+    sampled: list[ResolvedRun] = field(default_factory=list[ResolvedRun])
 
 
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
@@ -114,13 +114,13 @@ def _summed(roster: Roster, scene: Scene) -> _Sums:
     return sums
 
 
-def _bytes_of(scene: Scene, shape: Shape, steps: int) -> int:
+def _bytes_of(scene: Scene, shape: RowGroup, steps: int) -> int:
     return bytes_of_run(scene.base_of(shape.first).model, steps)
 
 
-def _step_cost(scene: Scene, resolved: Resolved) -> float:
+def _step_cost(scene: Scene, resolved: ResolvedRun) -> float:
     """Return CPU seconds a step."""
-    quiet()
+    silence_mujoco()
     steps = min(resolved.steps, _SAMPLE_STEPS)
     starts = scene.starts([resolved])
     model = scene.prepare(resolved, starts).model

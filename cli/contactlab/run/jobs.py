@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contactlab.engines import bytes_of_run
 from contactlab.errors import SweepFileError
 from contactlab.run.job import Job, PlannedRun
-from contactlab.scene import Base, Resolved, Scene
+from contactlab.scene import CompiledScene, ResolvedRun, Scene
 
 MOST_RUNS = 32
 # A job's records; with its temporary arrays a worker needs about three times as much.
@@ -16,11 +16,11 @@ MODEL_BYTES = 256 << 20
 _MOST_OPEN = 64
 
 Key = tuple[object, ...]
-Planned = Sequence[tuple[PlannedRun, Resolved]]
+Planned = Sequence[tuple[PlannedRun, ResolvedRun]]
 
 
 def pack(
-    runs: Iterable[tuple[PlannedRun, Resolved]], count: int, scene: Scene, workers: int
+    runs: Iterable[tuple[PlannedRun, ResolvedRun]], count: int, scene: Scene, workers: int
 ) -> Iterator[Job]:
     """Yield jobs, each bounded by `MOST_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
@@ -54,7 +54,7 @@ def pack(
     yield from (tuple(group) for group in waiting.values())
 
 
-def _key(resolved: Resolved) -> Key:
+def _key(resolved: ResolvedRun) -> Key:
     return (
         *resolved.structure.items(),
         resolved.steps,
@@ -64,7 +64,7 @@ def _key(resolved: Resolved) -> Key:
     )
 
 
-def _most_of(scene: Scene, resolved: Resolved, most: int) -> int:
+def _most_of(scene: Scene, resolved: ResolvedRun, most: int) -> int:
     base = scene.base_of(resolved)
     size = bytes_of_run(base.model, resolved.steps)
     if size > RUN_BYTES:
@@ -75,6 +75,6 @@ def _most_of(scene: Scene, resolved: Resolved, most: int) -> int:
     return max(1, min(most, JOB_BYTES // size, most_models(base)))
 
 
-def most_models(base: Base) -> int:
+def most_models(base: CompiledScene) -> int:
     """Return how many models like this one a worker may hold; at least one."""
     return max(1, MODEL_BYTES // base.size)

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import ANGULAR_VELOCITY, PairTrace, Trace
-from contactlab.scene import NOT_THERE, Prepared
+from contactlab.scene import NOT_IN_MODEL, PreparedModel
 
 # Slower motion is the creep and the rocking of soft contact.
 _SLIDE = 5e-3
@@ -14,7 +14,7 @@ _TURN = 0.1
 Moving = Callable[[PairTrace, int], NDArray[np.float64]]
 
 
-def missed_effects(trace: Trace, run: int, prepared: Prepared) -> dict[str, str]:
+def missed_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:
     """Return the effects that are off although the bodies called for them, with what was seen.
 
     Only effects that the model has and that were left out are looked for: friction against what
@@ -26,7 +26,7 @@ def missed_effects(trace: Trace, run: int, prepared: Prepared) -> dict[str, str]
         prepared: the run's model, with its effects.
     """
     off = {name for name, each in prepared.effects.items() if not each.on}
-    left_out = {name for name in off if prepared.effects[name].reason != NOT_THERE}
+    left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
     seen = {name: _motion(trace, run, name) for name in _MOTIONS if name in left_out}
     if "limit" in left_out:
         seen["limit"] = _limit(trace, run, prepared)
@@ -67,7 +67,7 @@ _MOTIONS: Mapping[str, tuple[str, str, float, Moving]] = {
 }
 
 
-def _limit(trace: Trace, run: int, prepared: Prepared) -> str | None:
+def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
     """Return the first joint that passes its limit."""
     model = prepared.model
     first: tuple[int, str] | None = None

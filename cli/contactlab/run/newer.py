@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from contactlab.plan import Plan
-from contactlab.scene import LenientCatalogue, why_lacking
+from contactlab.scene import LenientCatalogue, why_unsupported
 from contactlab.schema import Vocabulary
 
 
@@ -50,9 +50,9 @@ def _values(plan: Plan) -> Iterator[tuple[str, Iterable[object]]]:
 
 
 def _lacks(name: str, values: Iterable[object]) -> bool:
-    return any(why_lacking(name, value) for value in values)
+    return any(why_unsupported(name, value) for value in values)
 
 
 def _reason(row: Mapping[str, object]) -> str | None:
-    found = (why_lacking(name, value) for name, value in row.items())
+    found = (why_unsupported(name, value) for name, value in row.items())
     return next((reason for reason in found if reason), None)

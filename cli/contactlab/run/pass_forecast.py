@@ -3,7 +3,7 @@
 from contactlab.run.accuracy import families
 from contactlab.run.jobs import Planned
 from contactlab.run.stopwatch import LEAST, MOST, SINGLE
-from contactlab.scene import Resolved, Scene
+from contactlab.scene import ResolvedRun, Scene
 from contactlab.schema import AccuracyAsk, TimingAsk
 
 # RK4 takes four evaluations a step.
@@ -33,7 +33,7 @@ def timing_seconds(ask: TimingAsk | None, planned: Planned, per_step: float) -> 
     return ask.rounds * (sum(runs) + len(runs) * SINGLE)
 
 
-def _steps(family: list[Resolved], refine: int) -> float:
+def _steps(family: list[ResolvedRun], refine: int) -> float:
     finest = max(run.duration / run.timestep for run in family)
     # The coarser march of the reference, its twin, and the finer one with twice as many steps.
     reference = 4 * refine * finest * _EVALUATIONS

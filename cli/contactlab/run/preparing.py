@@ -10,7 +10,14 @@ from pathlib import Path
 from contactlab.run.job import Job, Task
 from contactlab.run.jobs import most_models
 from contactlab.run.record import RunPlan
-from contactlab.scene import Prepared, Resolved, Scene, Starts, quiet, stored_scene
+from contactlab.scene import (
+    InitialStates,
+    PreparedModel,
+    ResolvedRun,
+    Scene,
+    silence_mujoco,
+    stored_scene,
+)
 from contactlab.schema import rest
 from contactlab.store.objects import local_scene
 
@@ -37,14 +44,14 @@ class Preparer:
     """
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
-        quiet()
+        silence_mujoco()
         self.task = task
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
         scene = Scene(stored_scene(folder, task.scene_model, task.scene))
         self.scene = scene.with_effects(rest(task.sweep.effects))
         self._marker = marker
-        self._models: OrderedDict[str, Prepared] = OrderedDict()
+        self._models: OrderedDict[str, PreparedModel] = OrderedDict()
 
     def plans(self, job: Job) -> list[RunPlan]:
         """Return all that decides the runs of a job of one structure."""
@@ -58,7 +65,7 @@ class Preparer:
             for run, each, start in zip(job, resolved, picked, strict=True)
         ]
 
-    def _prepared(self, run: Resolved, start: Starts) -> Prepared:
+    def _prepared(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
         key = self.scene.model_key(run, start)
         if key not in self._models:
             self._models[key] = self.scene.prepare(run, start)

@@ -10,7 +10,7 @@ from typing import Any
 from contactlab.measure import METRICS, Assessment
 from contactlab.run.expectation import judge, within
 from contactlab.run.job import IMPULSE, PlannedRun, Task
-from contactlab.scene import Prepared, Resolved, Starts
+from contactlab.scene import InitialStates, PreparedModel, ResolvedRun
 from contactlab.schema import Cost, Engine, EvidenceRecord, InitialState, LabelEntry
 
 UNITS = {metric.name: metric.unit for metric in METRICS.values()}
@@ -29,9 +29,9 @@ class RunPlan:
     """
 
     run: PlannedRun
-    resolved: Resolved
-    prepared: Prepared
-    start: Starts
+    resolved: ResolvedRun
+    prepared: PreparedModel
+    start: InitialStates
 
 
 @dataclass(frozen=True)
@@ -147,7 +147,7 @@ class RecordMaker:
             **rest,
         )
 
-    def _engine(self, resolved: Resolved) -> Engine:
+    def _engine(self, resolved: ResolvedRun) -> Engine:
         if resolved.settings["engine"] == IMPULSE:
             return Engine(name=IMPULSE, version=version("contactlab"))
         return self._task.engine
@@ -174,7 +174,7 @@ def _is_knife_edge(outcome: Outcome) -> bool | None:
     return outcome.twin_label != outcome.assessment.labels[outcome.row][0].label
 
 
-def _initial(start: Starts) -> InitialState:
+def _initial(start: InitialStates) -> InitialState:
     applied = start.applied[0]
     return InitialState(
         qpos=tuple(start.qpos[0].tolist()),

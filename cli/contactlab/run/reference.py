@@ -11,7 +11,14 @@ from contactlab.engines import SampledStates, integrate_to, invariants
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.run.preparing import Preparer
 from contactlab.run.record import RunPlan
-from contactlab.scene import Base, Prepared, Starts, as_reference, joints_of, twin_of
+from contactlab.scene import (
+    CompiledScene,
+    InitialStates,
+    PreparedModel,
+    joints_of,
+    perturbed_copy,
+    with_reference_numerics,
+)
 
 # At equal timesteps RK4 is nearest to the limit, by many orders where the motion is smooth; where
 # it is unstable, since it is explicit, the other takes over.
@@ -25,7 +32,7 @@ Watch = Callable[[], None]
 class Marched:
     """A model, and what it did at T times."""
 
-    prepared: Prepared
+    prepared: PreparedModel
     integrate_to: SampledStates
 
 
@@ -44,7 +51,7 @@ class Reference:
         free: whether nothing from outside acts on the model.
     """
 
-    start: Starts
+    start: InitialStates
     integrator: str
     timestep: float
     times: Floats
@@ -68,7 +75,7 @@ class Reference:
         return Discrepancy.of(drifts(mine, other))
 
     def restarted(
-        self, prepared: Prepared, begins: Floats, ends: Floats, watch: Watch
+        self, prepared: PreparedModel, begins: Floats, ends: Floats, watch: Watch
     ) -> Discrepancy | None:
         """Return how far a model gets from the reference between times, starting on it [m].
 
@@ -105,7 +112,7 @@ class Referee:
         self._preparer = preparer
         self._plan = plan
         self._watch = watch
-        self._base: Base = preparer.scene.base_of(plan.resolved)
+        self._base: CompiledScene = preparer.scene.base_of(plan.resolved)
 
     def reference(self, least: float, times: Floats) -> Reference | None:
         """Return the family's reference, or None if no integrator gets through.
@@ -137,7 +144,7 @@ class Referee:
         At its timestep, and not at those of the runs: which step an impact falls into may change
         with any nudge, and by then moves what follows by less than the runs' own errors.
         """
-        twin = twin_of(reference.start, reference.joints, self._plan.run.seed)
+        twin = perturbed_copy(reference.start, reference.joints, self._plan.run.seed)
         timestep = 2 * reference.timestep
         found = self._march(reference.integrator, timestep, reference.times, twin)
         if found is None:
@@ -146,9 +153,9 @@ class Referee:
         return Discrepancy.of(distances(reference.joints, found.march.qpos, qpos)).peak
 
     def _march(
-        self, integrator: str, timestep: float, times: Floats, start: Starts
+        self, integrator: str, timestep: float, times: Floats, start: InitialStates
     ) -> Marched | None:
-        resolved = as_reference(self._plan.resolved, integrator, timestep)
+        resolved = with_reference_numerics(self._plan.resolved, integrator, timestep)
         prepared = self._preparer.scene.prepare(resolved, self._plan.start)
         found = integrate_to(prepared.model, start, times, watch=self._watch)
         return found and Marched(prepared, found)

@@ -17,7 +17,7 @@ from typing import IO, Any
 from contactlab.engines import Segments, count_work, time_segments
 from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.run.replay import stored_run
-from contactlab.scene import compile_plain, prepare_plain, quiet
+from contactlab.scene import compile_without_sensors, prepare_without_sensors, silence_mujoco
 from contactlab.store import Store
 
 MOST_STEPS = 2_000
@@ -49,7 +49,9 @@ def segments_of(store: Store, run: str) -> Segments:
     """
     _, scene, resolved = stored_run(store, run)
     start = scene.starts([resolved])
-    model = prepare_plain(scene, resolved, start, compile_plain(scene, resolved))
+    model = prepare_without_sensors(
+        scene, resolved, start, compile_without_sensors(scene, resolved)
+    )
     work = count_work(model, start, resolved.steps)
     if work is None:
         raise ContactlabError(f"run {run} does not go through")
@@ -58,7 +60,7 @@ def segments_of(store: Store, run: str) -> Segments:
 
 def main() -> None:
     """Answer until the input ends."""
-    quiet()
+    silence_mujoco()
     gc.disable()
     try:
         for answer in answers(Store.open(Path(sys.argv[1])), iter(sys.stdin.readline, "")):

@@ -7,7 +7,15 @@ import numpy as np
 from contactlab.engines import Buffers, Rollout, roll_out, roll_out_by_impulse, trajectory_hash
 from contactlab.errors import StoreError
 from contactlab.run.job import IMPULSE
-from contactlab.scene import Base, Prepared, Resolved, Scene, Starts, quiet, stored_scene
+from contactlab.scene import (
+    CompiledScene,
+    InitialStates,
+    PreparedModel,
+    ResolvedRun,
+    Scene,
+    silence_mujoco,
+    stored_scene,
+)
 from contactlab.schema import EvidenceRecord, rest
 from contactlab.store import Store
 
@@ -41,9 +49,9 @@ class Start:
     """A stored run, ready to be simulated again."""
 
     record: EvidenceRecord
-    base: Base
-    prepared: Prepared
-    state: Starts
+    base: CompiledScene
+    prepared: PreparedModel
+    state: InitialStates
 
     def roll_out(self) -> Rollout:
         """Simulate it by the engine that it was stored with."""
@@ -67,7 +75,7 @@ def prepare(store: Store, run: str) -> Start:
     return Start(record, scene.base_of(resolved), prepared, state)
 
 
-def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, Resolved]:
+def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:
     """Return a stored run, its scene and what it resolves to, made from the store's own files.
 
     Raises:
@@ -89,7 +97,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, Resolved]
 
 def replay(store: Store, run: str) -> Replay:
     """Simulate a stored run again and say whether it is the same, or where it first differs."""
-    quiet()
+    silence_mujoco()
     start = prepare(store, run)
     record = start.record
     rollout = start.roll_out()
@@ -107,7 +115,9 @@ def replay(store: Store, run: str) -> Replay:
     )
 
 
-def _stored_start(record: EvidenceRecord, prepared: Prepared, again: Starts) -> Starts:
+def _stored_start(
+    record: EvidenceRecord, prepared: PreparedModel, again: InitialStates
+) -> InitialStates:
     """Return the state as stored; what drives it over time is part of scene and settings."""
     initial = record.initial
     applied = initial.applied or (0.0,) * (6 * prepared.model.nbody)

@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.errors import SceneError
 from contactlab.plan import Plan
 from contactlab.run.job import PlannedRun
-from contactlab.scene import ID_BYTES, Resolved, ResolvedRow, Scene, Shape
+from contactlab.scene import ID_BYTES, ResolvedRow, ResolvedRun, RowGroup, Scene
 
 _ID = np.dtype(">u8")
 _DIGITS = 2 * ID_BYTES
@@ -34,7 +34,7 @@ class Roster:
         """
         self._plan = plan
         self._rows = scene.rows(plan.sweep.duration)
-        self.firsts: dict[Shape, Mapping[str, object]] = {}
+        self.firsts: dict[RowGroup, Mapping[str, object]] = {}
         found = bytearray()
         check = _Check(scene)
         for row in plan.rows():
@@ -60,7 +60,7 @@ class Roster:
         text = self._text() if done else ""
         return sum(text[at : at + _DIGITS] in done for at in range(0, len(text), _DIGITS))
 
-    def runs(self, done: Collection[str] = ()) -> Iterator[tuple[PlannedRun, Resolved]]:
+    def runs(self, done: Collection[str] = ()) -> Iterator[tuple[PlannedRun, ResolvedRun]]:
         """Yield every run, but for those that are done, with what it resolves to."""
         kept = self._kept.tobytes()
         for row in self._plan.rows():

@@ -17,7 +17,13 @@ from contactlab.run.job import Finished
 from contactlab.run.jobs import Planned
 from contactlab.run.notes import Note, note
 from contactlab.run.timing_job import work_in
-from contactlab.scene import Resolved, Scene, compile_plain, prepare_plain, quiet
+from contactlab.scene import (
+    ResolvedRun,
+    Scene,
+    compile_without_sensors,
+    prepare_without_sensors,
+    silence_mujoco,
+)
 
 # CPU time of a run in a round, least and most, and of its single steps at most [s].
 LEAST, MOST, SINGLE = 0.02, 0.1, 0.02
@@ -75,7 +81,7 @@ class Stopwatch:
             runs: the runs.
             work: run id to what was counted of it.
         """
-        quiet()
+        silence_mujoco()
         todo = [(run.run_id, resolved, work_in(work[run.run_id])) for run, resolved in runs]
         with _undisturbed():
             paces = [_pace(self._segments(resolved, done)) for _, resolved, done in todo]
@@ -89,19 +95,19 @@ class Stopwatch:
         for (run_id, resolved, _), taken in zip(todo, zip(*rounds, strict=True), strict=True):
             yield note("times", run_id, _summed(taken, self._model(resolved)[1]))
 
-    def _once(self, resolved: Resolved, work: Work, pace: _Pace) -> _Taken:
+    def _once(self, resolved: ResolvedRun, work: Work, pace: _Pace) -> _Taken:
         segments = self._segments(resolved, work)
         seconds, steps = time_segments(segments, pace.most, pace.repeats)
         half, most = np.quantile(time_steps(segments, pace.single), (0.5, 0.99)).tolist()
         return _Taken(seconds / (steps * resolved.timestep), half, most)
 
-    def _segments(self, resolved: Resolved, work: Work) -> Segments:
+    def _segments(self, resolved: ResolvedRun, work: Work) -> Segments:
         """Return what is timed of a run; made anew each time, so that memory does not grow."""
         start = self.scene.starts([resolved])
-        model = prepare_plain(self.scene, resolved, start, self._model(resolved)[0])
+        model = prepare_without_sensors(self.scene, resolved, start, self._model(resolved)[0])
         return Segments(model, start, work.places, work.states, work.steps)
 
-    def _model(self, resolved: Resolved) -> tuple[Any, float]:
+    def _model(self, resolved: ResolvedRun) -> tuple[Any, float]:
         """Return a run's compiled structure, and the least CPU time that compiling it took [s]."""
         key = json.dumps([resolved.structure, sorted(resolved.without)])
         if key not in self._compiled:
@@ -110,10 +116,10 @@ class Stopwatch:
         return self._compiled[key]
 
 
-def _clocked_compile(scene: Scene, resolved: Resolved) -> tuple[Any, float]:
+def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[Any, float]:
     # The engine compiles meshes on threads of its own, which a thread's clock does not see.
     begin = time.process_time()
-    compiled = compile_plain(scene, resolved)
+    compiled = compile_without_sensors(scene, resolved)
     return compiled, time.process_time() - begin
 
 

@@ -16,7 +16,7 @@ from contactlab.run.provenance import engine, provenance
 from contactlab.run.record import UNITS, VERSIONS, as_written
 from contactlab.run.roster import Roster
 from contactlab.run.stop import Stop
-from contactlab.scene import EFFECTS, Scene, lacking_records
+from contactlab.scene import EFFECTS, Scene, null_fields
 from contactlab.schema import RECORD_VERSION, StoreManifest, SweepIdentity
 from contactlab.store import (
     Address,
@@ -149,7 +149,7 @@ def _identity(ask: Ask, roster: Roster) -> SweepIdentity:
         engine=engine(),
         metric_versions=VERSIONS,
         runs_asked=len(roster),
-        lacking=lacking_records(driven=bool(manifest and manifest.control)),
+        lacking=null_fields(driven=bool(manifest and manifest.control)),
         plan_hash=roster.hash,
     )
 

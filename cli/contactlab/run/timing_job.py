@@ -9,7 +9,7 @@ from contactlab.engines import Work, count_work
 from contactlab.run.job import Finished, Job
 from contactlab.run.notes import Note, note
 from contactlab.run.preparing import Preparer
-from contactlab.scene import compile_plain, prepare_plain
+from contactlab.scene import compile_without_sensors, prepare_without_sensors
 
 
 def work_of(preparer: Preparer, job: Job) -> list[Finished]:
@@ -18,11 +18,11 @@ def work_of(preparer: Preparer, job: Job) -> list[Finished]:
     The models are those that are timed, so that the states fit them.
     """
     plans = preparer.plans(job)
-    compiled = compile_plain(preparer.scene, plans[0].resolved)
+    compiled = compile_without_sensors(preparer.scene, plans[0].resolved)
     found: list[Finished] = []
     with preparer.watchdog_or_give_up() as watch:
         for plan in plans:
-            model = prepare_plain(preparer.scene, plan.resolved, plan.start, compiled)
+            model = prepare_without_sensors(preparer.scene, plan.resolved, plan.start, compiled)
             work = count_work(model, plan.start, plan.resolved.steps, watch)
             found.append(note("work", plan.run.run_id, _told(work) if work else {}))
     return found

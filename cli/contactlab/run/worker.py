@@ -24,7 +24,7 @@ from contactlab.run.missed import missed_effects
 from contactlab.run.preparing import GivenUpError, Preparer, Proceed, always
 from contactlab.run.record import Outcome, RecordMaker, RunPlan
 from contactlab.run.timing_job import work_of
-from contactlab.scene import Starts, make_setup
+from contactlab.scene import InitialStates, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store import TraceFolder, to_row
 from contactlab.store.mcap import TraceExtras
@@ -67,7 +67,7 @@ class Worker:
         """Run a job of runs that share structure and step count; write their traces."""
         started = self._records.now()
         plans = self._preparer.plans(job)
-        starts = Starts.joined([plan.start for plan in plans])
+        starts = InitialStates.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         finished: dict[int, Finished] = {}
@@ -91,7 +91,7 @@ class Worker:
         return [finished[place] for place in sorted(finished)]
 
     def _measure(
-        self, plans: Sequence[RunPlan], starts: Starts, buffers: Buffers, proceed: Proceed
+        self, plans: Sequence[RunPlan], starts: InitialStates, buffers: Buffers, proceed: Proceed
     ) -> tuple[Rollout, Iterator[Group]]:
         """Simulate runs from the given starts, and measure and label them; the first if told so."""
         resolved = [plan.resolved for plan in plans]
@@ -117,7 +117,7 @@ class Worker:
         rule = "none" if by_hand else sweep.checks
         return rollout, measured_groups(trace, setup, rollout, rule, check)
 
-    def _twin_labels(self, plans: Sequence[RunPlan], starts: Starts) -> dict[int, str]:
+    def _twin_labels(self, plans: Sequence[RunPlan], starts: InitialStates) -> dict[int, str]:
         """Return the label that each run gets from a start that is hardly another, if asked."""
         if not self._task.sweep.knife_edge:
             return {}

@@ -1,19 +1,19 @@
 """From what a sweep names to compiled models: scenes, parameters, engine switches."""
 
 from contactlab.scene.axis_catalogue import LenientCatalogue
-from contactlab.scene.compiled_scene import Base, Prepared
-from contactlab.scene.contact_pairs import Pair, can_collide
-from contactlab.scene.effects import EFFECTS, FRICTIONS, NOT_THERE, Choice, Effect
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.contact_pairs import MonitoredPair, can_collide
+from contactlab.scene.effects import EFFECTS, FRICTIONS, NOT_IN_MODEL, Effect, EffectState
 from contactlab.scene.engine_flags import FLAGS
-from contactlab.scene.initial_states import OWN_START, TWIN, Starts, twin_of
+from contactlab.scene.initial_states import PERTURBATION, QPOS0, InitialStates, perturbed_copy
 from contactlab.scene.model_joints import actuated_limbs, joints_of
-from contactlab.scene.mujoco_versions import has_batch, lacking_records, quiet, why_lacking
+from contactlab.scene.mujoco_versions import has_batch, null_fields, silence_mujoco, why_unsupported
 from contactlab.scene.parameters import PARAMETERS, Parameter
-from contactlab.scene.plain import compile_plain, prepare_plain
-from contactlab.scene.recording_sensors import PREFIX, Layout
-from contactlab.scene.reference_numerics import NUMERICS, as_reference
-from contactlab.scene.resolved import Resolved
-from contactlab.scene.row_resolution import ResolvedRow, Shape
+from contactlab.scene.plain import compile_without_sensors, prepare_without_sensors
+from contactlab.scene.recording_sensors import PREFIX, SensorLayout
+from contactlab.scene.reference_numerics import NUMERICS, with_reference_numerics
+from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.run_identity import ID_BYTES
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
@@ -31,42 +31,42 @@ __all__ = [
     "FLAGS",
     "FRICTIONS",
     "ID_BYTES",
-    "NOT_THERE",
+    "NOT_IN_MODEL",
     "NUMERICS",
-    "OWN_START",
     "PARAMETERS",
+    "PERTURBATION",
     "PREFIX",
-    "TWIN",
-    "Base",
-    "Choice",
+    "QPOS0",
+    "CompiledScene",
     "Effect",
+    "EffectState",
     "InertiaFault",
-    "Layout",
+    "InitialStates",
     "LenientCatalogue",
-    "Pair",
+    "MonitoredPair",
     "Parameter",
-    "Prepared",
-    "Resolved",
+    "PreparedModel",
     "ResolvedRow",
+    "ResolvedRun",
+    "RowGroup",
     "Scene",
     "SceneSource",
-    "Shape",
-    "Starts",
+    "SensorLayout",
     "actuated_limbs",
-    "as_reference",
     "can_collide",
-    "compile_plain",
+    "compile_without_sensors",
     "find_scene",
     "has_batch",
     "is_menagerie",
     "joints_of",
-    "lacking_records",
     "make_setup",
     "menagerie_name",
-    "prepare_plain",
-    "quiet",
+    "null_fields",
+    "perturbed_copy",
+    "prepare_without_sensors",
+    "silence_mujoco",
     "stored_scene",
-    "twin_of",
-    "why_lacking",
+    "why_unsupported",
+    "with_reference_numerics",
     "written_inertia_faults",
 ]

@@ -4,11 +4,15 @@ import math
 from collections.abc import Callable, Sequence
 
 from contactlab.errors import SceneError
-from contactlab.scene.compiled_scene import Base
+from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS
-from contactlab.scene.initial_states import OWN_START, keyframe_names
+from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_fields import field_axis
-from contactlab.scene.mujoco_versions import accepting, newer_switch, refusing
+from contactlab.scene.mujoco_versions import (
+    accepting_unsupported,
+    missing_flag_axis,
+    refusing_unsupported,
+)
 from contactlab.scene.parameters import CONTACT_SETTINGS, PARAMETERS
 from contactlab.scene.settings import ENGINES
 from contactlab.scene.value_parsers import choice, integer, number, switch
@@ -21,9 +25,9 @@ class SceneCatalogue:
     Model fields such as `dof_damping[hinge]` are found, though not listed.
     """
 
-    def __init__(self, base: Base, manifest: SceneManifest | None) -> None:
+    def __init__(self, base: CompiledScene, manifest: SceneManifest | None) -> None:
         self._model = base.model
-        self._axes = {axis.name: refusing(axis) for axis in _axes(base, manifest)}
+        self._axes = {axis.name: refusing_unsupported(axis) for axis in _axes(base, manifest)}
 
     @property
     def names(self) -> Sequence[str]:
@@ -33,7 +37,7 @@ class SceneCatalogue:
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
         try:
-            known = self._axes.get(name) or newer_switch(name)
+            known = self._axes.get(name) or missing_flag_axis(name)
             return known or field_axis(self._model, name)
         except ValueError:
             return None
@@ -53,10 +57,10 @@ class LenientCatalogue:
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
         axis = self._own.find(name)
-        return axis and accepting(axis)
+        return axis and accepting_unsupported(axis)
 
 
-def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
+def _axes(base: CompiledScene, manifest: SceneManifest | None) -> list[AxisSpec]:
     axes = [
         parameter.axis
         for parameter in PARAMETERS.values()
@@ -73,7 +77,7 @@ def _axes(base: Base, manifest: SceneManifest | None) -> list[AxisSpec]:
         if name not in PARAMETERS
     ]
     if starts := keyframe_names(base.model):
-        words = (*starts, OWN_START)
+        words = (*starts, QPOS0)
         axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
     own = _own_axes(manifest) if manifest else []
     taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}

@@ -46,7 +46,7 @@ def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generat
         return
     with TemporaryDirectory(prefix="contactlab-") as folder:
         source.content.copy_to(Path(folder))
-        with source.blamed():
+        with source.named_in_errors():
             _write_structure(Path(folder), source, structure)
         yield Path(folder) / source.content.model
 

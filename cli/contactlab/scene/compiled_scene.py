@@ -9,12 +9,17 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.compile_model import compile_model
-from contactlab.scene.contact_pairs import Pair, declared_pairs, effective, found_pairs
+from contactlab.scene.contact_pairs import (
+    MonitoredPair,
+    declared_pairs,
+    detected_pairs,
+    effective_parameters,
+)
 from contactlab.scene.effects import (
-    Choice,
-    Facts,
-    Situation,
-    Wishes,
+    EffectRequest,
+    EffectState,
+    ModelFacts,
+    RunState,
     choose,
     find_facts,
     leave_out,
@@ -22,46 +27,52 @@ from contactlab.scene.effects import (
 )
 from contactlab.scene.engine_flags import read_flags
 from contactlab.scene.initial_states import (
-    OWN_START,
+    QPOS0,
+    default_keyframe,
     keyframe_names,
     place_mocap,
-    usual_keyframe,
 )
-from contactlab.scene.model_edits import Targets, apply, edited, find_targets, varied
-from contactlab.scene.recording_sensors import Layout, add_sensors, find_layout
+from contactlab.scene.model_edits import (
+    EditTargets,
+    apply_settings,
+    find_targets,
+    geoms_written,
+    nonuniform_settings,
+)
+from contactlab.scene.recording_sensors import SensorLayout, add_sensors, find_layout
 from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.settings import base_settings
-from contactlab.scene.timed_inputs import Holding, find_holding
+from contactlab.scene.timed_inputs import HoldSpec, find_hold
 from contactlab.schema import PairRecord, SceneManifest
 
 
 @dataclass(frozen=True)
-class Base:
+class CompiledScene:
     """A compiled structure of a scene, from which the models of its runs are made.
 
     Attributes:
         model: the compiled model; never edited.
-        pairs: the graded contact pairs.
+        pairs: the monitored contact pairs.
         layout: where the recorded numbers lie.
         settings: every setting of the model as written.
         flags: every engine switch of the model as written.
         targets: where contact and mass settings go.
-        varied: contact settings that not every target has as `settings` says.
+        nonuniform: contact settings that not every target has as `settings` says.
         free: whether no static body, actuator or field outside acts on it.
         holding: what is held by what, if the manifest says.
         facts: what it decides about its effects.
     """
 
     model: mujoco.MjModel
-    pairs: tuple[Pair, ...]
-    layout: Layout
+    pairs: tuple[MonitoredPair, ...]
+    layout: SensorLayout
     settings: Mapping[str, object]
     flags: Mapping[str, bool]
-    targets: Targets
-    varied: frozenset[str]
+    targets: EditTargets
+    nonuniform: frozenset[str]
     free: bool
-    holding: Holding | None
-    facts: Facts
+    holding: HoldSpec | None
+    facts: ModelFacts
 
     @property
     def size(self) -> int:
@@ -69,38 +80,44 @@ class Base:
         return int(mujoco.mj_sizeModel(self.model))
 
     def prepare(
-        self, edits: Mapping[str, object], wishes: Wishes | None = None, *, straight: bool = False
-    ) -> "Prepared":
+        self,
+        edits: Mapping[str, object],
+        effect_request: EffectRequest | None = None,
+        *,
+        straight: bool = False,
+    ) -> "PreparedModel":
         """Return a copy of the model with the edits written, and what came of them.
 
         Args:
             edits: settings and effects to write.
-            wishes: decide the other effects; they stay as they are if None.
+            effect_request: decide the other effects; they stay as they are if None.
             straight: whether the run starts without turning or moving sideways.
         """
         model = copy.copy(self.model)
-        place_mocap(model, str({**self.settings, **edits}.get("keyframe", OWN_START)))
-        apply(model, edits, self.targets)
-        effects: dict[str, Choice] = {}
-        if wishes is not None:
-            run = Situation(model, self.facts, straight)
-            effects = choose(run, wishes)
+        place_mocap(model, str({**self.settings, **edits}.get("keyframe", QPOS0)))
+        apply_settings(model, edits, self.targets)
+        effects: dict[str, EffectState] = {}
+        if effect_request is not None:
+            run = RunState(model, self.facts, straight)
+            effects = choose(run, effect_request)
             leave_out(run, effects)
-        return Prepared(
+        return PreparedModel(
             model=model,
-            pairs={pair.name: effective(model, pair) for pair in self.pairs},
-            edited_geoms=tuple(model.geom(index).name for index in edited(edits, self.targets)),
+            pairs={pair.name: effective_parameters(model, pair) for pair in self.pairs},
+            edited_geoms=tuple(
+                model.geom(index).name for index in geoms_written(edits, self.targets)
+            ),
             effects=effects,
         )
 
 
 @dataclass(frozen=True)
-class Prepared:
+class PreparedModel:
     """A model ready to run.
 
     Attributes:
         model: the compiled model with a run's settings.
-        pairs: the effective contact parameters of every graded pair.
+        pairs: the effective contact parameters of every monitored pair.
         edited_geoms: the geoms whose contact parameters were set.
         effects: every effect, on or off, with the reason; empty if that was not decided.
     """
@@ -108,12 +125,12 @@ class Prepared:
     model: mujoco.MjModel
     pairs: Mapping[str, PairRecord]
     edited_geoms: tuple[str, ...]
-    effects: Mapping[str, Choice] = field(default_factory=dict[str, Choice])
+    effects: Mapping[str, EffectState] = field(default_factory=dict[str, EffectState])
 
 
-def compile_base(
+def compile_scene(
     source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
-) -> Base:
+) -> CompiledScene:
     """Compile one structure of a scene.
 
     Args:
@@ -126,12 +143,12 @@ def compile_base(
     """
     plain = compile_model(source, structure, lambda _: None)
     free = _is_free(plain)
-    with source.blamed():
+    with source.named_in_errors():
         subject = _subject(plain, source.manifest)
         declared = declared_pairs(plain, source.manifest.pairs) if source.manifest else ()
-        keyframe = usual_keyframe(plain, source.manifest)
-        pairs = declared or found_pairs(plain, keyframe)
-        holding = find_holding(plain, source.manifest, subject)
+        keyframe = default_keyframe(plain, source.manifest)
+        pairs = declared or detected_pairs(plain, keyframe)
+        holding = find_hold(plain, source.manifest, subject)
 
     energy = "energy" not in without
 
@@ -144,14 +161,14 @@ def compile_base(
     if keyframe_names(model):
         settings["keyframe"] = keyframe
     targets = find_targets(model, pairs, subject)
-    return Base(
+    return CompiledScene(
         model=model,
         pairs=pairs,
         layout=find_layout(model, pairs, holding, free=free, energy=energy),
         settings=settings,
         flags=read_flags(model),
         targets=targets,
-        varied=varied(model, settings, targets),
+        nonuniform=nonuniform_settings(model, settings, targets),
         free=free,
         holding=holding,
         facts=find_facts(model, energy=energy),

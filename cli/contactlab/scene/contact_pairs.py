@@ -15,11 +15,11 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.initial_states import OWN_START, start_data
-from contactlab.scene.mujoco_versions import quiet
+from contactlab.scene.initial_states import QPOS0, start_data
+from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema import PairEntry, PairRecord
 
-MOST_PAIRS = 64
+MAX_PAIRS = 64
 _SEARCH_STEPS = 2000
 _BODY_SLOTS = 16
 _FIELD_SLOTS = 16
@@ -27,8 +27,8 @@ _GEOM = mujoco.mjtGeom
 
 
 @dataclass(frozen=True)
-class Pair:
-    """A graded contact pair: two geoms, or two bodies with all of their geoms.
+class MonitoredPair:
+    """A monitored contact pair: two geoms, or two bodies with all of their geoms.
 
     Attributes:
         name: `side-side`, unique in the model.
@@ -45,7 +45,9 @@ class Pair:
     slots: int
 
 
-def declared_pairs(model: mujoco.MjModel, entries: tuple[PairEntry, ...]) -> tuple[Pair, ...]:
+def declared_pairs(
+    model: mujoco.MjModel, entries: tuple[PairEntry, ...]
+) -> tuple[MonitoredPair, ...]:
     """Return the pairs that a manifest lists.
 
     Raises:
@@ -59,19 +61,19 @@ def declared_pairs(model: mujoco.MjModel, entries: tuple[PairEntry, ...]) -> tup
     return pairs
 
 
-def found_pairs(model: mujoco.MjModel, keyframe: str = OWN_START) -> tuple[Pair, ...]:
+def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[MonitoredPair, ...]:
     """Return the geom pairs that can touch; if there are over 64, those that do in short runs.
 
     These go from the model's own start and from a keyframe, where one is given: postures differ in
     what touches, such as fingers that are open or closed.
     """
     pairs = [each for each in combinations(range(model.ngeom), 2) if _may_touch(model, *each)]
-    if len(pairs) > MOST_PAIRS:
-        pairs = _touching(model, {OWN_START, keyframe})[:MOST_PAIRS]
+    if len(pairs) > MAX_PAIRS:
+        pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
     return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
 
 
-def _of_entry(model: mujoco.MjModel, entry: PairEntry) -> list[Pair]:
+def _of_entry(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
     if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
         raise SceneError("each entry of pairs takes one of geoms, bodies or chain")
     if entry.bodies is not None:
@@ -96,15 +98,15 @@ def _geom_id(model: mujoco.MjModel, name: str) -> int:
     return index
 
 
-def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> Pair:
+def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> MonitoredPair:
     names = (model.geom(first).name, model.geom(second).name)
     slots = slots or _usual_slots(int(model.geom_type[first]), int(model.geom_type[second]))
-    return Pair("-".join(names), names, False, ((first,), (second,)), slots)
+    return MonitoredPair("-".join(names), names, False, ((first,), (second,)), slots)
 
 
-def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> Pair:
+def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> MonitoredPair:
     sides = (_geoms_of(model, first), _geoms_of(model, second))
-    return Pair(f"{first}-{second}", (first, second), True, sides, slots or _BODY_SLOTS)
+    return MonitoredPair(f"{first}-{second}", (first, second), True, sides, slots or _BODY_SLOTS)
 
 
 def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
@@ -133,12 +135,12 @@ def _usual_slots(first: int, second: int) -> int:
     return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
 
 
-def can_collide(model: mujoco.MjModel, pair: Pair) -> bool:
+def can_collide(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
     """Say whether the engine's filters let any geoms of a pair touch."""
     return bool(colliding(model, pair))
 
 
-def colliding(model: mujoco.MjModel, pair: Pair) -> list[tuple[int, int]]:
+def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int]]:
     """Return the geoms of a pair, one of each side, that the engine's filters let touch."""
     return [
         (first, second)
@@ -181,7 +183,7 @@ def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
 
 def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:
     """Return the geom pairs that touch in a short run from each start, most often first."""
-    quiet()
+    silence_mujoco()
     counts: Counter[tuple[int, int]] = Counter()
     try:
         for keyframe in keyframes:
@@ -205,7 +207,7 @@ def _touches(model: mujoco.MjModel, data: mujoco.MjData) -> Counter[tuple[int, i
 _MIN_WEIGHT = 1e-15
 
 
-def effective(model: mujoco.MjModel, pair: Pair) -> PairRecord:
+def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairRecord:
     """Return the effective contact parameters of a pair's first two geoms.
 
     For a pair of bodies these stand for all of their geoms; friction is the largest among them,

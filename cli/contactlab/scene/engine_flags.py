@@ -40,7 +40,7 @@ def read_flag(model: mujoco.MjModel, name: str) -> bool:
     return bool(int(model.opt.enableflags) & _ENABLE[name])
 
 
-def unusual(states: Mapping[str, bool]) -> dict[str, bool]:
+def non_default(states: Mapping[str, bool]) -> dict[str, bool]:
     """Return the switches that are not as MuJoCo's options default to.
 
     An engine that does not know a switch yet behaves as with its default, so that what is left

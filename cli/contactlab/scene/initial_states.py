@@ -10,11 +10,17 @@ import numpy as np
 from contactlab.contact import Floats, Joints
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression
-from contactlab.scene.model_joints import match
-from contactlab.scene.timed_inputs import Programme, computed, drawn, read_formula, read_programmes
+from contactlab.scene.model_joints import match_coordinates
+from contactlab.scene.timed_inputs import (
+    ControlProfile,
+    computed,
+    control_knots,
+    read_control,
+    read_formula,
+)
 from contactlab.schema import SceneManifest
 
-OWN_START = "qpos0"
+QPOS0 = "qpos0"
 """What stands for the model's own start, in which all joints are at their reference."""
 
 
@@ -24,7 +30,7 @@ def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
     return tuple(name for name in names if name)
 
 
-def usual_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
+def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
     """Return the keyframe that runs start from unless their sweep says otherwise.
 
     It is the manifest's. Without a manifest it is the model's first: reference positions are
@@ -35,24 +41,24 @@ def usual_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str
     """
     known = keyframe_names(model)
     if manifest is None:
-        return next(iter(known), OWN_START)
+        return next(iter(known), QPOS0)
     if manifest.keyframe is not None and manifest.keyframe not in known:
         hint = did_you_mean(manifest.keyframe, known)
         raise SceneError(f"no keyframe '{manifest.keyframe}' in the model{hint}")
-    return manifest.keyframe or OWN_START
+    return manifest.keyframe or QPOS0
 
 
 def start_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
     """Return the state of a keyframe, or the model's own."""
     data = mujoco.MjData(model)
-    if keyframe != OWN_START:
+    if keyframe != QPOS0:
         mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
     return data
 
 
 def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
     """Make a keyframe's places of mocap bodies those that a model starts from, in place."""
-    if not model.nmocap or keyframe == OWN_START:
+    if not model.nmocap or keyframe == QPOS0:
         return
     data = start_data(model, keyframe)
     bodies = np.flatnonzero(model.body_mocapid >= 0)
@@ -61,7 +67,7 @@ def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
     model.body_quat[bodies] = data.mocap_quat[places]
 
 
-class Starts(NamedTuple):
+class InitialStates(NamedTuple):
     """Start states of n runs, and what acts on them.
 
     Controls followed by `applied` are the inputs. P of them are driven: each follows straight
@@ -87,16 +93,16 @@ class Starts(NamedTuple):
     levels: Floats
     act: Floats
 
-    def pick(self, run: int) -> "Starts":
+    def pick(self, run: int) -> "InitialStates":
         """Return the start state of one run, n being 1."""
         return self.rows([run])
 
-    def rows(self, runs: Sequence[int]) -> "Starts":
+    def rows(self, runs: Sequence[int]) -> "InitialStates":
         """Return the start states of some runs."""
-        return Starts(*(array[list(runs)] for array in self))
+        return InitialStates(*(array[list(runs)] for array in self))
 
     @classmethod
-    def joined(cls, starts: Sequence["Starts"]) -> "Starts":
+    def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return the start states of several, one after the other."""
         return cls(*(np.concatenate(arrays) for arrays in zip(*starts, strict=True)))
 
@@ -115,16 +121,16 @@ class Starts(NamedTuple):
         return inputs
 
 
-_PERTURBATION = 1e-4
+_SEED_SCALE = 1e-4
 _NUDGE = 1e-6
-TWIN = 1e-8
+PERTURBATION = 1e-8
 """How far a twin starts from its run [m, rad, m/s, rad/s]."""
 # Where a joint's quaternion starts within its part of qpos.
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
 @dataclass(frozen=True)
-class StartState:
+class InitialStateRule:
     """How the start states of one structure are made.
 
     Attributes:
@@ -140,7 +146,7 @@ class StartState:
     state: Floats
     ends: tuple[int, ...]
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
-    programmes: tuple[Programme, ...]
+    programmes: tuple[ControlProfile, ...]
     perturbed: tuple[int, ...]
     scale: float
     quaternions: tuple[int, ...]
@@ -148,8 +154,8 @@ class StartState:
     @classmethod
     def of(
         cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
-    ) -> "StartState":
-        """Return how a model's start states are made, from a keyframe or `OWN_START`.
+    ) -> "InitialStateRule":
+        """Return how a model's start states are made, from a keyframe or `QPOS0`.
 
         Raises:
             SceneError: the manifest names a coordinate that the model lacks.
@@ -160,14 +166,16 @@ class StartState:
             state=_state(model, keyframe),
             ends=tuple(np.cumsum(list(_sizes(model).values())).tolist()),
             formulas=tuple(_formulas(model, manifest)) if manifest else (),
-            programmes=read_programmes(model, manifest),
+            programmes=read_control(model, manifest),
             perturbed=tuple(offset[field] + index for field, index in coordinates),
             scale=scale,
             quaternions=quaternions(model),
         )
 
 
-def start_states(start: StartState, runs: Sequence[tuple[Mapping[str, float], int]]) -> Starts:
+def initial_states(
+    start: InitialStateRule, runs: Sequence[tuple[Mapping[str, float], int]]
+) -> InitialStates:
     """Return the start states for each run's initial values and seed."""
     states = np.tile(start.state, (len(runs), 1))
     for row, (initial, seed) in zip(states, runs, strict=True):
@@ -179,11 +187,11 @@ def start_states(start: StartState, runs: Sequence[tuple[Mapping[str, float], in
     if start.formulas or start.perturbed:
         _normalise(states, start)
     qpos, qvel, ctrl, applied, act = np.split(states, start.ends[:-1], axis=1)
-    lines = drawn(start.programmes, [initial for initial, _ in runs])
-    return _driven(Starts(qpos, qvel, ctrl, applied, *lines, act))
+    lines = control_knots(start.programmes, [initial for initial, _ in runs])
+    return _driven(InitialStates(qpos, qvel, ctrl, applied, *lines, act))
 
 
-def _driven(starts: Starts) -> Starts:
+def _driven(starts: InitialStates) -> InitialStates:
     """Return starts whose driven inputs are what they are at the start."""
     if not starts.driven.size:
         return starts
@@ -193,7 +201,9 @@ def _driven(starts: Starts) -> Starts:
     return starts._replace(ctrl=inputs[:, :controls], applied=inputs[:, controls:])
 
 
-def nudged_states(start: StartState, states: Starts, seeds: Sequence[int]) -> Starts:
+def nudged_states(
+    start: InitialStateRule, states: InitialStates, seeds: Sequence[int]
+) -> InitialStates:
     """Return start states a millionth of a metre or radian away; rotations stay as they are."""
     turning = {address + part for address in start.quaternions for part in range(4)}
     moving = [index for index in range(states.qpos.shape[1]) if index not in turning]
@@ -204,7 +214,7 @@ def nudged_states(start: StartState, states: Starts, seeds: Sequence[int]) -> St
     return states._replace(qpos=qpos)
 
 
-def twin_of(start: Starts, joints: Joints, seed: int) -> Starts:
+def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialStates:
     """Return a start up to 1e-8 away in every place and velocity [m, rad, m/s, rad/s].
 
     Rotations stay as they are; their velocities tell them apart soon enough.
@@ -212,8 +222,8 @@ def twin_of(start: Starts, joints: Joints, seed: int) -> Starts:
     dice = np.random.default_rng([seed, 2])
     qpos, qvel = start.qpos.copy(), start.qvel.copy()
     places = [*joints.scalars, *(point + axis for point in joints.points for axis in range(3))]
-    qpos[:, places] += TWIN * dice.uniform(-1, 1, len(places))
-    qvel += TWIN * dice.uniform(-1, 1, qvel.shape[1])
+    qpos[:, places] += PERTURBATION * dice.uniform(-1, 1, len(places))
+    qvel += PERTURBATION * dice.uniform(-1, 1, qvel.shape[1])
     return start._replace(qpos=qpos, qvel=qvel)
 
 
@@ -255,12 +265,14 @@ def _formulas(
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
             expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
-            indices = tuple(offset[each.field] + each.index for each in match(model, pattern))
+            indices = tuple(
+                offset[each.field] + each.index for each in match_coordinates(model, pattern)
+            )
             formulas.append((expression, indices))
     return formulas
 
 
-def _normalise(states: Floats, start: StartState) -> None:
+def _normalise(states: Floats, start: InitialStateRule) -> None:
     for address in start.quaternions:
         part = states[:, address : address + 4]
         norm = np.linalg.norm(part, axis=1, keepdims=True)
@@ -277,11 +289,11 @@ def _perturbed_coordinates(
     """
     if manifest and manifest.perturb:
         patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
-        found = [each for pattern in patterns for each in match(model, pattern)]
+        found = [each for pattern in patterns for each in match_coordinates(model, pattern)]
         return [(each.field, each.index) for each in found], scale
     if manifest:
         return [], 0.0
-    return [("qpos", index) for index in _loose(model)], _PERTURBATION
+    return [("qpos", index) for index in _loose(model)], _SEED_SCALE
 
 
 def _loose(model: mujoco.MjModel) -> list[int]:

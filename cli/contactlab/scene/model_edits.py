@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.scene.contact_pairs import Pair, explicit_pair
+from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
 from contactlab.scene.effects import EFFECTS
 from contactlab.scene.engine_flags import FLAGS, write_flags
 from contactlab.scene.model_fields import is_field, write_field
@@ -21,12 +21,12 @@ from contactlab.scene.settings import (
 
 
 @dataclass(frozen=True)
-class Targets:
+class EditTargets:
     """Where contact and mass settings go.
 
     Attributes:
-        geoms: ids of the geoms of the graded pairs that no <pair> element covers.
-        explicit: indices of the <pair> elements of the graded pairs.
+        geoms: ids of the geoms of the monitored pairs that no <pair> element covers.
+        explicit: indices of the <pair> elements of the monitored pairs.
         subject: id of the body that the mass setting means, if there is one.
     """
 
@@ -39,8 +39,10 @@ class Targets:
         return list(self.geoms if field.startswith("geom") else self.explicit)
 
 
-def find_targets(model: mujoco.MjModel, pairs: Sequence[Pair], subject: int | None) -> Targets:
-    """Return the geoms and <pair> elements behind the graded pairs."""
+def find_targets(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], subject: int | None
+) -> EditTargets:
+    """Return the geoms and <pair> elements behind the monitored pairs."""
     geoms: set[int] = set()
     explicit: set[int] = set()
     for pair in pairs:
@@ -49,10 +51,12 @@ def find_targets(model: mujoco.MjModel, pairs: Sequence[Pair], subject: int | No
                 index = explicit_pair(model, first, second)
                 geoms |= {first, second} if index is None else set()
                 explicit |= set() if index is None else {index}
-    return Targets(tuple(sorted(geoms)), tuple(sorted(explicit)), subject)
+    return EditTargets(tuple(sorted(geoms)), tuple(sorted(explicit)), subject)
 
 
-def apply(model: mujoco.MjModel, changed: Mapping[str, object], targets: Targets) -> None:
+def apply_settings(
+    model: mujoco.MjModel, changed: Mapping[str, object], targets: EditTargets
+) -> None:
     """Write the changed settings into a model, in place.
 
     Args:
@@ -81,13 +85,13 @@ def apply(model: mujoco.MjModel, changed: Mapping[str, object], targets: Targets
         mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
-def edited(changed: Iterable[str], targets: Targets) -> tuple[int, ...]:
+def geoms_written(changed: Iterable[str], targets: EditTargets) -> tuple[int, ...]:
     """Return the ids of the geoms that `apply` gives contact parameters to."""
     return targets.geoms if set(changed) & set(CONTACT_SETTINGS) else ()
 
 
-def varied(
-    model: mujoco.MjModel, settings: Mapping[str, object], targets: Targets
+def nonuniform_settings(
+    model: mujoco.MjModel, settings: Mapping[str, object], targets: EditTargets
 ) -> frozenset[str]:
     """Return the contact settings that `apply` would change by writing what stands there."""
     return frozenset(
@@ -130,7 +134,7 @@ _WRITERS = (
 def _rows(name: str, value: object) -> dict[str, np.ndarray]:
     """Return the model fields of a contact setting, each with what stands in its rows.
 
-    Every graded geom is given the pair's value, so that mixing equal values gives it back.
+    Every monitored geom is given the pair's value, so that mixing equal values gives it back.
     """
     row = np.asarray(value)
     if name == "friction":
@@ -142,12 +146,12 @@ def _rows(name: str, value: object) -> dict[str, np.ndarray]:
     return {f"geom_{name}": half, f"pair_{name}": row}
 
 
-def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: Targets) -> None:
+def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: EditTargets) -> None:
     for field, row in _rows(name, value).items():
         getattr(model, field)[targets.rows(field)] = row
 
 
-def _write_mass(model: mujoco.MjModel, mass: float, targets: Targets) -> None:
+def _write_mass(model: mujoco.MjModel, mass: float, targets: EditTargets) -> None:
     """Scale the subject's mass and inertia alike, as another density would."""
     if targets.subject is None:
         raise SceneError("the scene has no subject body whose mass could be set")

@@ -24,7 +24,7 @@ _KINDS = {
 }
 # Addresses, counts, ids and types are structure, which the engine trusts blindly; bounds, inertia
 # and broad phase derive from sizes when a model is compiled, and not later; collision bits decide
-# which pairs are graded.
+# which pairs are monitored.
 _STRUCTURE = re.compile(
     r"(adr|num|id|type|simple|sameframe|limited|signature|geom1|geom2|plugin|history|ctrlspec|size|rbound"
     r"|aabb|conaffinity)$"

@@ -22,14 +22,14 @@ _BALL_VELOCITY = ("wx", "wy", "wz")
 
 
 @dataclass(frozen=True)
-class Coordinate:
+class StateCoordinate:
     """One number of the state: a field and an index in it."""
 
     field: Literal["qpos", "qvel", "ctrl", "xfrc_applied"]
     index: int
 
 
-def coordinates(model: mujoco.MjModel) -> dict[str, Coordinate]:
+def coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
     """Return every coordinate of a model by name.
 
     Slides and hinges are JOINT (m or rad) and JOINT.v; free and ball joints have a name for each
@@ -40,7 +40,7 @@ def coordinates(model: mujoco.MjModel) -> dict[str, Coordinate]:
     return dict([*_inputs(model), *_named(model)])
 
 
-def match(model: mujoco.MjModel, pattern: str) -> list[Coordinate]:
+def match_coordinates(model: mujoco.MjModel, pattern: str) -> list[StateCoordinate]:
     """Return the coordinates whose name matches a pattern such as `box*.x`.
 
     Raises:
@@ -53,23 +53,23 @@ def match(model: mujoco.MjModel, pattern: str) -> list[Coordinate]:
     return found
 
 
-def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, Coordinate]]:
+def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
     for body in range(1, model.nbody):
         for offset, part in enumerate(_dotted(_FORCE)):
-            yield model.body(body).name + part, Coordinate("xfrc_applied", 6 * body + offset)
+            yield model.body(body).name + part, StateCoordinate("xfrc_applied", 6 * body + offset)
     for actuator in range(model.nu):
-        yield f"{model.actuator(actuator).name}.ctrl", Coordinate("ctrl", actuator)
+        yield f"{model.actuator(actuator).name}.ctrl", StateCoordinate("ctrl", actuator)
 
 
-def _named(model: mujoco.MjModel) -> Iterator[tuple[str, Coordinate]]:
+def _named(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
     for index in range(model.njnt):
         joint = model.joint(index)
         name = joint.name or model.body(joint.bodyid[0]).name
         positions, velocities = _components(int(joint.type[0]))
         for offset, part in enumerate(positions):
-            yield name + part, Coordinate("qpos", int(joint.qposadr[0]) + offset)
+            yield name + part, StateCoordinate("qpos", int(joint.qposadr[0]) + offset)
         for offset, part in enumerate(velocities):
-            yield name + part, Coordinate("qvel", int(joint.dofadr[0]) + offset)
+            yield name + part, StateCoordinate("qvel", int(joint.dofadr[0]) + offset)
 
 
 def _components(joint_type: int) -> tuple[tuple[str, ...], tuple[str, ...]]:

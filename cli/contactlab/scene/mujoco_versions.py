@@ -23,7 +23,7 @@ _BATCH = "3.17.0"
 
 
 @dataclass(frozen=True)
-class Arrival:
+class NewFeature:
     """A value of an axis that older engines do not know.
 
     Attributes:
@@ -37,13 +37,13 @@ class Arrival:
     version: str
 
 
-ARRIVALS = (
-    Arrival("spring", False, "3.3.6"),
-    Arrival("damper", False, "3.3.6"),
-    Arrival("sleep", True, "3.4.0"),
-    Arrival("diagexact", True, "3.9.0"),
-    Arrival("integrator", "discrete", "3.13.0"),
-    Arrival("speculative", True, "4.0.0"),
+NEW_FEATURES = (
+    NewFeature("spring", False, "3.3.6"),
+    NewFeature("damper", False, "3.3.6"),
+    NewFeature("sleep", True, "3.4.0"),
+    NewFeature("diagexact", True, "3.9.0"),
+    NewFeature("integrator", "discrete", "3.13.0"),
+    NewFeature("speculative", True, "4.0.0"),
 )
 
 
@@ -52,7 +52,7 @@ def has_batch() -> bool:
     return _reaches(_BATCH)
 
 
-def lacking_records(*, driven: bool) -> dict[str, str]:
+def null_fields(*, driven: bool) -> dict[str, str]:
     """Return what is null in the records of runs of this engine, with the reason.
 
     Args:
@@ -71,14 +71,14 @@ def has_contact_sensors() -> bool:
     return _reaches(_CONTACT_SENSORS)
 
 
-def lacking_switches() -> frozenset[str]:
+def missing_flags() -> frozenset[str]:
     """Return the switches that this engine lacks; it behaves as with their defaults."""
     return frozenset(each.axis for each in _lacking() if isinstance(each.value, bool))
 
 
-def why_lacking(axis: str, value: object) -> str | None:
+def why_unsupported(axis: str, value: object) -> str | None:
     """Return why this engine has no such value of an axis; None if it is not known to lack it."""
-    for each in ARRIVALS:
+    for each in NEW_FEATURES:
         if each.axis == axis and _same(each.value, value) and not _reaches(each.version):
             return (
                 f"MuJoCo {VERSION} has no {_shown(each)}, which came with {each.version}; "
@@ -87,25 +87,25 @@ def why_lacking(axis: str, value: object) -> str | None:
     return None
 
 
-def newer_switch(axis: str) -> AxisSpec | None:
+def missing_flag_axis(axis: str) -> AxisSpec | None:
     """Return the axis of a switch that this engine lacks: it takes the default alone."""
-    if axis not in lacking_switches():
+    if axis not in missing_flags():
         return None
-    return refusing(AxisSpec(axis, "", "effect of newer engines", switch))
+    return refusing_unsupported(AxisSpec(axis, "", "effect of newer engines", switch))
 
 
-def refusing(axis: AxisSpec) -> AxisSpec:
+def refusing_unsupported(axis: AxisSpec) -> AxisSpec:
     """Return an axis that says of what this engine lacks which version has it."""
 
     def refuse(value: object) -> object:
-        if why := why_lacking(axis.name, value):
+        if why := why_unsupported(axis.name, value):
             raise ValueError(why)
         return axis.parse(value)
 
     return _with(axis, refuse)
 
 
-def accepting(axis: AxisSpec) -> AxisSpec:
+def accepting_unsupported(axis: AxisSpec) -> AxisSpec:
     """Return an axis that takes what this engine lacks as well, for plans that then drop it."""
 
     def accept(value: object) -> object:
@@ -122,8 +122,8 @@ def _with(axis: AxisSpec, parse: Callable[[object], object]) -> AxisSpec:
     return replace(axis, parse=parse) if concerned else axis
 
 
-def _lacking() -> list[Arrival]:
-    return [each for each in ARRIVALS if not _reaches(each.version)]
+def _lacking() -> list[NewFeature]:
+    return [each for each in NEW_FEATURES if not _reaches(each.version)]
 
 
 def _same(own: str | bool, value: object) -> bool:
@@ -135,7 +135,7 @@ def _same(own: str | bool, value: object) -> bool:
         return False
 
 
-def _shown(arrival: Arrival) -> str:
+def _shown(arrival: NewFeature) -> str:
     if isinstance(arrival.value, str):
         return f"{arrival.axis} '{arrival.value}'"
     return f"switch '{arrival.axis}'"
@@ -150,7 +150,7 @@ def _parts(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())
 
 
-def quiet() -> None:
+def silence_mujoco() -> None:
     """Keep the engine from writing MUJOCO_LOG.TXT and messages; warnings are counted anyway."""
     if hasattr(mujoco, "MjLogConfig"):
         config = mujoco.MjLogConfig.get()

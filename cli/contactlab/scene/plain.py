@@ -6,18 +6,18 @@ import mujoco
 
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects import is_straight, remove
-from contactlab.scene.initial_states import Starts
-from contactlab.scene.resolved import Resolved
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.resolved import ResolvedRun
 from contactlab.scene.scene import Scene
 
 
-def compile_plain(scene: Scene, run: Resolved) -> mujoco.MjModel:
+def compile_without_sensors(scene: Scene, run: ResolvedRun) -> mujoco.MjModel:
     """Compile the structure of a run without the sensors that record."""
     return compile_model(scene.source, run.structure, lambda spec: remove(spec, run.without))
 
 
-def prepare_plain(
-    scene: Scene, run: Resolved, start: Starts, compiled: mujoco.MjModel
+def prepare_without_sensors(
+    scene: Scene, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel
 ) -> mujoco.MjModel:
     """Return a copy of a compiled structure with all that makes it the run's own model.
 
@@ -29,4 +29,4 @@ def prepare_plain(
     """
     base = replace(scene.base_of(run), model=compiled)
     straight = is_straight(compiled, start)
-    return base.prepare(run.edits(), run.wishes, straight=straight).model
+    return base.prepare(run.edits(), run.effect_request, straight=straight).model

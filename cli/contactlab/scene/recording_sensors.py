@@ -7,9 +7,9 @@ import mujoco
 from mujoco._specs import MjsSensor
 
 from contactlab.contact import SLOT_WIDTH
-from contactlab.scene.contact_pairs import Pair
+from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.mujoco_versions import has_contact_sensors
-from contactlab.scene.timed_inputs import Holding
+from contactlab.scene.timed_inputs import HoldSpec
 
 PREFIX = "contactlab/"
 _ALL_FIELDS = (1 << 9) - 1
@@ -19,12 +19,12 @@ _NEAREST = 1
 
 
 @dataclass(frozen=True)
-class Layout:
+class SensorLayout:
     """Addresses in `sensordata`.
 
     Attributes:
         size: length of `sensordata`.
-        pairs: where each graded pair's slots start.
+        pairs: where each monitored pair's slots start.
         contacts: address of the count of all contacts, followed by the least distance.
         kinetic: address of the kinetic energy, or None.
         potential: address of the potential energy, or None.
@@ -45,13 +45,13 @@ class Layout:
 
 def add_sensors(
     spec: mujoco.MjSpec,
-    pairs: Sequence[Pair],
-    holding: Holding | None,
+    pairs: Sequence[MonitoredPair],
+    holding: HoldSpec | None,
     *,
     free: bool,
     energy: bool,
 ) -> None:
-    """Add what a run records: contacts of each graded pair, all contacts, energies, momenta."""
+    """Add what a run records: contacts of each monitored pair, all contacts, energies, momenta."""
     for pair in pairs:
         kind = mujoco.mjtObj.mjOBJ_BODY if pair.bodies else mujoco.mjtObj.mjOBJ_GEOM
         sensor = _add_contacts(spec, pair.name, (_ALL_FIELDS, _FIRST, pair.slots), SLOT_WIDTH)
@@ -87,7 +87,7 @@ def _add_contacts(
     return sensor
 
 
-def _add_holding(spec: mujoco.MjSpec, holding: Holding) -> None:
+def _add_holding(spec: mujoco.MjSpec, holding: HoldSpec) -> None:
     frame = mujoco.mjtObj.mjOBJ_XBODY
     place = _add(spec, "held", mujoco.mjtSensor.mjSENS_FRAMEPOS)
     place.objtype, place.objname = frame, holding.subject
@@ -98,12 +98,12 @@ def _add_holding(spec: mujoco.MjSpec, holding: Holding) -> None:
 
 def find_layout(
     model: mujoco.MjModel,
-    pairs: Sequence[Pair],
-    holding: Holding | None,
+    pairs: Sequence[MonitoredPair],
+    holding: HoldSpec | None,
     *,
     free: bool,
     energy: bool,
-) -> Layout:
+) -> SensorLayout:
     """Return where the added sensors' numbers lie in a compiled model's `sensordata`."""
 
     def address(name: str) -> int:
@@ -111,7 +111,7 @@ def find_layout(
 
     for pair in pairs:
         assert int(model.sensor(PREFIX + pair.name).dim[0]) == pair.slots * SLOT_WIDTH
-    return Layout(
+    return SensorLayout(
         size=model.nsensordata,
         pairs=tuple(address(pair.name) for pair in pairs),
         contacts=address("contacts"),

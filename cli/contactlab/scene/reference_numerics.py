@@ -16,11 +16,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from contactlab.scene.resolved import Resolved
+from contactlab.scene.resolved import ResolvedRun
 
 
 @dataclass(frozen=True)
-class Numeric:
+class NumericSetting:
     """A setting or a switch that only discretises.
 
     Attributes:
@@ -34,28 +34,30 @@ class Numeric:
 
 _SOLVED = "the constraint problem is convex: solved to the end, every way gives one answer"
 _TOUCH = "how closely the distance of convex shapes is found"
-NUMERICS: Mapping[str, Numeric] = MappingProxyType(
+NUMERICS: Mapping[str, NumericSetting] = MappingProxyType(
     {
-        "timestep": Numeric(None, "what goes to zero"),
-        "integrator": Numeric(None, "all are consistent: they differ by powers of the timestep"),
-        "solver": Numeric("Newton", _SOLVED),
-        "iterations": Numeric(200, _SOLVED),
-        "tolerance": Numeric(1e-12, _SOLVED),
-        "ls_iterations": Numeric(50, _SOLVED),
-        "ls_tolerance": Numeric(0.01, _SOLVED),
-        "jacobian": Numeric("auto", "how the same matrix is stored"),
-        "ccd_iterations": Numeric(200, _TOUCH),
-        "ccd_tolerance": Numeric(1e-9, _TOUCH),
-        "warmstart": Numeric(True, "where the solver starts; " + _SOLVED),
-        "island": Numeric(True, "bodies that do not touch are solved apart; " + _SOLVED),
-        "midphase": Numeric(True, "how pairs that are far apart are left out"),
-        "eulerdamp": Numeric(True, "damping taken at the end of a step or at its start"),
-        "sleep": Numeric(False, "leaves out bodies at rest, which should not move anyway"),
+        "timestep": NumericSetting(None, "what goes to zero"),
+        "integrator": NumericSetting(
+            None, "all are consistent: they differ by powers of the timestep"
+        ),
+        "solver": NumericSetting("Newton", _SOLVED),
+        "iterations": NumericSetting(200, _SOLVED),
+        "tolerance": NumericSetting(1e-12, _SOLVED),
+        "ls_iterations": NumericSetting(50, _SOLVED),
+        "ls_tolerance": NumericSetting(0.01, _SOLVED),
+        "jacobian": NumericSetting("auto", "how the same matrix is stored"),
+        "ccd_iterations": NumericSetting(200, _TOUCH),
+        "ccd_tolerance": NumericSetting(1e-9, _TOUCH),
+        "warmstart": NumericSetting(True, "where the solver starts; " + _SOLVED),
+        "island": NumericSetting(True, "bodies that do not touch are solved apart; " + _SOLVED),
+        "midphase": NumericSetting(True, "how pairs that are far apart are left out"),
+        "eulerdamp": NumericSetting(True, "damping taken at the end of a step or at its start"),
+        "sleep": NumericSetting(False, "leaves out bodies at rest, which should not move anyway"),
     }
 )
 
 
-def as_reference(run: Resolved, integrator: str, timestep: float) -> Resolved:
+def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:
     """Return a run's model and start with the numerics of a reference.
 
     Runs that differ in nothing but numerics give equal references.

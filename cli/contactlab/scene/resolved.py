@@ -4,13 +4,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from contactlab.scene.effects import EFFECTS, Wishes
+from contactlab.scene.effects import EFFECTS, EffectRequest
 from contactlab.scene.engine_flags import FLAGS
-from contactlab.scene.initial_states import OWN_START
+from contactlab.scene.initial_states import QPOS0
 
 
 @dataclass(frozen=True, slots=True)
-class Resolved:
+class ResolvedRun:
     """Everything that decides one run's trajectory, but for the scene's own files.
 
     Attributes:
@@ -21,7 +21,7 @@ class Resolved:
         initial: the scene's initial values.
         seed: what perturbs the start state.
         duration: simulated time [s].
-        wishes: what is asked of its effects.
+        effect_request: what is asked of its effects.
         without: effects that its model is compiled without.
     """
 
@@ -32,7 +32,7 @@ class Resolved:
     initial: Mapping[str, float]
     seed: int
     duration: float
-    wishes: Wishes
+    effect_request: EffectRequest
     without: frozenset[str]
 
     @property
@@ -42,8 +42,8 @@ class Resolved:
 
     @property
     def keyframe(self) -> str:
-        """The keyframe to start from, or `OWN_START`."""
-        return str(self.settings.get("keyframe", OWN_START))
+        """The keyframe to start from, or `QPOS0`."""
+        return str(self.settings.get("keyframe", QPOS0))
 
     @property
     def steps(self) -> int:
@@ -63,11 +63,11 @@ class Resolved:
         # Gravity is a setting, though there is a switch of that name too.
         switched = sorted(self.changed & set(FLAGS) - set(self.settings))
         edits |= {name: self.flags[name] for name in switched}
-        return edits | {name: self.wishes.asked[name] for name in self._written()}
+        return edits | {name: self.effect_request.asked[name] for name in self._written()}
 
     def _written(self) -> list[str]:
         """Return the effects asked for that are neither switches nor settings."""
-        asked = self.wishes.asked.keys() - set(FLAGS) - self.without
+        asked = self.effect_request.asked.keys() - set(FLAGS) - self.without
         return sorted(name for name in asked if EFFECTS[name].turn and name in self.changed)
 
 

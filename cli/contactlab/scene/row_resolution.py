@@ -10,10 +10,10 @@ from dataclasses import dataclass, replace
 from operator import itemgetter
 from typing import TYPE_CHECKING, NamedTuple, cast
 
-from contactlab.scene.compiled_scene import Base
+from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS, fold
 from contactlab.scene.parameters import PARAMETERS, application_order
-from contactlab.scene.resolved import Resolved, steps_of
+from contactlab.scene.resolved import ResolvedRun, steps_of
 from contactlab.scene.run_identity import (
     digest,
     entries_of,
@@ -41,7 +41,7 @@ class Part(NamedTuple):
 class ResolvedRow(NamedTuple):
     """What one row of a sweep is resolved to, its seed left open."""
 
-    shape: "Shape"
+    shape: "RowGroup"
     parts: Sequence[Part]
 
     @property
@@ -72,7 +72,7 @@ class ResolvedRow(NamedTuple):
         tail = tail_of(pieces, shape.written_over)
         return b"".join([digest(shape.head, seed, tail) for seed in seeds])
 
-    def resolved(self, seed: int) -> Resolved:
+    def resolved(self, seed: int) -> ResolvedRun:
         """Return what decides the row's run of a seed."""
         first, settings, initial = self.shape.first, dict(self.shape.first.settings), {}
         for setting, part in zip(self.shape.settings, self.parts, strict=True):
@@ -98,7 +98,7 @@ class _Setting:
     pick: Callable[[Values], object]
     known: dict[object, Part]
 
-    def part(self, base: Base, values: Values) -> Part:
+    def part(self, base: CompiledScene, values: Values) -> Part:
         """Return what the values of a row make of it."""
         key = self.pick(values)
         found = self.known.get(key)
@@ -110,7 +110,7 @@ class _Setting:
                 self.known[key] = found
         return found
 
-    def _value(self, base: Base, values: Values) -> object:
+    def _value(self, base: CompiledScene, values: Values) -> object:
         if self.initial:
             return float(str(values[self.name]))
         settings = dict(base.settings)
@@ -124,7 +124,7 @@ class _Setting:
         return settings[self.name]
 
 
-class Shape:
+class RowGroup:
     """What rows have in common that differ in nothing but plain settings and initial values.
 
     Attributes:
@@ -138,7 +138,7 @@ class Shape:
     """
 
     def __init__(
-        self, scene: "Scene", first: Resolved, deciding: Mapping[str, Sequence[str]]
+        self, scene: "Scene", first: ResolvedRun, deciding: Mapping[str, Sequence[str]]
     ) -> None:
         self.first = first
         self._base = base = scene.base(first.structure)
@@ -166,7 +166,7 @@ class Shape:
         return ResolvedRow(self, [each.part(self._base, values) for each in self.settings])
 
 
-class Rows:
+class RowResolver:
     """Resolves the rows of one sweep.
 
     Args:
@@ -180,7 +180,7 @@ class Rows:
         self._own = own
         self._duration = duration
         self._shaping: dict[tuple[str, ...], Sequence[str]] = {}
-        self._shapes: dict[tuple[object, ...], Shape] = {}
+        self._shapes: dict[tuple[object, ...], RowGroup] = {}
 
     def row(self, values: Values) -> ResolvedRow:
         """Return what a row is resolved to.
@@ -204,7 +204,7 @@ class Rows:
             return False
         return name in EFFECTS or name == "engine" or not self._scene.is_plain(name)
 
-    def _shape(self, values: Values, shaping: Sequence[str]) -> Shape:
+    def _shape(self, values: Values, shaping: Sequence[str]) -> RowGroup:
         first = self._scene.resolve(values, 0, self._duration)
         deciding: dict[str, list[str]] = {}
         varying: set[str] = set()
@@ -213,7 +213,7 @@ class Rows:
                 deciding.setdefault(name, []).append(axis)
                 if axis not in shaping:
                     varying.add(name)
-        return Shape(self._scene, first, {name: deciding[name] for name in varying})
+        return RowGroup(self._scene, first, {name: deciding[name] for name in varying})
 
 
 def _written_by(axis: str) -> Sequence[str]:

@@ -11,11 +11,11 @@ from collections.abc import Iterable, Mapping
 from functools import cache
 from typing import cast
 
-from contactlab.scene.compiled_scene import Base
-from contactlab.scene.effects import EFFECTS, Situation
-from contactlab.scene.engine_flags import FLAGS, unusual
+from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.effects import EFFECTS, RunState
+from contactlab.scene.engine_flags import FLAGS, non_default
 from contactlab.scene.model_fields import is_as_written
-from contactlab.scene.resolved import Resolved
+from contactlab.scene.resolved import ResolvedRun
 
 ID_BYTES = 8
 
@@ -25,7 +25,7 @@ def digest(head: str, seed: int, tail: str) -> bytes:
     return hashlib.sha256(f"{head}{seed}{tail}".encode()).digest()[:ID_BYTES]
 
 
-def head_of(base: Base, run: Resolved, scene: str) -> str:
+def head_of(base: CompiledScene, run: ResolvedRun, scene: str) -> str:
     """Return what stands before the seed.
 
     Args:
@@ -33,7 +33,7 @@ def head_of(base: Base, run: Resolved, scene: str) -> str:
         run: the run.
         scene: hash of the scene's files.
     """
-    flags = unusual(run.flags) | other_effects(base, run)
+    flags = non_default(run.flags) | other_effects(base, run)
     first = _json({"duration": run.duration, "flags": flags, "scene": scene})
     return f'{first[:-1]},"seed":'
 
@@ -48,17 +48,17 @@ def tail_of(entries: Iterable[str], written_over: str) -> str:
     return f',"settings":{{{"".join(entries)[1:]}}},{written_over}}}'
 
 
-def written_over_of(base: Base, run: Resolved) -> str:
+def written_over_of(base: CompiledScene, run: ResolvedRun) -> str:
     """Return the last entry: settings written over pairs that have them differently."""
-    return f'"written_over":{_json(sorted(run.changed & base.varied))}'
+    return f'"written_over":{_json(sorted(run.changed & base.nonuniform))}'
 
 
-def entries_of(base: Base, values: Mapping[str, object]) -> dict[str, str]:
+def entries_of(base: CompiledScene, values: Mapping[str, object]) -> dict[str, str]:
     """Return the entry of each value, in the order of their names; empty if it does not count."""
     return {name: entry(base, name, values[name]) for name in sorted(values)}
 
 
-def entry(base: Base, name: str, value: object) -> str:
+def entry(base: CompiledScene, name: str, value: object) -> str:
     """Return the entry of one setting with a comma before it; empty if it does not count."""
     if name not in base.settings and is_as_written(base.model, name, value):
         return ""
@@ -85,15 +85,15 @@ def _json(value: object) -> str:
     return json.dumps(value, sort_keys=True, separators=(",", ":"))
 
 
-def other_effects(base: Base, run: Resolved) -> dict[str, bool]:
+def other_effects(base: CompiledScene, run: ResolvedRun) -> dict[str, bool]:
     """Return the effects asked for that no switch or setting holds, if that changes anything.
 
     What is left out because it provably changes nothing is no part of what a run is.
     """
-    written = Situation(base.model, base.facts, straight=False)
-    names = run.wishes.asked.keys() & run.changed - set(FLAGS) - run.settings.keys()
+    written = RunState(base.model, base.facts, straight=False)
+    names = run.effect_request.asked.keys() & run.changed - set(FLAGS) - run.settings.keys()
     return {
-        name: run.wishes.asked[name]
+        name: run.effect_request.asked[name]
         for name in sorted(names)
-        if "condim" in run.changed or EFFECTS[name].is_on(written) != run.wishes.asked[name]
+        if "condim" in run.changed or EFFECTS[name].is_on(written) != run.effect_request.asked[name]
     }

@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 
 from contactlab.contact import Barrier, FreeBody, HoldWindow, Setup
-from contactlab.scene.compiled_scene import Base
-from contactlab.scene.contact_pairs import Pair, colliding
+from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.contact_pairs import MonitoredPair, colliding
 from contactlab.scene.initial_states import quaternions
-from contactlab.scene.resolved import Resolved
-from contactlab.scene.timed_inputs import Holding
+from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema import SceneManifest
 
 _GEOM = mujoco.mjtGeom
@@ -19,9 +19,9 @@ _PUSH = re.compile(r"\.[ft][xyz]$")
 
 
 def make_setup(
-    base: Base,
+    base: CompiledScene,
     manifest: SceneManifest | None,
-    runs: Sequence[Resolved],
+    runs: Sequence[ResolvedRun],
     models: Sequence[mujoco.MjModel],
     thresholds: Mapping[str, float],
 ) -> Setup:
@@ -60,7 +60,7 @@ def make_setup(
     )
 
 
-def _hold(holding: Holding, runs: Sequence[Resolved]) -> HoldWindow:
+def _hold(holding: HoldSpec, runs: Sequence[ResolvedRun]) -> HoldWindow:
     windows = np.array([holding.window(run.initial) for run in runs])
     return HoldWindow(windows[:, 0], windows[:, 1])
 
@@ -97,7 +97,7 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     return bodies
 
 
-def _barriers(base: Base, bodies: Mapping[int, FreeBody]) -> list[Barrier]:
+def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> list[Barrier]:
     model = base.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -127,7 +127,7 @@ def _barrier(
     return Barrier(pair, body, point, axes[:, thin], reach)
 
 
-def _thickness(model: mujoco.MjModel, pair: Pair) -> float:
+def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return half the smallest extent of the pair's thinnest geom [m], of those that can touch."""
     touching = {geom for both in colliding(model, pair) for geom in both}
     return min((_half_extent(model, geom) for geom in touching), default=np.inf)

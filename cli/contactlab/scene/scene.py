@@ -7,13 +7,18 @@ from itertools import groupby
 from pathlib import Path
 
 from contactlab.scene.axis_catalogue import SceneCatalogue
-from contactlab.scene.compiled_scene import Base, Prepared, compile_base
-from contactlab.scene.effects import EFFECTS, Wishes, is_straight, left_uncompiled
-from contactlab.scene.initial_states import Starts, StartState, nudged_states, start_states
-from contactlab.scene.mujoco_versions import lacking_switches
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel, compile_scene
+from contactlab.scene.effects import EFFECTS, EffectRequest, is_straight, left_uncompiled
+from contactlab.scene.initial_states import (
+    InitialStateRule,
+    InitialStates,
+    initial_states,
+    nudged_states,
+)
+from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.parameters import PARAMETERS, application_order
-from contactlab.scene.resolved import Resolved
-from contactlab.scene.row_resolution import Rows
+from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.row_resolution import RowResolver
 from contactlab.scene.run_identity import digest, entries_of, head_of, tail_of, written_over_of
 from contactlab.scene.scene_source import SceneSource, find_scene
 from contactlab.scene.settings import ENGINES
@@ -27,11 +32,11 @@ class Scene:
     def __init__(self, source: SceneSource) -> None:
         self.source = source
         self.auto = is_auto(source.manifest)
-        self._bases: dict[tuple[str, frozenset[str]], Base] = {}
-        self._starts: dict[str, StartState] = {}
+        self._bases: dict[tuple[str, frozenset[str]], CompiledScene] = {}
+        self._starts: dict[str, InitialStateRule] = {}
         base = self.base({})
-        self._lacking = lacking_switches()
-        with source.blamed():
+        self._lacking = missing_flags()
+        with source.named_in_errors():
             self.catalogue = SceneCatalogue(base, source.manifest)
             self._switches = own_switches(source.manifest, self.catalogue)
         self.starts([self.resolve({}, 0, None)])
@@ -68,7 +73,9 @@ class Scene:
         scene.auto = rest == "auto"
         return scene
 
-    def base(self, structure: Mapping[str, object], without: frozenset[str] = frozenset()) -> Base:
+    def base(
+        self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
+    ) -> CompiledScene:
         """Return the compiled base of the given structure values, over the scene's defaults.
 
         Args:
@@ -78,14 +85,14 @@ class Scene:
         full = self._structure(structure)
         key = json.dumps(full, sort_keys=True), without
         if key not in self._bases:
-            self._bases[key] = compile_base(self.source, full, without)
+            self._bases[key] = compile_scene(self.source, full, without)
         return self._bases[key]
 
-    def base_of(self, run: Resolved) -> Base:
+    def base_of(self, run: ResolvedRun) -> CompiledScene:
         """Return the compiled base that a run's model is made from."""
         return self.base(run.structure, run.without)
 
-    def prepare(self, run: Resolved, start: Starts) -> Prepared:
+    def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
         """Return a run's model, without the effects that it does not call for.
 
         Args:
@@ -93,14 +100,18 @@ class Scene:
             start: its start state, n being 1.
         """
         base = self.base_of(run)
-        return base.prepare(run.edits(), run.wishes, straight=is_straight(base.model, start))
+        return base.prepare(
+            run.edits(), run.effect_request, straight=is_straight(base.model, start)
+        )
 
-    def model_key(self, run: Resolved, start: Starts) -> str:
+    def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
         """Return what two runs have in common if their models are the same."""
         straight = is_straight(self.base_of(run).model, start)
         return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
 
-    def resolve(self, values: Mapping[str, object], seed: int, duration: float | None) -> Resolved:
+    def resolve(
+        self, values: Mapping[str, object], seed: int, duration: float | None
+    ) -> ResolvedRun:
         """Return everything that decides a run, from the values its sweep gives it.
 
         Args:
@@ -130,8 +141,8 @@ class Scene:
             for name, entry in self._initial().items()
         }
         auto = self.auto and settings["engine"] == ENGINES[0]
-        wishes = Wishes(asked, frozenset(changed), auto)
-        return Resolved(
+        effect_request = EffectRequest(asked, frozenset(changed), auto)
+        return ResolvedRun(
             structure=structure,
             settings=settings,
             changed=frozenset(changed),
@@ -139,8 +150,8 @@ class Scene:
             initial=initial,
             seed=seed,
             duration=self.duration if duration is None else duration,
-            wishes=wishes,
-            without=left_uncompiled(base.facts, wishes),
+            effect_request=effect_request,
+            without=left_uncompiled(base.facts, effect_request),
         )
 
     @property
@@ -148,7 +159,7 @@ class Scene:
         """The scene's own duration [s]; 2 s for a bare model."""
         return self.source.manifest.duration if self.source.manifest else 2.0
 
-    def run_id(self, run: Resolved) -> str:
+    def run_id(self, run: ResolvedRun) -> str:
         """Return a hash of scene content, settings, seed and duration, but not of the engine.
 
         Runs that are resolved to the same model and start have the same one.
@@ -157,26 +168,28 @@ class Scene:
         tail = tail_of(entries_of(base, run.values).values(), written_over_of(base, run))
         return digest(head_of(base, run, self.hash), run.seed, tail).hex()
 
-    def rows(self, duration: float | None) -> Rows:
+    def rows(self, duration: float | None) -> RowResolver:
         """Return what resolves the rows of a sweep faster than one by one.
 
         Args:
             duration: simulated time of each run [s]; the scene's own if None.
         """
-        return Rows(self, self._switches, duration)
+        return RowResolver(self, self._switches, duration)
 
     def is_plain(self, name: str) -> bool:
         """Say whether an axis writes a setting or initial value, and no structure."""
         manifest = self.source.manifest
         return name not in self._lacking and not (manifest and name in manifest.structure)
 
-    def starts(self, runs: Sequence[Resolved]) -> Starts:
+    def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the start states of runs of one structure."""
         groups = [list(group) for _, group in groupby(runs, lambda run: run.keyframe)]
-        with self.source.blamed():
-            return Starts.joined(
+        with self.source.named_in_errors():
+            return InitialStates.joined(
                 [
-                    start_states(self._start(group[0]), [(run.initial, run.seed) for run in group])
+                    initial_states(
+                        self._start(group[0]), [(run.initial, run.seed) for run in group]
+                    )
                     for group in groups
                 ]
             )
@@ -187,7 +200,7 @@ class Scene:
         manifest = self.source.manifest
         return manifest is not None and bool(manifest.control or manifest.hold)
 
-    def check(self, run: Resolved) -> None:
+    def check(self, run: ResolvedRun) -> None:
         """Compute what depends on time in a run, so that mistakes show before anything runs.
 
         Raises:
@@ -197,21 +210,21 @@ class Scene:
             return
         self.starts([run])
         holding = self.base(run.structure).holding
-        with self.source.blamed():
+        with self.source.named_in_errors():
             if holding is not None:
                 holding.window(run.initial)
 
-    def nudged(self, starts: Starts, runs: Sequence[Resolved]) -> Starts:
+    def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return starts with every place moved by up to 1e-6 m or rad, as each run's seed says."""
         start = self._start(runs[0])
         return nudged_states(start, starts, [run.seed for run in runs])
 
-    def _start(self, run: Resolved) -> StartState:
+    def _start(self, run: ResolvedRun) -> InitialStateRule:
         key = json.dumps([run.structure, run.keyframe], sort_keys=True)
         if key not in self._starts:
             model, manifest = self.base(run.structure).model, self.source.manifest
-            with self.source.blamed():
-                self._starts[key] = StartState.of(model, manifest, run.keyframe)
+            with self.source.named_in_errors():
+                self._starts[key] = InitialStateRule.of(model, manifest, run.keyframe)
         return self._starts[key]
 
     def _structure(self, values: Mapping[str, object]) -> dict[str, object]:

@@ -24,7 +24,7 @@ from contactlab.schema import SceneManifest
 
 
 @dataclass(frozen=True)
-class Content:
+class SceneFiles:
     """A model's own files.
 
     Attributes:
@@ -47,7 +47,7 @@ class Content:
             shutil.copyfile(self.root / file, target)
 
 
-def collect(model: Path, beside: Path | None = None) -> Content:
+def collect_files(model: Path, beside: Path | None = None) -> SceneFiles:
     """Return the model file, its includes and assets, and the manifest if there is one.
 
     Assets that do not exist are left for the compiler to judge, which does not need them all.
@@ -61,7 +61,7 @@ def collect(model: Path, beside: Path | None = None) -> Content:
         files = {path for path in found if path.is_file()} | ({_plain(beside)} if beside else set())
         root = _common_folder(files)
         names = sorted(path.relative_to(root) for path in files)
-        return Content(root, model.relative_to(root), tuple(names), _digest(root, names))
+        return SceneFiles(root, model.relative_to(root), tuple(names), _digest(root, names))
     except OSError as error:
         raise SceneError(f"{error.filename or model}: {error.strerror}") from error
 
@@ -169,7 +169,7 @@ class SceneSource:
     name: str
     path: Path
     manifest: SceneManifest | None
-    content: Content
+    content: SceneFiles
 
     @property
     def model(self) -> Path:
@@ -177,7 +177,7 @@ class SceneSource:
         return self.content.root / self.content.model
 
     @contextmanager
-    def blamed(self) -> Generator[None]:
+    def named_in_errors(self) -> Generator[None]:
         """Put the scene's file before the message of an error that is raised within."""
         try:
             yield
@@ -217,7 +217,7 @@ def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
 def _bare_model(path: Path, name: str) -> SceneSource:
     if not path.is_file():
         raise SceneError(f"no model file {path}")
-    return SceneSource(name, path, None, collect(path))
+    return SceneSource(name, path, None, collect_files(path))
 
 
 def _folder(path: Path, name: str) -> SceneSource:
@@ -225,7 +225,7 @@ def _folder(path: Path, name: str) -> SceneSource:
     if not manifest.is_file():
         raise SceneError(f"{path} holds no {MANIFEST}; name the model file itself to run without")
     read = read_manifest(manifest)
-    return SceneSource(name, manifest, read, collect(path / read.model, beside=manifest))
+    return SceneSource(name, manifest, read, collect_files(path / read.model, beside=manifest))
 
 
 def read_manifest(path: Path) -> SceneManifest:

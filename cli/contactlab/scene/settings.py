@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
-from contactlab.scene.contact_pairs import Pair, effective
+from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
 from contactlab.scene.parameters import (
     CONES,
     CONTACT_SETTINGS,
@@ -36,11 +36,11 @@ OPTION_VECTORS = ("gravity", "wind")
 
 
 def base_settings(
-    model: mujoco.MjModel, pairs: Sequence[Pair], subject: int | None
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], subject: int | None
 ) -> dict[str, object]:
     """Return every setting of a compiled model, in the units of the parameters table.
 
-    Contact settings are those of the first graded pair, since a sweep sets them for all pairs.
+    Contact settings are those of the first monitored pair, since a sweep sets them for all pairs.
     """
     option = model.opt
     settings: dict[str, object] = {"engine": ENGINES[0]}
@@ -49,7 +49,7 @@ def base_settings(
     settings |= {name: _vector(getattr(option, name)) for name in OPTION_VECTORS}
     settings |= {name: words[getattr(option, name)] for name, words in OPTION_WORDS.items()}
     if pairs:
-        first = effective(model, pairs[0])
+        first = effective_parameters(model, pairs[0])
         settings |= {name: getattr(first, name) for name in CONTACT_SETTINGS}
     if subject is not None:
         settings["mass"] = float(model.body_mass[subject])

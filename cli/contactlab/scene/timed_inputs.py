@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.model_joints import match
+from contactlab.scene.model_joints import match_coordinates
 from contactlab.schema import SceneManifest, Term
 
 
@@ -55,7 +55,7 @@ _INPUTS = "ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz"
 
 
 @dataclass(frozen=True)
-class Programme:
+class ControlProfile:
     """What inputs of one pattern do over time.
 
     Attributes:
@@ -71,15 +71,17 @@ class Programme:
     levels: tuple[Expression, ...]
 
 
-class Lines(NamedTuple):
-    """Programmes computed for n runs; see `Starts`."""
+class ControlKnots(NamedTuple):
+    """Programmes computed for n runs; see `InitialStates`."""
 
     driven: np.ndarray
     knots: Floats
     levels: Floats
 
 
-def read_programmes(model: mujoco.MjModel, manifest: SceneManifest | None) -> tuple[Programme, ...]:
+def read_control(
+    model: mujoco.MjModel, manifest: SceneManifest | None
+) -> tuple[ControlProfile, ...]:
     """Return what a manifest's `control` says.
 
     Raises:
@@ -100,7 +102,9 @@ def read_programmes(model: mujoco.MjModel, manifest: SceneManifest | None) -> tu
     return tuple(found)
 
 
-def drawn(programmes: Sequence[Programme], runs: Sequence[Mapping[str, float]]) -> Lines:
+def control_knots(
+    programmes: Sequence[ControlProfile], runs: Sequence[Mapping[str, float]]
+) -> ControlKnots:
     """Return the lines that programmes draw for each run's initial values.
 
     Raises:
@@ -109,7 +113,7 @@ def drawn(programmes: Sequence[Programme], runs: Sequence[Mapping[str, float]]) 
     most = max((len(each.times) for each in programmes), default=0)
     driven = [place for each in programmes for place in each.inputs]
     shape = (len(runs), len(driven), most)
-    lines = Lines(np.tile(np.array(driven, np.intp), (len(runs), 1)), *np.zeros((2, *shape)))
+    lines = ControlKnots(np.tile(np.array(driven, np.intp), (len(runs), 1)), *np.zeros((2, *shape)))
     for run, initial in enumerate(runs):
         rows = [_knots(each, initial, most) for each in programmes for _ in each.inputs]
         for place, (times, levels) in enumerate(rows):
@@ -117,7 +121,7 @@ def drawn(programmes: Sequence[Programme], runs: Sequence[Mapping[str, float]]) 
     return lines
 
 
-def _programme(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> Programme:
+def _programme(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> ControlProfile:
     entry = manifest.control[name]
 
     def formulas(terms: Sequence[Term], part: str) -> tuple[Expression, ...]:
@@ -125,14 +129,14 @@ def _programme(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> Pro
             read_formula(term, f"control {name} sets its {part}", manifest) for term in terms
         )
 
-    return Programme(
+    return ControlProfile(
         name, _inputs(model, name), formulas(entry.at, "times"), formulas(entry.to, "values")
     )
 
 
 def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
     offsets = {"ctrl": 0, "xfrc_applied": model.nu}
-    found = match(model, pattern)
+    found = match_coordinates(model, pattern)
     if any(each.field not in offsets for each in found):
         raise SceneError(f"control '{pattern}' is no input, but part of the state; write {_INPUTS}")
     return tuple(offsets[each.field] + each.index for each in found)
@@ -145,13 +149,13 @@ def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, s
         offsets[each.field] + each.index: f"initial value '{name}'"
         for name, entry in manifest.initial.items()
         for pattern in entry.sets
-        for each in match(model, pattern)
+        for each in match_coordinates(model, pattern)
         if each.field in offsets
     }
 
 
 def _knots(
-    programme: Programme, initial: Mapping[str, float], most: int
+    programme: ControlProfile, initial: Mapping[str, float], most: int
 ) -> tuple[list[float], list[float]]:
     """Return a programme's knots, the last one repeated to fill up."""
     times = [computed(each, initial) for each in programme.times]
@@ -169,7 +173,7 @@ _WORLD = "world"
 
 
 @dataclass(frozen=True)
-class Holding:
+class HoldSpec:
     """What a manifest's `hold` says.
 
     Attributes:
@@ -199,9 +203,9 @@ class Holding:
         return start, stop
 
 
-def find_holding(
+def find_hold(
     model: mujoco.MjModel, manifest: SceneManifest | None, subject: int | None
-) -> Holding | None:
+) -> HoldSpec | None:
     """Return what a manifest says of the subject's hold, if it does.
 
     Raises:
@@ -216,7 +220,7 @@ def find_holding(
     if holder not in bodies:
         hint = did_you_mean(holder, bodies)
         raise SceneError(f"hold: '{holder}' in relative_to is no body of the model{hint}")
-    holding = Holding(
+    holding = HoldSpec(
         subject=bodies[subject],
         holder=holder,
         start=read_formula(manifest.hold.start, "hold sets its `from`", manifest),

@@ -18,12 +18,12 @@ from contactlab.contact import (
 )
 from contactlab.engines import body_names, moving_bodies, poses, shapes
 from contactlab.errors import StoreError
-from contactlab.scene import Prepared
+from contactlab.scene import PreparedModel
 from contactlab.store.mcap import StoredPair, StoredTrace
 
 
 def read_motion(
-    prepared: Prepared, trace: StoredTrace, rate: float, moments: Sequence[float] = ()
+    prepared: PreparedModel, trace: StoredTrace, rate: float, moments: Sequence[float] = ()
 ) -> BodyMotion:
     """Return what is drawn of a run, up to its first state that is not finite.
 

@@ -7,10 +7,10 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.scene import Starts
+from contactlab.scene import InitialStates
 
 
-def view(model: mujoco.MjModel, start: Starts) -> None:
+def view(model: mujoco.MjModel, start: InitialStates) -> None:
     """Open MuJoCo's viewer and play from a start state, in real time, until it is closed.
 
     Raises:
@@ -37,7 +37,7 @@ def view(model: mujoco.MjModel, start: Starts) -> None:
             time.sleep(max(0.0, model.opt.timestep - (time.perf_counter() - tick)))
 
 
-def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: Starts) -> None:
+def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
     """Set the inputs that change over time, and leave the others to the viewer's user."""
     step = np.array([round(data.time / model.opt.timestep)])
     inputs = start.inputs(0, model.opt.timestep, step)[0]

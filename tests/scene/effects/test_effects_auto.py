@@ -8,11 +8,11 @@ import pytest
 
 from contactlab import resources
 from contactlab.engines import Buffers, roll_out
-from contactlab.scene import EFFECTS, FLAGS, Prepared, Scene, quiet
-from contactlab.scene.effects import Situation
+from contactlab.scene import EFFECTS, FLAGS, PreparedModel, Scene, silence_mujoco
+from contactlab.scene.effects import RunState
 
 MakeScene = Callable[..., Scene]
-Prepare = Callable[..., Prepared]
+Prepare = Callable[..., PreparedModel]
 SCENES = resources.scene_names()
 _STEPS = 150
 _BALL = (
@@ -23,12 +23,12 @@ _FLOOR = '<geom name="floor" type="plane" size="2 2 .1"/>'
 
 def states(scene: Scene, model: mujoco.MjModel) -> np.ndarray:
     """Return the states of a short run of a scene's own start."""
-    quiet()
+    silence_mujoco()
     start = scene.starts([scene.resolve({}, 0, None)])
     return roll_out([model], start, _STEPS, Buffers()).state[0].copy()
 
 
-def off(found: Prepared) -> set[str]:
+def off(found: PreparedModel) -> set[str]:
     """Return the effects that are off."""
     return {name for name, choice in found.effects.items() if not choice.on}
 
@@ -52,7 +52,7 @@ def test_what_is_off_is_not_in_the_model(prepared: Prepare, name: str) -> None:
     scene = Scene.open(name)
     found = prepared(scene)
     base = scene.base_of(scene.resolve({}, 0, None))
-    run = Situation(found.model, base.facts, straight=False)
+    run = RunState(found.model, base.facts, straight=False)
     assert set(found.effects) == set(EFFECTS)
     assert off(found) == {each for each, effect in EFFECTS.items() if not effect.is_on(run)}
     assert all(choice.reason for choice in found.effects.values())

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.scene import EFFECTS, FLAGS, FRICTIONS, Prepared, Scene
+from contactlab.scene import EFFECTS, FLAGS, FRICTIONS, PreparedModel, Scene
 from contactlab.schema import Sweep, rest, switches
 
 MakeScene = Callable[..., Scene]
-Prepare = Callable[..., Prepared]
+Prepare = Callable[..., PreparedModel]
 BALL = Scene.open("ball_drop")
 MANY = """
 <mujoco>

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.engines import pair_speeds
-from contactlab.scene import Pair, actuated_limbs
+from contactlab.scene import MonitoredPair, actuated_limbs
 from contactlab.schema import CheckReport, CheckResult, Measure
 
 One = Callable[..., CheckResult]
@@ -109,8 +109,8 @@ BODIES = """<mujoco><worldbody>
   <body pos="0 0 2"><joint axis="0 1 0"/>
     <geom name="rod" type="capsule" fromto="0 0 0 1 0 0" size=".01"/></body>
 </worldbody></mujoco>"""
-BALL = Pair("floor-ball", ("floor", "ball"), False, ((0,), (1,)), 1)
-ROD = Pair("floor-rod", ("floor", "rod"), False, ((0,), (2,)), 1)
+BALL = MonitoredPair("floor-ball", ("floor", "ball"), False, ((0,), (1,)), 1)
+ROD = MonitoredPair("floor-rod", ("floor", "rod"), False, ((0,), (2,)), 1)
 
 
 @given(st.lists(st.floats(-10, 10), min_size=7, max_size=7))

@@ -2,7 +2,13 @@
 
 from collections.abc import Mapping, MutableMapping
 
-from contactlab.scene.effects.effect import NOT_THERE, Choice, Effect, Situation, Wishes
+from contactlab.scene.effects.effect import (
+    NOT_IN_MODEL,
+    Effect,
+    EffectRequest,
+    EffectState,
+    RunState,
+)
 from contactlab.scene.effects.table import COMPILED, EFFECTS
 from contactlab.scene.engine_flags import FLAGS, write_flags
 
@@ -11,12 +17,12 @@ _INTEGRATOR = {False: "Euler", True: "implicitfast"}
 _NOSLIP = 3
 
 
-def choose(run: Situation, wishes: Wishes) -> dict[str, Choice]:
-    """Decide every effect of a run, whose settings and wishes are written into its model."""
-    return {name: _choose(effect, run, wishes) for name, effect in EFFECTS.items()}
+def choose(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
+    """Decide every effect of a run, whose settings and request are written into its model."""
+    return {name: _choose(effect, run, request) for name, effect in EFFECTS.items()}
 
 
-def leave_out(run: Situation, chosen: Mapping[str, Choice]) -> None:
+def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
     """Write into a run's model, in place, that what is not chosen is off."""
     # What is on is read before anything is written: friction effects share their dimensions.
     off = [each for name, each in EFFECTS.items() if not chosen[name].on and each.is_on(run)]
@@ -26,19 +32,21 @@ def leave_out(run: Situation, chosen: Mapping[str, Choice]) -> None:
             effect.turn(run.model, False)
 
 
-def _choose(effect: Effect, run: Situation, wishes: Wishes) -> Choice:
+def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:
     on = effect.is_on(run)
-    if effect.name in wishes.asked:
+    if effect.name in request.asked:
         # What is left out of such a model may still be in it, idle.
-        return Choice(on and (wishes.asked[effect.name] or effect.name not in COMPILED), "as asked")
+        return EffectState(
+            on and (request.asked[effect.name] or effect.name not in COMPILED), "as asked"
+        )
     if not on:
-        return Choice(False, NOT_THERE)
-    if not wishes.auto:
-        return Choice(True, "all that the model has is on")
-    if set_here := sorted(wishes.changed.intersection(effect.touches)):
-        return Choice(True, f"the sweep sets {', '.join(set_here)}")
+        return EffectState(False, NOT_IN_MODEL)
+    if not request.auto:
+        return EffectState(True, "all that the model has is on")
+    if set_here := sorted(request.changed.intersection(effect.touches)):
+        return EffectState(True, f"the sweep sets {', '.join(set_here)}")
     proof = effect.unused(run)
-    return Choice(proof is None, proof or effect.called_by)
+    return EffectState(proof is None, proof or effect.called_by)
 
 
 def fold(name: str, *, on: bool, settings: Settings) -> bool:

@@ -6,14 +6,14 @@ from typing import Literal
 
 import mujoco
 
-NOT_THERE = "not in the model"
+NOT_IN_MODEL = "not in the model"
 """The reason of an effect that a model does not have."""
 
 Kind = Literal["physical", "numerical", "recording"]
 
 
 @dataclass(frozen=True)
-class Facts:
+class ModelFacts:
     """What one structure of a scene decides about its effects, whatever a run sets.
 
     Attributes:
@@ -40,7 +40,7 @@ class Facts:
 
 
 @dataclass(frozen=True)
-class Situation:
+class RunState:
     """A run as far as the static analysis looks at it.
 
     Attributes:
@@ -50,12 +50,12 @@ class Situation:
     """
 
     model: mujoco.MjModel
-    facts: Facts
+    facts: ModelFacts
     straight: bool
 
 
 @dataclass(frozen=True)
-class Wishes:
+class EffectRequest:
     """What is asked of a run's effects.
 
     Attributes:
@@ -93,14 +93,14 @@ class Effect:
     switch: str
     called_by: str
     changes: bool
-    is_on: Callable[[Situation], bool]
+    is_on: Callable[[RunState], bool]
     turn: Callable[[mujoco.MjModel, bool], None] | None
-    unused: Callable[[Situation], str | None]
+    unused: Callable[[RunState], str | None]
     touches: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class EffectState:
     """Whether an effect is on in a run, and why."""
 
     on: bool

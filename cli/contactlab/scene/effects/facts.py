@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from contactlab.scene.effects.effect import Facts
+from contactlab.scene.effects.effect import ModelFacts
 from contactlab.scene.effects.unused import tendons_act
 from contactlab.scene.recording_sensors import PREFIX
 
@@ -14,10 +14,10 @@ _OBJECT = mujoco.mjtObj
 _MOST_GEOMS = 2000
 
 
-def find_facts(model: mujoco.MjModel, *, energy: bool) -> Facts:
+def find_facts(model: mujoco.MjModel, *, energy: bool) -> ModelFacts:
     """Return the facts of a compiled model, recording sensors included."""
     touch = _touching(model)
-    return Facts(
+    return ModelFacts(
         kinds=_kinds(model, touch),
         level=touch is not None and _is_level(model, touch),
         turning=touch is None or _can_turn(model, touch),

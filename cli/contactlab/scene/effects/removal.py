@@ -4,23 +4,23 @@ from collections.abc import Collection
 
 import mujoco
 
-from contactlab.scene.effects.effect import Facts, Wishes
+from contactlab.scene.effects.effect import EffectRequest, ModelFacts
 from contactlab.scene.recording_sensors import PREFIX
 
 
-def left_uncompiled(facts: Facts, wishes: Wishes) -> frozenset[str]:
+def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]:
     """Return the effects that a run's model is compiled without.
 
     Args:
         facts: of the whole model.
-        wishes: what is asked of the run's effects.
+        request: what is asked of the run's effects.
     """
-    asked, usual = wishes.asked, not wishes.auto
+    asked, usual = request.asked, not request.auto
     out: set[str] = set()
     if facts.sensors and not asked.get("sensor", usual):
         out.add("sensor")
     read = facts.sensors and "sensor" not in out
-    named = any(name.startswith("tendon_") for name in wishes.changed)
+    named = any(name.startswith("tendon_") for name in request.changed)
     spare = facts.tendons and facts.idle_tendons and not read and not named
     if spare and not asked.get("tendon", usual):
         out.add("tendon")

@@ -3,10 +3,10 @@
 import mujoco
 import numpy as np
 
-from contactlab.scene.initial_states import Starts
+from contactlab.scene.initial_states import InitialStates
 
 
-def is_straight(model: mujoco.MjModel, start: Starts) -> bool:
+def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
     """Say whether, at the start, nothing turns or moves but along z, nor is pushed otherwise.
 
     Args:

@@ -5,12 +5,12 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from contactlab.scene.effects.effect import Situation
+from contactlab.scene.effects.effect import RunState
 from contactlab.scene.effects.unused import most_condim
 from contactlab.scene.engine_flags import read_flag, write_flags
 
 Turn = Callable[[mujoco.MjModel, bool], None]
-Read = Callable[[Situation], bool]
+Read = Callable[[RunState], bool]
 
 # What each friction effect needs, and what is left without it.
 _DIMS = {"tangential_friction": (3, 1), "torsional_friction": (4, 3), "rolling_friction": (6, 4)}
@@ -67,18 +67,18 @@ def turn_options_off(*names: str) -> Turn:
     return turn
 
 
-def is_elliptic(run: Situation) -> bool:
+def is_elliptic(run: RunState) -> bool:
     """Say whether the friction cone is elliptic."""
     return bool(run.model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC)
 
 
-def is_implicit(run: Situation) -> bool:
+def is_implicit(run: RunState) -> bool:
     """Say whether forces that depend on velocity are taken at the step's end."""
     explicit = (mujoco.mjtIntegrator.mjINT_EULER, mujoco.mjtIntegrator.mjINT_RK4)
     return run.model.opt.integrator not in explicit
 
 
-def is_stiffer(run: Situation) -> bool:
+def is_stiffer(run: RunState) -> bool:
     """Say whether friction is harder than the normal force."""
     return bool(run.model.opt.impratio > 1)
 

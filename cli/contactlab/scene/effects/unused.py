@@ -9,9 +9,9 @@ from collections.abc import Callable
 import mujoco
 import numpy as np
 
-from contactlab.scene.effects.effect import Situation
+from contactlab.scene.effects.effect import RunState
 
-Proof = Callable[[Situation], str | None]
+Proof = Callable[[RunState], str | None]
 
 _GEOM = mujoco.mjtGeom
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
@@ -37,12 +37,12 @@ _DIRECT = (
 )
 
 
-def never(_: Situation) -> str | None:
+def never(_: RunState) -> str | None:
     """Prove nothing."""
     return None
 
 
-def no_contact(run: Situation) -> str | None:
+def no_contact(run: RunState) -> str | None:
     """No two geoms can touch."""
     return "no two geoms can touch" if run.facts.kinds == frozenset() else None
 
@@ -50,14 +50,14 @@ def no_contact(run: Situation) -> str | None:
 def zero(reason: str, *fields: str) -> Proof:
     """Return the proof that all coefficients in some fields of the model are zero."""
 
-    def prove(run: Situation) -> str | None:
+    def prove(run: RunState) -> str | None:
         acting = any(np.any(getattr(run.model, field, 0)) for field in fields)
         return None if acting else reason
 
     return prove
 
 
-def no_damping(run: Situation) -> str | None:
+def no_damping(run: RunState) -> str | None:
     """No joint, tendon or flex is damped; with springs off too, air would go with it."""
     found = zero(
         "no joint or tendon is damped",
@@ -71,7 +71,7 @@ def no_damping(run: Situation) -> str | None:
     return None if _has_other_forces(run.model) else found
 
 
-def no_spring(run: Situation) -> str | None:
+def no_spring(run: RunState) -> str | None:
     """No joint, tendon or flex is a spring; with damping off too, air would go with it."""
     found = zero(
         "no joint or tendon is a spring",
@@ -91,30 +91,30 @@ def _has_other_forces(model: mujoco.MjModel) -> bool:
     return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
 
 
-def no_limit(run: Situation) -> str | None:
+def no_limit(run: RunState) -> str | None:
     """No joint or tendon has a limit."""
     return zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")(run)
 
 
-def no_gravity(run: Situation) -> str | None:
+def no_gravity(run: RunState) -> str | None:
     """Gravity is zero."""
     return None if run.model.opt.gravity.any() else "gravity is zero"
 
 
-def no_air(run: Situation) -> str | None:
+def no_air(run: RunState) -> str | None:
     """Without density and viscosity there is no force of a medium, whatever the wind."""
     option = run.model.opt
     return None if option.density or option.viscosity else "the medium has no density or viscosity"
 
 
-def no_friction(run: Situation) -> str | None:
+def no_friction(run: RunState) -> str | None:
     """No contact has friction, and no joint or tendon has friction loss."""
     if found := no_contact(run):
         return found
     return None if has_friction(run.model) else "no contact has friction"
 
 
-def no_noslip(run: Situation) -> str | None:
+def no_noslip(run: RunState) -> str | None:
     """There is no friction that could slip, in contacts or in joints."""
     lossless = zero("", "dof_frictionloss", "tendon_frictionloss")(run) is not None
     return no_friction(run) if lossless else None
@@ -136,7 +136,7 @@ def _flex(model: mujoco.MjModel) -> np.ndarray:
     return np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
 
 
-def straight_drop(run: Situation) -> str | None:
+def straight_drop(run: RunState) -> str | None:
     """A sphere that falls straight on a level plane never moves sideways in its contact.
 
     Its contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
@@ -153,7 +153,7 @@ def straight_drop(run: Situation) -> str | None:
     return "what falls does so straight, and its contacts never move sideways"
 
 
-def no_turning(run: Situation) -> str | None:
+def no_turning(run: RunState) -> str | None:
     """Bodies that touch cannot turn, and an elliptic cone treats every direction by itself."""
     if found := no_contact(run):
         return found
@@ -171,7 +171,7 @@ def _is_unit_pyramid(model: mujoco.MjModel) -> bool:
     return most_condim(model) <= 3 and bool((slides == 1).all())
 
 
-def no_general_collision(run: Situation) -> str | None:
+def no_general_collision(run: RunState) -> str | None:
     """Every pair of shapes has a collision function of its own; contacts ahead of touch do not."""
     if found := no_contact(run):
         return found
@@ -182,19 +182,19 @@ def no_general_collision(run: Situation) -> str | None:
     return "all shapes that can touch have a collision function of their own"
 
 
-def no_crowd(run: Situation) -> str | None:
+def no_crowd(run: RunState) -> str | None:
     """There is no body whose geoms could be sorted."""
     return no_contact(run) or (None if run.facts.crowded else "no body has more than one geom")
 
 
-def one_tree(run: Situation) -> str | None:
+def one_tree(run: RunState) -> str | None:
     """One kinematic tree is one island; sleeping needs islands."""
     if run.model.ntree > 1 or run.model.nflex or run.model.opt.enableflags & _SLEEP:
         return None
     return "a single tree of bodies is one island"
 
 
-def no_constraint(run: Situation) -> str | None:
+def no_constraint(run: RunState) -> str | None:
     """No contact, limit, equality or friction loss: nothing is solved."""
     model = run.model
     solved = model.neq or model.nflex or np.any(model.dof_frictionloss)
@@ -203,26 +203,26 @@ def no_constraint(run: Situation) -> str | None:
     return None if no_limit(run) is None else "there is nothing to solve"
 
 
-def no_equality(run: Situation) -> str | None:
+def no_equality(run: RunState) -> str | None:
     """No equality constraint is there, or all are inactive."""
     if not run.model.neq:
         return "no equality constraint"
     return None if np.any(run.model.eq_active0) else "no equality constraint is active"
 
 
-def no_actuator(run: Situation) -> str | None:
+def no_actuator(run: RunState) -> str | None:
     """There is no actuator."""
     return None if run.model.nu else "no actuator"
 
 
-def no_ctrl_limit(run: Situation) -> str | None:
+def no_ctrl_limit(run: RunState) -> str | None:
     """No control is limited."""
     if run.model.nu and np.any(run.model.actuator_ctrllimited):
         return None
     return "no control is limited"
 
 
-def idle_tendons(run: Situation) -> str | None:
+def idle_tendons(run: RunState) -> str | None:
     """No tendon does anything."""
     idle = run.facts.idle_tendons and not tendons_act(run.model)
     return "no tendon exerts a force" if idle else None
@@ -233,6 +233,6 @@ def tendons_act(model: mujoco.MjModel) -> bool:
     return any(np.any(getattr(model, f"tendon_{each}", 0)) for each in _TENDON_FORCES)
 
 
-def spare_sensors(_: Situation) -> str | None:
+def spare_sensors(_: RunState) -> str | None:
     """Sensors measure, and change nothing; no metric reads those of the model."""
     return "no metric reads the model's own sensors"

@@ -11,7 +11,15 @@ from contactlab.engines import bytes_of_run
 from contactlab.errors import SceneError
 from contactlab.run.jobs import RUN_BYTES
 from contactlab.run.vocabulary import Scenes
-from contactlab.scene import OWN_START, Base, Prepared, Resolved, Scene, Starts, make_setup
+from contactlab.scene import (
+    QPOS0,
+    CompiledScene,
+    InitialStates,
+    PreparedModel,
+    ResolvedRun,
+    Scene,
+    make_setup,
+)
 from contactlab.studies.check.options import read_options, whole_settings
 
 
@@ -39,22 +47,22 @@ class Target:
         return self.scenes.open(self.reference)
 
     @cached_property
-    def resolved(self) -> Resolved:
+    def resolved(self) -> ResolvedRun:
         """Everything that decides its own run."""
         return self.scene.resolve(self.values, 0, self.duration)
 
     @property
-    def base(self) -> Base:
+    def base(self) -> CompiledScene:
         """Its compiled structure."""
         return self.scene.base(self.resolved.structure)
 
     @cached_property
-    def prepared(self) -> Prepared:
+    def prepared(self) -> PreparedModel:
         """Its model with the options set."""
         return self.base.prepare(self.resolved.edits())
 
     @property
-    def start(self) -> Starts:
+    def start(self) -> InitialStates:
         """Where its own run starts."""
         return self.scene.starts([self.resolved])
 
@@ -86,7 +94,7 @@ class Target:
     def keyframe(self) -> str | None:
         """The keyframe that it starts from; None for its own start."""
         start = self.resolved.keyframe
-        return None if start == OWN_START else start
+        return None if start == QPOS0 else start
 
     def setting(self, name: str) -> Any:  # noqa: ANN401 - settings are of many kinds
         """Return one resolved setting."""

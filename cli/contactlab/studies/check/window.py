@@ -7,7 +7,7 @@ import numpy as np
 
 from contactlab.contact import SLIDE, SLOT_WIDTH, Floats, HoldWindow, PairTrace, Setup, Trace
 from contactlab.measure import assess
-from contactlab.scene import Pair, make_setup
+from contactlab.scene import MonitoredPair, make_setup
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.bench import Tried
 from contactlab.studies.check.target import Target
@@ -58,7 +58,9 @@ def held_pairs(target: Target, tried: Tried, start: float, stop: float) -> list[
     return list(_held(base.pairs, tried, steps, setup))
 
 
-def _held(pairs: tuple[Pair, ...], tried: Tried, steps: slice, setup: Setup) -> Iterator[Held]:
+def _held(
+    pairs: tuple[MonitoredPair, ...], tried: Tried, steps: slice, setup: Setup
+) -> Iterator[Held]:
     trace = tried.trace
     seconds = (steps.stop - steps.start) * np.diff(trace.time[:2])
     whole = HoldWindow(np.zeros(1), seconds)
@@ -86,7 +88,7 @@ def _held(pairs: tuple[Pair, ...], tried: Tried, steps: slice, setup: Setup) -> 
         )
 
 
-def slots_of(trace: StoredTrace, pair: Pair, steps: slice) -> Floats:
+def slots_of(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
     """Put the contact points of a pair back into the slots (1, N, S, 23) of some steps."""
     stored = next(each for each in trace.pairs if each.name == pair.name)
     slots = np.zeros((1, steps.stop - steps.start, pair.slots, SLOT_WIDTH))

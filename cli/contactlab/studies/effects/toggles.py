@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from contactlab.scene import EFFECTS, Choice
+from contactlab.scene import EFFECTS, EffectState
 from contactlab.studies.effects.question import Question, Values
 
 # All that is solved, which pairs of bodies touch, and what inverse dynamics says are the model's.
@@ -54,7 +54,7 @@ def find_toggles(question: Question) -> tuple[Toggle, ...]:
     return tuple(each for each in found if each is not None)
 
 
-def _choices(question: Question, rest: str) -> Iterator[Mapping[str, Choice]]:
+def _choices(question: Question, rest: str) -> Iterator[Mapping[str, EffectState]]:
     scene = question.scene.with_effects(rest)
     for scenario in question.scenarios:
         run = scene.resolve({**question.base, **scenario}, question.seeds[0], question.duration)
@@ -62,7 +62,7 @@ def _choices(question: Question, rest: str) -> Iterator[Mapping[str, Choice]]:
 
 
 def _toggle(
-    name: str, written: list[Mapping[str, Choice]], proven: list[Mapping[str, Choice]]
+    name: str, written: list[Mapping[str, EffectState]], proven: list[Mapping[str, EffectState]]
 ) -> Toggle | None:
     on = any(each[name].on for each in written)
     if not on:
