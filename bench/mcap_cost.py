@@ -20,7 +20,7 @@ from mcap.writer import Writer
 
 from contactlab.contact import FOUND, SLOT_WIDTH, STICK, Floats, PairSeries, PairTrace, Trace
 from contactlab.store.mcap import TraceExtras, read_trace, write_trace
-from contactlab.store.mcap.encode import POINT_FIELDS
+from contactlab.store.mcap.message_encoder import POINT_FIELDS
 
 STEPS = 1500
 TIMESTEP = 0.002

@@ -1,12 +1,14 @@
 """What all tests share."""
 
 import logging
+import runpy
 import signal
 import threading
 import urllib.request
 import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -89,3 +91,22 @@ def object_server(_object_server: ObjectServer, monkeypatch: pytest.MonkeyPatch)
 def bucket(object_server: ObjectServer) -> str:
     """The address of an empty bucket on the server."""
     return f"s3://{object_server.make_bucket()}"
+
+
+@pytest.fixture(scope="session")
+def make_trace() -> Callable[..., Any]:
+    """Return a function that makes a random trace and the series of its pairs."""
+    return runpy.run_path(str(Path(__file__).with_name("random_traces.py")))["random_trace"]
+
+
+@pytest.fixture(scope="session")
+def extras() -> Any:
+    """What a trace file holds beside the arrays."""
+    from contactlab.store.mcap import TraceExtras  # noqa: PLC0415 - collection is quick without
+
+    return TraceExtras(
+        record_json=b'{"run_id": "r1", "label": "stable", "metrics": {"penetration": 1e-4}}',
+        record_schema=b'{"type": "object"}',
+        metadata={"run_id": "r1", "seed": "0", "unité": "m/s²"},
+        model_xml=b"<mujoco><worldbody/></mujoco>",
+    )

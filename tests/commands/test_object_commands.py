@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.store import ObjectAddress, located
+from contactlab.store import ObjectAddress, parse_address
 from contactlab.store.objects import connect
 
 
@@ -73,7 +73,7 @@ def test_a_sweep_speaks_of_its_address(contactlab: Any, small: Path, at: str) ->
 
 
 def test_refused_in_one_message(contactlab: Any, small: Path, at: str) -> None:
-    address = located(at)
+    address = parse_address(at)
     assert isinstance(address, ObjectAddress)
     connect(address, OutputError).put("thesis.tex", b"dear")
     for target, code, said in (
@@ -92,7 +92,7 @@ def test_refused_in_one_message(contactlab: Any, small: Path, at: str) -> None:
 
 @pytest.mark.usefixtures("swept")
 def test_an_unfinished_one(contactlab: Any, at: str) -> None:
-    address = located(at)
+    address = parse_address(at)
     assert isinstance(address, ObjectAddress)
     connect(address, OutputError).delete(["manifest.json"])
     result = contactlab("show", at)

@@ -23,14 +23,14 @@ from contactlab.schema import (
     SweepIdentity,
 )
 from contactlab.store import (
-    SHARED,
+    SHARED_FIELDS,
     StoreWriter,
     axis_column,
     metric_column,
+    open_writer,
+    record_to_row,
     sha256_of,
     struct_column,
-    to_row,
-    writing,
 )
 
 # Name to unit, direction and resolution; `found` is of the second pass.
@@ -146,11 +146,11 @@ def write(path: Path, given: Given) -> Path:
     }
     identity = SweepIdentity(**{**told, **given.identity})
     runs = [run.model_copy(update={"metric_versions": given.versions}) for run in given.runs]
-    shared = {name: getattr(record(0, "", 0.0), name) for name in SHARED}
+    shared = {name: getattr(record(0, "", 0.0), name) for name in SHARED_FIELDS}
     shared |= {"metric_versions": given.versions, "severity": list(SEVERITY)}
-    with writing(path, identity, SceneFile(), fresh=False) as store:
+    with open_writer(path, identity, SceneFile(), fresh=False) as store:
         assert isinstance(store, StoreWriter)
-        store.append([json.dumps(to_row(run)).encode() for run in runs])
+        store.append([json.dumps(record_to_row(run)).encode() for run in runs])
         store.finish(_columns(runs), shared, given.provenance)
     return path
 

@@ -21,7 +21,7 @@ from contactlab.compare.verdicts import (
     verdict_counts,
     worst_verdict,
 )
-from contactlab.store import Numbers
+from contactlab.store import NumberColumn
 
 REALS = st.floats(-1e6, 1e6)
 RULES = st.builds(
@@ -80,8 +80,8 @@ def test_swapped_sides_swap_better_and_worse(pairs: list[tuple[float, float]], b
 VALUES = st.none() | st.sampled_from([math.nan, math.inf, -math.inf]) | REALS
 
 
-def column(values: list[float | None]) -> Numbers:
-    return Numbers(
+def column(values: list[float | None]) -> NumberColumn:
+    return NumberColumn(
         np.array([math.nan if value is None else value for value in values]),
         np.array([value is not None for value in values]),
     )

@@ -22,7 +22,7 @@ from contactlab.report.map_cells import (
 )
 from contactlab.report.report_columns import STABLE_COLOUR, GridAxis, Quantity, RunLabels
 from contactlab.report.run_series import decimated
-from contactlab.store import Measured
+from contactlab.store import MeasuredColumn
 
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {
@@ -53,7 +53,7 @@ def outcomes(codes: list[int]) -> RunLabels:
 
 
 def quantity(values: list[float], better: str = "lower") -> Quantity:
-    return Quantity(Measured("q", "m", better, 0.0, False), "", np.array(values))
+    return Quantity(MeasuredColumn("q", "m", better, 0.0, False), "", np.array(values))
 
 
 Runs = list[tuple[int, int, int, float]]

@@ -16,10 +16,10 @@ from contactlab.run import run_sweep
 from contactlab.run.job import Job, Result, Task
 from contactlab.run.stop import Stop
 from contactlab.run.worker import Worker
-from contactlab.store import Address, ObjectAddress, located, verify
-from contactlab.store.objects import Client, connect
-from contactlab.store.objects import lease as lease_file
-from contactlab.store.objects.holder import Holder
+from contactlab.store import Address, ObjectAddress, parse_address, verify
+from contactlab.store.objects import ObjectClient, connect
+from contactlab.store.objects import store_lease as lease_file
+from contactlab.store.objects.store_lease import LockHolder
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -46,13 +46,13 @@ accuracy: {error: auto}
 
 @pytest.fixture
 def address(bucket: str) -> ObjectAddress:
-    found = located(f"{bucket}/sweeps/one")
+    found = parse_address(f"{bucket}/sweeps/one")
     assert isinstance(found, ObjectAddress)
     return found
 
 
 @pytest.fixture
-def client(address: ObjectAddress) -> Client:
+def client(address: ObjectAddress) -> ObjectClient:
     return connect(address, OutputError)
 
 
@@ -72,7 +72,7 @@ def outcome_at(tmp_path: Path, outcome: Callable[[Path], Any]) -> Callable[[Addr
     return of
 
 
-def rows(client: Client) -> int:
+def rows(client: ObjectClient) -> int:
     return sum(1 for _ in client.sizes("journal"))
 
 
@@ -149,7 +149,7 @@ def test_interrupted_and_resumed(  # noqa: PLR0917 - one a fixture
     command: Any,
     tmp_path: Path,
     address: ObjectAddress,
-    client: Client,
+    client: ObjectClient,
     until: Until,
     outcome_at: Callable[[Address], Any],
     how: signal.Signals,
@@ -178,7 +178,7 @@ def test_killed_three_times(
     command: Any,
     tmp_path: Path,
     address: ObjectAddress,
-    client: Client,
+    client: ObjectClient,
     until: Until,
     outcome_at: Callable[[Address], Any],
 ) -> None:
@@ -202,7 +202,7 @@ def test_resumed_on_another_machine(
     sweeper: Any,
     ball: str,
     address: ObjectAddress,
-    client: Client,
+    client: ObjectClient,
     outcome_at: Callable[[Address], Any],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -214,7 +214,7 @@ def test_resumed_on_another_machine(
 
     with pytest.raises(KeyboardInterrupt):
         run_sweep(ask, lambda *_: None, die)
-    theirs = Holder.this().model_copy(update={"machine": "another"})
+    theirs = LockHolder.this().model_copy(update={"machine": "another"})
     client.put(".lock", theirs.encoded())
     monkeypatch.setattr(lease_file, "LEASE", 0.5)
     began: list[tuple[int, int]] = []
@@ -231,7 +231,7 @@ def test_a_server_that_goes_away(
     sweeper: Any,
     ball: str,
     address: ObjectAddress,
-    client: Client,
+    client: ObjectClient,
     outcome_at: Callable[[Address], Any],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -239,15 +239,15 @@ def test_a_server_that_goes_away(
     ask = replace(sweeper.ask(ball), store=address)
 
     def unplug(_: object) -> None:
-        monkeypatch.setattr(Client, "put", away)
+        monkeypatch.setattr(ObjectClient, "put", away)
 
-    def away(_: Client, name: str, __: object) -> None:
+    def away(_: ObjectClient, name: str, __: object) -> None:
         raise OutputError(f"cannot reach {address / name}")
 
-    put = Client.put
+    put = ObjectClient.put
     with pytest.raises(OutputError, match=f"cannot reach {address}/traces/"):
         run_sweep(ask, lambda *_: None, unplug)
-    monkeypatch.setattr(Client, "put", put)
+    monkeypatch.setattr(ObjectClient, "put", put)
     assert client.find("manifest.json") is None
     began: list[int] = []
     run_sweep(ask, lambda _, done: began.append(done), lambda _: None)
@@ -267,7 +267,7 @@ def test_a_command_whose_server_goes_away(
     port = server.get_host_and_port()[1]
     monkeypatch.setenv("AWS_ENDPOINT_URL", f"http://127.0.0.1:{port}")
     (tmp_path / "long.yaml").write_text(LONG)
-    address = located(f"{bucket}/one")
+    address = parse_address(f"{bucket}/one")
     assert isinstance(address, ObjectAddress)
     client = connect(address, OutputError)
     process = command.start("sweep", "long.yaml", "--workers", "2", "-o", str(address))

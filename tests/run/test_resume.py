@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from contactlab.run import Finished, jobs
-from contactlab.store import verify, writer
+from contactlab.store import store_writer, verify
 
 RUNS = 18
 
@@ -132,7 +132,7 @@ def test_stopped_between_table_and_manifest(
         raise StopError(folder)
 
     with monkeypatch.context() as patch:
-        patch.setattr(writer, "sync_filesystem", stop)
+        patch.setattr(store_writer, "sync_filesystem", stop)
         with pytest.raises(StopError):
             sweeper.run(ball)
     store = sweeper.folder / "store"

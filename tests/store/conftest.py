@@ -23,14 +23,14 @@ from contactlab.schema import (
     TraceFile,
 )
 from contactlab.store import (
-    SHARED,
+    SHARED_FIELDS,
     Column,
     StoreWriter,
     axis_column,
     metric_column,
+    open_writer,
+    record_to_row,
     struct_column,
-    to_row,
-    writing,
 )
 from contactlab.store.mcap import TraceExtras, write_trace
 
@@ -108,7 +108,7 @@ def make_record(index: int = 0, **changes: Any) -> EvidenceRecord:
 
 def shared(record: EvidenceRecord) -> dict[str, Any]:
     """Return what a store keeps once for all of its runs."""
-    return {name: getattr(record, name) for name in SHARED}
+    return {name: getattr(record, name) for name in SHARED_FIELDS}
 
 
 def columns(records: Sequence[EvidenceRecord]) -> list[Column]:
@@ -181,7 +181,7 @@ def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
 def write_store(path: Path, records: Sequence[EvidenceRecord]) -> StoreManifest:
     """Write a store of runs with their traces; those that were lost left none."""
     lost = {"crashed", "timeout"}
-    with writing(path, identity(len(records)), SceneFile(), fresh=False) as store:
+    with open_writer(path, identity(len(records)), SceneFile(), fresh=False) as store:
         assert isinstance(store, StoreWriter)
         written = [each if each.status in lost else write_run(path, each) for each in records]
         store.append([encode(record) for record in written])
@@ -190,7 +190,7 @@ def write_store(path: Path, records: Sequence[EvidenceRecord]) -> StoreManifest:
 
 def encode(record: EvidenceRecord) -> bytes:
     """Return a record as a line of the journal."""
-    return json.dumps(to_row(record)).encode()
+    return json.dumps(record_to_row(record)).encode()
 
 
 @pytest.fixture

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.store import RunColumns, Store, to_row
-from contactlab.store.table import write_table
+from contactlab.store import RunColumns, Store, record_to_row
+from contactlab.store.runs_table import write_table
 
 
 def test_columns_are_the_rows(store: Path) -> None:
@@ -48,7 +48,9 @@ def test_word_sets_are_masks(
 ) -> None:
     labels = [["tunneling", "chatter"], [], ["chatter"]]
     records = [record_of(index) for index in range(3)]
-    rows = [to_row(each) | {"labels": found} for each, found in zip(records, labels, strict=True)]
+    rows = [
+        record_to_row(each) | {"labels": found} for each, found in zip(records, labels, strict=True)
+    ]
     journal = tmp_path / "rows"
     journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
     write_table(journal, tmp_path / "runs.parquet", columns_of(records), shared_part(records[0]))

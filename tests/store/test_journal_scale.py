@@ -15,10 +15,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.schema import EvidenceRecord
-from contactlab.store import ordering, table, to_row
-from contactlab.store.columns import table_schema
-from contactlab.store.journal import JOURNAL, mend_journal
-from contactlab.store.table import write_table
+from contactlab.store import record_to_row, runs_table
+from contactlab.store.row_journal import JOURNAL, mend_journal
+from contactlab.store.runs_table import write_table
+from contactlab.store.table_layout import table_schema
 
 Write = Callable[[int], Path]
 RUNS = 60
@@ -26,7 +26,7 @@ RUNS = 60
 
 @pytest.fixture(scope="module")
 def lines(record_of: Callable[..., EvidenceRecord]) -> list[bytes]:
-    rows = [to_row(record_of(index, label=f"label{index % 7}")) for index in range(RUNS)]
+    rows = [record_to_row(record_of(index, label=f"label{index % 7}")) for index in range(RUNS)]
     return [json.dumps(row).encode() + b"\n" for row in rows]
 
 
@@ -67,8 +67,8 @@ def test_a_table_in_parts_is_the_table(
     block: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(table, "_GROUP", group)
-    monkeypatch.setattr(ordering, "_BLOCK", block)
+    monkeypatch.setattr(runs_table, "_GROUP", group)
+    monkeypatch.setattr(runs_table, "_BLOCK", block)
     path = write(0)
     schema = table_schema(columns_of([record_of(index) for index in range(RUNS)]))
     expected = at_once(path.with_name(JOURNAL), schema)
@@ -84,7 +84,7 @@ def test_the_table_does_not_depend_on_the_order_in_which_runs_finished(write: Wr
 
 def test_nor_on_how_much_is_read_at_once(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = write(0).read_bytes()
-    monkeypatch.setattr(ordering, "_BLOCK", 5000)
+    monkeypatch.setattr(runs_table, "_BLOCK", 5000)
     assert write(0).read_bytes() == whole
 
 

@@ -10,9 +10,9 @@ from pydantic_core import to_json
 
 from contactlab.errors import StoreError
 from contactlab.schema import EvidenceRecord, StoreManifest
-from contactlab.store import Store, StoreWriter, to_row, verify, write_baseline, writing
-from contactlab.store.journal import read_lines
-from contactlab.store.table import read_table
+from contactlab.store import Store, StoreWriter, open_writer, record_to_row, verify, write_baseline
+from contactlab.store.row_journal import read_lines
+from contactlab.store.runs_table import read_table
 
 STATUSES = ("ok", "crashed", "error", "stopped", "timeout", "ok")
 FAILED, KEPT = {1, 2, 4}, {0, 3, 5}
@@ -36,7 +36,7 @@ def retry(identity_of: Any, scene_file: Any) -> Callable[..., Any]:
 
     def opened(store: Path, runs: int = len(STATUSES), *, retry_failed: bool = True) -> Any:
         identity = identity_of(runs)
-        return writing(store, identity, scene_file, fresh=False, retry_failed=retry_failed)
+        return open_writer(store, identity, scene_file, fresh=False, retry_failed=retry_failed)
 
     return opened
 
@@ -46,7 +46,7 @@ def finish(columns_of: Any, shared_part: Any, write_run_to: Any) -> Callable[...
     """Add runs to a store, and finish it."""
 
     def finished(writer: StoreWriter, added: list[EvidenceRecord]) -> StoreManifest:
-        writer.append([to_json(to_row(write_run_to(writer.path, each))) for each in added])
+        writer.append([to_json(record_to_row(write_run_to(writer.path, each))) for each in added])
         first = added[0]
         return writer.finish(columns_of(added), shared_part(first), first.provenance)
 

@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 
 from contactlab.errors import StoreError
 from contactlab.schema import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
-from contactlab.store import Store, from_row, to_row
-from contactlab.store.retrying import journal_lines
-from contactlab.store.table import read_table, shared_of, write_table
+from contactlab.store import Store, record_to_row, row_to_record
+from contactlab.store.retry_failed import journal_lines
+from contactlab.store.runs_table import read_table, shared_fields, write_table
 
 RecordOf = Callable[..., EvidenceRecord]
 
@@ -103,7 +103,7 @@ def write(
 ) -> Path:
     """Write the table of records, by way of a journal in another order than theirs."""
     journal, table = folder / "journal.jsonl", folder / "runs.parquet"
-    lines = [json.dumps(to_row(record), allow_nan=False) + "\n" for record in records]
+    lines = [json.dumps(record_to_row(record), allow_nan=False) + "\n" for record in records]
     journal.write_text("".join(reversed(lines)), encoding="utf-8")
     write_table(journal, table, columns, shared)
     return table
@@ -127,7 +127,7 @@ def test_records_survive_the_table(
     folder = tmp_path_factory.mktemp("table")
     path = write(folder, records, columns_of(records), shared_part(records[0]))
     table = read_table(path)
-    read = [from_row(row, shared_of(table.schema)) for row in table.to_pylist()]
+    read = [row_to_record(row, shared_fields(table.schema)) for row in table.to_pylist()]
     assert read == records
     assert [kinds(each) for each in read] == [kinds(each) for each in records]
 
@@ -159,8 +159,8 @@ def test_records_survive_the_journal(
     change: dict[str, Any], record_of: RecordOf, shared_part: Callable[..., Any]
 ) -> None:
     record = record_of(**change)
-    row = json.loads(json.dumps(to_row(record), allow_nan=False))
-    assert from_row(row, shared_part(record)) == record
+    row = json.loads(json.dumps(record_to_row(record), allow_nan=False))
+    assert row_to_record(row, shared_part(record)) == record
 
 
 def test_a_record_is_found_by_its_id_or_the_start_of_it(store: Path) -> None:

@@ -9,8 +9,8 @@ import pytest
 
 from contactlab.errors import StoreError
 from contactlab.schema import EvidenceRecord
-from contactlab.store import Store, sha256_of, to_row, verify
-from contactlab.store.table import write_table
+from contactlab.store import Store, record_to_row, sha256_of, verify
+from contactlab.store.runs_table import write_table
 
 TRACE = "traces/01/0000000000000001.mcap"
 
@@ -80,7 +80,7 @@ def test_runs_that_are_not_all_there(
     store: Path, record_of: Callable[..., EvidenceRecord], columns_of: Any, shared_part: Any
 ) -> None:
     """A table of two runs, hashed as it is, in a store that was asked for three."""
-    rows = [to_row(record) for record in Store.open(store).records()][:2]
+    rows = [record_to_row(record) for record in Store.open(store).records()][:2]
     journal = store / "rows"
     journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
     records = [record_of(0), record_of(1)]

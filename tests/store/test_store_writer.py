@@ -12,8 +12,8 @@ import pytest
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema import StoreManifest, SweepIdentity
-from contactlab.store import StoreWriter, cannot_write, writing
-from contactlab.store.files import replacing
+from contactlab.store import StoreWriter, open_writer, write_error
+from contactlab.store.atomic_files import atomic_write
 
 IdentityOf = Callable[..., SweepIdentity]
 
@@ -43,12 +43,12 @@ def full_disk(tmp_path: Path) -> Iterator[Path]:
 def test_a_new_store_then_a_finished_one(
     tmp_path: Path, store: Path, identity_of: IdentityOf, scene_file: Any
 ) -> None:
-    with writing(tmp_path / "new", identity_of(3), scene_file, fresh=False) as writer:
+    with open_writer(tmp_path / "new", identity_of(3), scene_file, fresh=False) as writer:
         assert isinstance(writer, StoreWriter)
         assert writer.done == frozenset()
-    with writing(store, identity_of(3), scene_file, fresh=False) as finished:
+    with open_writer(store, identity_of(3), scene_file, fresh=False) as finished:
         assert isinstance(finished, StoreManifest)
-    with writing(store, identity_of(3), scene_file, fresh=True) as writer:
+    with open_writer(store, identity_of(3), scene_file, fresh=True) as writer:
         assert isinstance(writer, StoreWriter)
         assert sorted(path.name for path in store.iterdir()) == [
             *(".lock", "journal.jsonl", "scenes", "sweep.json", "traces")
@@ -77,7 +77,7 @@ def test_a_store_of_another_sweep(
     message = rf"holds another sweep \(other {named}\); write elsewhere with -o, or .* --fresh"
     with (
         pytest.raises(StoreError, match=message),
-        writing(store, identity_of(3, **change), scene_file, fresh=False),
+        open_writer(store, identity_of(3, **change), scene_file, fresh=False),
     ):
         pass
     assert (store / "runs.parquet").exists()
@@ -87,7 +87,7 @@ def test_comments_of_the_sweep_file_may_change(
     store: Path, identity_of: IdentityOf, scene_file: Any
 ) -> None:
     changed = identity_of(3, source="# better explained\nversion: 1\n")
-    with writing(store, changed, scene_file, fresh=False) as finished:
+    with open_writer(store, changed, scene_file, fresh=False) as finished:
         assert isinstance(finished, StoreManifest)
 
 
@@ -99,7 +99,7 @@ def test_a_folder_with_other_files(
     (tmp_path / name).write_text("mine")
     with (
         pytest.raises(OutputError, match=rf"holds other files \({name}\)"),
-        writing(tmp_path, identity_of(3), scene_file, fresh=fresh),
+        open_writer(tmp_path, identity_of(3), scene_file, fresh=fresh),
     ):
         pass
     assert (tmp_path / name).read_text() == "mine"
@@ -110,16 +110,16 @@ def test_files_that_joined_a_store_stay(
 ) -> None:
     (store / "manifest.json").unlink()
     (store / "notes.tmp").write_text("mine")
-    with writing(store, identity_of(3), scene_file, fresh=False):
+    with open_writer(store, identity_of(3), scene_file, fresh=False):
         pass
     assert (store / "notes.tmp").read_text() == "mine"
 
 
 def test_one_sweep_at_a_time(store: Path, identity_of: IdentityOf, scene_file: Any) -> None:
-    with writing(store, identity_of(3), scene_file, fresh=False):
+    with open_writer(store, identity_of(3), scene_file, fresh=False):
         with (
             pytest.raises(OutputError, match="is in use by another sweep; wait or use -o"),
-            writing(store, identity_of(3), scene_file, fresh=True),
+            open_writer(store, identity_of(3), scene_file, fresh=True),
         ):
             pass
         assert (store / "manifest.json").exists()
@@ -137,12 +137,12 @@ def test_the_lock_goes_with_its_process(
     assert holder.stdout.readline() == b"held\n"
     with (
         pytest.raises(OutputError, match="in use"),
-        writing(store, identity_of(3), scene_file, fresh=False),
+        open_writer(store, identity_of(3), scene_file, fresh=False),
     ):
         pass
     holder.kill()
     holder.communicate()
-    with writing(store, identity_of(3), scene_file, fresh=False) as finished:
+    with open_writer(store, identity_of(3), scene_file, fresh=False) as finished:
         assert isinstance(finished, StoreManifest)
 
 
@@ -153,7 +153,7 @@ def test_a_file_in_the_way(
     (tmp_path / "file").write_text("mine")
     with (
         pytest.raises(OutputError, match=r"^cannot write .*file.*; choose another folder with -o$"),
-        writing(tmp_path / "file" / below, identity_of(3), scene_file, fresh=False),
+        open_writer(tmp_path / "file" / below, identity_of(3), scene_file, fresh=False),
     ):
         pass
 
@@ -161,7 +161,7 @@ def test_a_file_in_the_way(
 def test_a_folder_that_nobody_can_write(identity_of: IdentityOf, scene_file: Any) -> None:
     with (
         pytest.raises(OutputError, match=r"^cannot write /proc/store: .*; choose another folder"),
-        writing(Path("/proc/store"), identity_of(3), scene_file, fresh=False),
+        open_writer(Path("/proc/store"), identity_of(3), scene_file, fresh=False),
     ):
         pass
 
@@ -175,7 +175,7 @@ def test_a_full_disk_in_the_journal(
     message = r"^cannot write .*journal\.jsonl: No space left on device; free some space and run"
 
     def fill() -> None:
-        with writing(path, identity_of(3), scene_file, fresh=False) as writer:
+        with open_writer(path, identity_of(3), scene_file, fresh=False) as writer:
             assert isinstance(writer, StoreWriter)
             for number in range(100):
                 writer.append([row % (number, b"x" * 1000)])
@@ -183,7 +183,7 @@ def test_a_full_disk_in_the_journal(
     with pytest.raises(OutputError, match=message):
         fill()
     ballast.unlink()
-    with writing(path, identity_of(3), scene_file, fresh=False) as writer:
+    with open_writer(path, identity_of(3), scene_file, fresh=False) as writer:
         assert isinstance(writer, StoreWriter)
         assert {"0", "1", "2"} <= writer.done < {str(number) for number in range(100)}
 
@@ -193,7 +193,7 @@ def test_a_full_disk_under_a_file(full_disk: Path) -> None:
     target.write_text("before")
     with (
         pytest.raises(OutputError, match="No space left on device"),
-        replacing(target) as temporary,
+        atomic_write(target) as temporary,
     ):
         temporary.write_bytes(bytes(100_000))
     assert [path.name for path in full_disk.iterdir()] == ["file"]
@@ -205,7 +205,7 @@ def test_a_failure_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     target.write_text("before")
 
     def fail() -> None:
-        with replacing(target) as temporary:
+        with atomic_write(target) as temporary:
             temporary.write_text("half")
             raise KeyError
 
@@ -224,4 +224,4 @@ def test_a_failure_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     ],
 )
 def test_messages_say_what_to_do(error: OSError, message: str) -> None:
-    assert str(cannot_write(Path("x"), error)) == f"cannot write x: {message}"
+    assert str(write_error(Path("x"), error)) == f"cannot write x: {message}"

@@ -1,12 +1,14 @@
-"""Small stores of real runs, made once, and one of their runs as it is drawn."""
+"""Small stores of real runs, made once, and random motions."""
 
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
 import mujoco
+import numpy as np
 import pytest
 
+from contactlab.contact import BodyMotion, BodyShape, ContactForces, Form, Trace
 from contactlab.plan import read_sweep
 from contactlab.run import Ask, Scenes, prepare, run_sweep
 from contactlab.run.replay import Start
@@ -71,3 +73,60 @@ def drawn(make_store: Callable[[str], Store]) -> Callable[[str], Drawn]:
 @pytest.fixture
 def target(tmp_path: Path) -> Callable[[str], Path]:
     return lambda suffix: tmp_path / f"run{suffix}"
+
+
+BODIES = ("world", "ball", "größe/2 b")
+
+
+def unit(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    values = rng.standard_normal((*shape, 4))
+    return values / np.linalg.norm(values, axis=-1, keepdims=True)
+
+
+def shape_of(rng: np.random.Generator, body: int, form: Form) -> BodyShape:
+    corners = 4 if form is Form.mesh else 0
+    return BodyShape(
+        name=f"{form} {body}",
+        body=body,
+        form=form,
+        size=rng.uniform(0.1, 2, 3),
+        position=rng.standard_normal(3),
+        rotation=unit(rng),
+        colour=rng.uniform(size=4),
+        vertices=rng.standard_normal((corners, 3)),
+        triangles=rng.integers(0, 4, (corners, 3)).astype(np.int32),
+    )
+
+
+def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -> BodyMotion:
+    """Return a motion with frames at some state rows and up to `most` forces in each."""
+    rng = np.random.default_rng(seed)
+    frames, bodies = len(rows), len(BODIES)
+    frame = np.repeat(np.arange(frames), rng.integers(0, most + 1, frames))
+    force = rng.standard_normal((len(frame), 3)) * 10.0 ** rng.integers(-3, 4, (len(frame), 1))
+    return BodyMotion(
+        bodies=BODIES,
+        moving=np.array([False, True, True]),
+        shapes=tuple(shape_of(rng, body, form) for body in range(bodies) for form in Form),
+        rows=np.array(rows),
+        time=trace.time[0, rows],
+        positions=rng.standard_normal((frames, bodies, 3)),
+        rotations=unit(rng, frames, bodies),
+        pairs=tuple(pair.name for pair in trace.pairs),
+        forces=ContactForces(
+            frame=frame,
+            pair=rng.integers(0, max(1, len(trace.pairs)), len(frame)),
+            mode=rng.integers(0, 3, len(frame)).astype(np.int8),
+            position=rng.standard_normal((len(frame), 3)),
+            force=force,
+        ),
+        centre=np.zeros(3),
+        radius=2.0,
+        scale=0.05,
+        longest=2.0,
+    )
+
+
+@pytest.fixture(scope="session")
+def make_motion() -> Callable[..., BodyMotion]:
+    return random_motion

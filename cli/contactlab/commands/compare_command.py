@@ -167,19 +167,19 @@ def _targets(files: Sequence[Path]) -> list[tuple[Path, View]]:
 
 def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, View]]) -> None:
     """Write the files that were asked for and, in a GitHub job, its annotations and summary."""
-    from contactlab.store import cannot_write, replacing
+    from contactlab.store import atomic_write, write_error
 
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     try:
         for path, view in targets:
             path.parent.mkdir(parents=True, exist_ok=True)
-            with replacing(path) as temporary:
+            with atomic_write(path) as temporary:
                 temporary.write_text(_rendered(report, view), encoding="utf-8")
         if summary:
             with Path(summary).open("a", encoding="utf-8") as file:
                 file.write(_rendered(report, View.markdown))
     except OSError as error:
-        raise cannot_write(Path(error.filename), error) from error
+        raise write_error(Path(error.filename), error) from error
     if os.environ.get("GITHUB_ACTIONS") == "true":
         typer.echo(_rendered(report, View.github), err=True, nl=False)
 

@@ -65,12 +65,12 @@ def _tell(report: "EffectsReport", target: Path, output: Format) -> None:
 
 
 def _write(path: Path, report: "EffectsReport") -> None:
-    from contactlab.store import cannot_write
+    from contactlab.store import write_error
 
     try:
         path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
     except OSError as error:
-        raise cannot_write(path, error) from error
+        raise write_error(path, error) from error
 
 
 def _print(report: "EffectsReport", target: Path) -> None:

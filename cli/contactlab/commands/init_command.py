@@ -20,7 +20,7 @@ def init(
     from contactlab.plan import SCHEMA_NAME, starter
     from contactlab.run import Scenes
     from contactlab.schema import published
-    from contactlab.store import cannot_write
+    from contactlab.store import write_error
 
     text = starter(scene, Scenes(path.parent).vocabulary(scene))
     schema = path.parent / SCHEMA_NAME
@@ -32,5 +32,5 @@ def init(
     except FileExistsError as error:
         raise OutputError(f"{path} exists; choose another file with -o") from error
     except OSError as error:
-        raise cannot_write(path, error) from error
+        raise write_error(path, error) from error
     say(f"wrote {path} and {schema}\nnext: contactlab sweep {path}")

@@ -29,9 +29,9 @@ def store_at(text: str) -> "Address":
     Raises:
         OutputError: it is none of a store.
     """
-    from contactlab.store import located
+    from contactlab.store import parse_address
 
-    return located(text)
+    return parse_address(text)
 
 
 def folder_at(text: str) -> Path:

@@ -20,12 +20,12 @@ def schema(
     from contactlab.schema import drift, published, written
 
     if write is not None:
-        from contactlab.store import cannot_write
+        from contactlab.store import write_error
 
         try:
             names = [path.name for path in written(write)]
         except OSError as error:
-            raise cannot_write(write, error) from error
+            raise write_error(write, error) from error
         say(f"wrote {', '.join(names)}")
     elif check is not None:
         differs = drift(check)

@@ -193,12 +193,12 @@ def _fail_on(report: "TradeoffReport") -> None:
 
 def _write(path: Path, text: str, report: "TradeoffReport") -> None:
     from contactlab.schema import ERRORS
-    from contactlab.store import cannot_write
+    from contactlab.store import write_error
 
     try:
         path.write_text(text, encoding="utf-8")
     except OSError as error:
-        raise cannot_write(path, error) from error
+        raise write_error(path, error) from error
     command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
     say(f"wrote {path}\nnext: contactlab {command} {path}")
 

@@ -28,7 +28,7 @@ from contactlab.compare.verdicts import (
 from contactlab.compare.wording import format_percent, out_of, value_change
 from contactlab.contact import Floats
 from contactlab.schema import Check, RunPair, Verdict
-from contactlab.store import Measured, Numbers
+from contactlab.store import MeasuredColumn, NumberColumn
 
 
 def metric_checks(compared: PairedStores) -> Iterator[Check]:
@@ -38,7 +38,9 @@ def metric_checks(compared: PairedStores) -> Iterator[Check]:
         yield from _checks(compared, metric, tolerance_of(metric, compared.policy))
 
 
-def _checks(compared: PairedStores, metric: Measured, rule: MetricTolerance) -> Iterator[Check]:
+def _checks(
+    compared: PairedStores, metric: MeasuredColumn, rule: MetricTolerance
+) -> Iterator[Check]:
     told = list(groups(compared.baseline, compared.pairing, rule.by))
     if reason := _not_comparable(compared, metric, rule):
         yield from (
@@ -51,7 +53,9 @@ def _checks(compared: PairedStores, metric: Measured, rule: MetricTolerance) -> 
         yield series.check(_subject(compared, metric, rule, group), rule)
 
 
-def _not_comparable(compared: PairedStores, metric: Measured, rule: MetricTolerance) -> str | None:
+def _not_comparable(
+    compared: PairedStores, metric: MeasuredColumn, rule: MetricTolerance
+) -> str | None:
     """Return why a metric cannot be compared at all."""
     if metric.name not in compared.baseline.columns.measured:
         return "the baseline was made before there was this metric"
@@ -67,7 +71,7 @@ def _not_comparable(compared: PairedStores, metric: Measured, rule: MetricTolera
 
 
 def _subject(
-    compared: PairedStores, metric: Measured, rule: MetricTolerance, group: str
+    compared: PairedStores, metric: MeasuredColumn, rule: MetricTolerance, group: str
 ) -> CheckSubject:
     known = metric.name in compared.baseline.columns.measured
     return CheckSubject(
@@ -108,12 +112,12 @@ class MetricPairs:
     compared: PairedStores
     unit: str
     places: NDArray[np.intp]
-    baseline: Numbers
-    candidate: Numbers
+    baseline: NumberColumn
+    candidate: NumberColumn
     exempt: NDArray[np.bool_] | None
 
     @classmethod
-    def of(cls, compared: PairedStores, metric: Measured) -> "MetricPairs":
+    def of(cls, compared: PairedStores, metric: MeasuredColumn) -> "MetricPairs":
         """Return a metric's values in all pairs."""
         baseline, candidate = compared.numbers(metric.name)
         places = np.arange(len(baseline.values))
@@ -215,7 +219,7 @@ def _within(rule: MetricTolerance) -> str:
     return f"within {format_percent(rule.rel)}"
 
 
-def _pair_value(numbers: Numbers, place: int) -> float | str | None:
+def _pair_value(numbers: NumberColumn, place: int) -> float | str | None:
     if not numbers.given[place]:
         return None
     value = float(numbers.values[place])
@@ -246,7 +250,9 @@ def allowed_change(rule: MetricTolerance, baseline: Floats) -> Floats:
     return rule.abs + rule.rel * np.abs(baseline)
 
 
-def value_gaps(baseline: Numbers, candidate: Numbers, exempt: NDArray[np.bool_] | None) -> Verdicts:
+def value_gaps(
+    baseline: NumberColumn, candidate: NumberColumn, exempt: NDArray[np.bool_] | None
+) -> Verdicts:
     """Return the verdict of pairs of which a value is not there, or is no number; else same.
 
     Args:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contactlab.compare.opened_stores import OpenedStore
 from contactlab.compare.pairing import Pairing
 from contactlab.schema import ComparePolicy, RunPair, Setting
-from contactlab.store import Numbers
+from contactlab.store import NumberColumn
 
 Value = float | str | None
 
@@ -38,7 +38,7 @@ class PairedStores:
         """Return the same without some of the pairs (n,)."""
         return replace(self, pairing=self.pairing.where(~apart)) if apart.any() else self
 
-    def numbers(self, name: str) -> tuple[Numbers, Numbers]:
+    def numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, pair by pair; empty where a store has no such column."""
         baseline, candidate = (
             self._numbers(self.baseline, name),
@@ -46,11 +46,11 @@ class PairedStores:
         )
         return baseline, candidate
 
-    def _numbers(self, side: OpenedStore, name: str) -> Numbers:
+    def _numbers(self, side: OpenedStore, name: str) -> NumberColumn:
         rows = self._rows(side)
         if name in side.columns.schema.names:
             return _taken(side.columns.numbers(name), rows)
-        return Numbers(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
+        return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":
@@ -136,7 +136,7 @@ def _axes(found: dict[str, Setting]) -> dict[str, Setting]:
     return {name: value for name, value in own.items() if (name, value) != ("seed", 0)}
 
 
-def _taken(column: Numbers, rows: NDArray[np.intp]) -> Numbers:
+def _taken(column: NumberColumn, rows: NDArray[np.intp]) -> NumberColumn:
     if len(rows) == len(column.values) and (rows == np.arange(len(rows))).all():
         return column
     return column.at(rows)

@@ -23,7 +23,7 @@ from contactlab.schema import (
     Sameness,
     Statistic,
 )
-from contactlab.store import Measured, replacing
+from contactlab.store import MeasuredColumn, atomic_write
 
 _NEW = """\
 # What `contactlab compare` accepts; see `contactlab schema policy`.
@@ -88,7 +88,7 @@ def accept(path: Path, entries: list[AcceptedCheck]) -> None:
         for place in reversed(same):
             del listed[place]
         listed.append(CommentedMap(data))
-    with replacing(path) as temporary, temporary.open("w", encoding="utf-8") as file:
+    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as file:
         yaml.dump(document, file)
 
 
@@ -156,7 +156,7 @@ class MetricTolerance:
     needs_same: tuple[Sameness, ...]
 
 
-def tolerance_of(metric: Measured, policy: ComparePolicy) -> MetricTolerance:
+def tolerance_of(metric: MeasuredColumn, policy: ComparePolicy) -> MetricTolerance:
     """Return how a metric is compared."""
     said: dict[str, Any] = {"better": metric.better, "abs": max(_LEAST, metric.resolution)}
     rules = (*DEFAULTS.items(), *policy.metrics.items())

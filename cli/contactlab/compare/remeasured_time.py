@@ -14,7 +14,7 @@ from contactlab.compare.policies import REMEASURED, tolerance_of
 from contactlab.compare.verdicts import BETTER, SAME, WORSE, CheckSubject, make_check, skipped_check
 from contactlab.compare.wording import format_percent, plural
 from contactlab.schema import Check, RunPair
-from contactlab.store import Measured
+from contactlab.store import MeasuredColumn
 
 _CONFIDENCE = 0.95
 _LEAST = 0.05
@@ -64,7 +64,9 @@ def remeasured_check(compared: PairedStores, request: Remeasure) -> Check:
         StoreError: a run cannot be timed.
         PolicyError: an interpreter cannot time runs.
     """
-    rule = tolerance_of(Measured(REMEASURED, "1", "lower", 0.0, second_pass=False), compared.policy)
+    rule = tolerance_of(
+        MeasuredColumn(REMEASURED, "1", "lower", 0.0, second_pass=False), compared.policy
+    )
     subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
     places = _sample(compared, request.runs)
     if not places:

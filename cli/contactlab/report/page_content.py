@@ -15,7 +15,7 @@ from contactlab.report.report_columns import GridAxis, RunLabels
 from contactlab.report.report_data import PageRequest, ReportData, StoreTradeoff
 from contactlab.report.run_series import RunSeries, read_run_series
 from contactlab.schema import EvidenceRecord, TradeoffReport
-from contactlab.store import Store, from_row
+from contactlab.store import Store, row_to_record
 from contactlab.tradeoff import mjcf_lines
 
 _SERIES_PER_LABEL = 3
@@ -61,7 +61,7 @@ _BITS = 12
 def read_records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:
     """Return the records of some rows."""
     columns = store.columns
-    return {row: from_row(columns.row(row), columns.shared) for row in sorted(rows)}
+    return {row: row_to_record(columns.row(row), columns.shared) for row in sorted(rows)}
 
 
 def run_details(record: EvidenceRecord) -> dict[str, Any]:

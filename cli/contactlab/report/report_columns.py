@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact import Floats
 from contactlab.measure import LABELS
 from contactlab.schema import Role, Sweep, role
-from contactlab.store import Measured, RunColumns, Store
+from contactlab.store import MeasuredColumn, RunColumns, Store
 from contactlab.tradeoff import COLOURS, REST
 
 Codes = NDArray[np.int64]
@@ -126,7 +126,7 @@ class Quantity:
         values: (n,), NaN where there is no finite one.
     """
 
-    told: Measured
+    told: MeasuredColumn
     description: str
     values: Floats
 
@@ -147,7 +147,7 @@ def read_quantities(store: Store) -> tuple[Quantity, ...]:
     return tuple(each for each in found if np.isfinite(each.values).any())
 
 
-def _quantity(store: Store, told: Measured) -> Quantity:
+def _quantity(store: Store, told: MeasuredColumn) -> Quantity:
     values = store.columns.numbers(told.name).values
     metadata = store.columns.schema.field(told.name).metadata or {}
     finite = np.where(np.isfinite(values), values, np.nan)

@@ -6,7 +6,7 @@ from pathlib import Path
 from contactlab.errors import OutputError
 from contactlab.report.report_data import PageRequest, WrittenPage
 from contactlab.report.vega_rendering import FORMATS, check_chart_libraries, render_chart
-from contactlab.store import Store, replacing
+from contactlab.store import Store, atomic_write
 from contactlab.tradeoff import Question
 
 _EVERYTHING = PageRequest()
@@ -33,7 +33,7 @@ def write_page(store: Store, target: Path, ask: PageRequest = _EVERYTHING) -> Wr
 
     text, notes = page(store, ask)
     data = text.encode()
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         temporary.write_bytes(data)
     return WrittenPage(len(data), notes)
 
@@ -72,7 +72,7 @@ def write_figures(
     for name, spec in figure_specs(gathered):
         for form in formats:
             path = folder / f"{name}.{form}"
-            with replacing(path) as temporary:
+            with atomic_write(path) as temporary:
                 temporary.write_bytes(render_chart(spec, form))
             written.append(path)
     return written

@@ -27,7 +27,7 @@ from contactlab.run.stopwatch import Stopwatch
 from contactlab.run.timing import timings
 from contactlab.scene import Scene
 from contactlab.schema import ERRORS, Accuracy, Timing
-from contactlab.store import Column, StoreWriter, ratios
+from contactlab.store import Column, StoreWriter, as_ratios
 
 
 class Outcome(NamedTuple):
@@ -117,7 +117,7 @@ def run_passes(session: Session) -> Found:
         accurate = _accuracies(session)
         found = {run_id: _row(session, run_id, each) for run_id, each in accurate.items()}
         if any(each.error_kind == "invariants" for each in accurate.values()):
-            columns = ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
+            columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
     if session.task.sweep.timing is not None:
         for run_id, timing in _timings(session, session.task.sweep.timing.rounds).items():
             found[run_id] = found.get(run_id, {}) | timing.model_dump()

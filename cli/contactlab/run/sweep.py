@@ -22,11 +22,11 @@ from contactlab.store import (
     Address,
     Column,
     StoreWriter,
-    absolute,
+    absolute_address,
     axis_column,
     metric_column,
+    open_writer,
     struct_column,
-    writing,
 )
 
 
@@ -89,7 +89,9 @@ def run_sweep(
     columns = _columns(ask, roster)
     identity = _identity(ask, roster)
     content = ask.scene.source.content
-    begun = writing(ask.store, identity, content, fresh=ask.fresh, retry_failed=ask.retry_failed)
+    begun = open_writer(
+        ask.store, identity, content, fresh=ask.fresh, retry_failed=ask.retry_failed
+    )
     with begun as store:
         if isinstance(store, StoreManifest):
             begin(len(roster), len(roster))
@@ -127,7 +129,7 @@ def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
         expected=ask.plan.expected,
         name=ask.name,
         runs=runs,
-        store=absolute(ask.store),
+        store=absolute_address(ask.store),
         scene=ask.scene.name,
         scene_folder=store.scene_folder.resolve(),
         scene_model=ask.scene.source.content.model.as_posix(),

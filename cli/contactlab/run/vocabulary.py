@@ -7,7 +7,7 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.scene import Scene
 from contactlab.schema import Vocabulary
-from contactlab.store import RESERVED
+from contactlab.store import RESERVED_COLUMNS
 
 
 @dataclass
@@ -41,7 +41,7 @@ class Scenes:
 
 
 def _check_names(scene: Scene) -> None:
-    clashes = set(scene.catalogue.names) & (RESERVED | set(METRICS))
+    clashes = set(scene.catalogue.names) & (RESERVED_COLUMNS | set(METRICS))
     if clashes:
         raise SceneError(
             f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "

@@ -26,7 +26,7 @@ from contactlab.run.record import Outcome, RecordMaker, RunPlan
 from contactlab.run.timing_job import work_of
 from contactlab.scene import InitialStates, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
-from contactlab.store import TraceFolder, to_row
+from contactlab.store import TraceSink, record_to_row
 from contactlab.store.mcap import TraceExtras
 
 # How long a job's second pass lasts before it looks whether to stop [s].
@@ -43,7 +43,7 @@ class Worker:
         self._preparer = Preparer(task, marker, proceed)
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
-        self._traces = TraceFolder(task.store)
+        self._traces = TraceSink(task.store)
         self._records = RecordMaker(task, self._scene.hash)
         model = self._scene.source.model
         self._model_xml = model.read_bytes()
@@ -171,7 +171,7 @@ class Worker:
 
 def _finished(record: EvidenceRecord) -> Finished:
     return Finished(
-        row=to_json(to_row(record)),
+        row=to_json(record_to_row(record)),
         label=record.label,
         status=record.status,
         expectation_met=record.expectation_met,

@@ -1,58 +1,63 @@
 """The store: traces in MCAP, one table in Parquet, a manifest written last."""
 
-from contactlab.store.address import SCHEMES, Address, ObjectAddress, absolute, located
-from contactlab.store.arrays import Measured, Numbers, RunColumns, Words
-from contactlab.store.baseline import write_baseline
-from contactlab.store.columns import (
-    RESERVED,
+from contactlab.store.atomic_files import TEMPORARY_SUFFIX, atomic_write, sha256_of, write_error
+from contactlab.store.baseline_store import write_baseline
+from contactlab.store.finished_store import Store, open  # noqa: A004 - read as store.open
+from contactlab.store.run_columns import MeasuredColumn, NumberColumn, RunColumns, StringColumn
+from contactlab.store.store_address import (
+    SCHEMES,
+    Address,
+    ObjectAddress,
+    absolute_address,
+    parse_address,
+)
+from contactlab.store.store_manifest import read_manifest
+from contactlab.store.store_writer import SCENES, TRACES, StoreWriter, open_writer
+from contactlab.store.table_layout import (
+    RESERVED_COLUMNS,
+    SHARED_FIELDS,
     Column,
+    as_ratios,
     axis_column,
     metric_column,
-    ratios,
+    record_to_row,
+    row_to_record,
     struct_column,
 )
-from contactlab.store.files import TEMPORARY, cannot_write, replacing, sha256_of
-from contactlab.store.identity import read_manifest
-from contactlab.store.rows import SHARED, from_row, to_row
-from contactlab.store.store import Store, open  # noqa: A004 - read as store.open
-from contactlab.store.traces import TraceFolder
-from contactlab.store.verify import verify
-from contactlab.store.viewing import export_mcap, export_rrd
-from contactlab.store.writer import SCENES, TRACES, StoreWriter, writing
+from contactlab.store.trace_sink import TraceSink
+from contactlab.store.verify_store import verify
 
 __all__ = [
-    "RESERVED",
+    "RESERVED_COLUMNS",
     "SCENES",
     "SCHEMES",
-    "SHARED",
-    "TEMPORARY",
+    "SHARED_FIELDS",
+    "TEMPORARY_SUFFIX",
     "TRACES",
     "Address",
     "Column",
-    "Measured",
-    "Numbers",
+    "MeasuredColumn",
+    "NumberColumn",
     "ObjectAddress",
     "RunColumns",
     "Store",
     "StoreWriter",
-    "TraceFolder",
-    "Words",
-    "absolute",
+    "StringColumn",
+    "TraceSink",
+    "absolute_address",
+    "as_ratios",
+    "atomic_write",
     "axis_column",
-    "cannot_write",
-    "export_mcap",
-    "export_rrd",
-    "from_row",
-    "located",
     "metric_column",
     "open",
-    "ratios",
+    "open_writer",
+    "parse_address",
     "read_manifest",
-    "replacing",
+    "record_to_row",
+    "row_to_record",
     "sha256_of",
     "struct_column",
-    "to_row",
     "verify",
     "write_baseline",
-    "writing",
+    "write_error",
 ]

@@ -4,11 +4,11 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Protocol
 
-from contactlab.store.address import Address
-from contactlab.store.files import TEMPORARY
-from contactlab.store.journal import JOURNAL, NOTES
+from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.objects import ObjectHoldings
-from contactlab.store.writer import TRACES
+from contactlab.store.row_journal import JOURNAL, NOTES
+from contactlab.store.store_address import Address
+from contactlab.store.store_writer import TRACES
 
 
 class Holdings(Protocol):
@@ -58,7 +58,7 @@ class FolderHoldings:
     def leftovers(self) -> list[str]:
         """Return the names of what an interrupted write left."""
         own = (self._folder / name for name in (JOURNAL, NOTES))
-        begun = self._folder.rglob("*" + TEMPORARY)
+        begun = self._folder.rglob("*" + TEMPORARY_SUFFIX)
         return self._names([*(path for path in own if path.exists()), *begun])
 
     def files(self, names: Iterable[str]) -> Iterator[Path | None]:

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 from contactlab.contact import BodyMotion, Floats
 from contactlab.run.replay import Start
-from contactlab.store import replacing
+from contactlab.store import atomic_write
 from contactlab.view.drawn_motion import frame_times, nearest
 from contactlab.view.mujoco_pictures import Picture, draw_pictures
 from contactlab.view.picture_options import FILMS, SHEET, PictureOptions
@@ -93,7 +93,7 @@ _QUALITY = {"crf": "20"}
 
 def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:
     """Write pictures of one even size as H.264 video, `rate` a second."""
-    with replacing(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
+    with atomic_write(target) as temporary, av.open(str(temporary), "w", format="mp4") as container:
         stream: VideoStream = container.add_stream("libx264", rate=rate, options=_QUALITY)
         first = next(pictures)
         stream.height, stream.width = first.shape[:2]
@@ -106,7 +106,7 @@ def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:
 def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
     """Write pictures as an endless animation, `rate` a second."""
     images = (Image.fromarray(picture) for picture in pictures)
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         next(images).save(
             temporary,
             format="GIF",
@@ -119,7 +119,7 @@ def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
 
 def write_png(target: Path, pictures: Sequence[Picture]) -> None:
     """Write pictures side by side as one."""
-    with replacing(target) as temporary:
+    with atomic_write(target) as temporary:
         sheet(pictures).save(temporary, format="PNG")
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from contactlab.contact import BodyMotion
 from contactlab.errors import optional
 from contactlab.run.replay import Start, prepare
-from contactlab.store import Store, export_mcap, export_rrd
+from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
 from contactlab.view.drawn_motion import read_motion
 from contactlab.view.picture_options import (
@@ -15,6 +15,7 @@ from contactlab.view.picture_options import (
     check_options,
     check_times,
 )
+from contactlab.view.viewer_export import export_mcap, export_rrd
 
 # As often as screens show pictures; fine enough for a sheet's arrows too.
 _RATE = 60.0

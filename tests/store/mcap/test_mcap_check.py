@@ -14,18 +14,18 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType, Writer
 
 from contactlab.contact import PairSeries, Trace
-from contactlab.store.mcap import TraceExtras, check_trace, chunks, write_trace
+from contactlab.store.mcap import TraceExtras, check_trace, chunk_writer, write_trace
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 
 
 @pytest.mark.parametrize("steps", [0, 1, 50])
-@pytest.mark.parametrize("chunk_size", [1, 2000, chunks.CHUNK_SIZE])
+@pytest.mark.parametrize("chunk_size", [1, 2000, chunk_writer.CHUNK_SIZE])
 def test_our_files_are_sound(
     tmp_path: Path, make_trace: MakeTrace, extras: TraceExtras, steps: int, chunk_size: int
 ) -> None:
     trace, series = make_trace(pairs=("a-b", "c-d"), steps=steps, momentum=True)
-    with patch.object(chunks, "CHUNK_SIZE", chunk_size):
+    with patch.object(chunk_writer, "CHUNK_SIZE", chunk_size):
         write_trace(tmp_path / "trace.mcap", trace, 0, series, extras)
     assert check_trace(tmp_path / "trace.mcap") == []
 

@@ -11,11 +11,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.resources import schemas
-from contactlab.store.mcap.descriptor import file_descriptor_set
-from contactlab.store.mcap.layout import HEADER_SIZE, contacts_record, state_record
-from contactlab.store.mcap.messages import CONTACTS, STATE
-from contactlab.store.mcap.topics import contacts_topic, pair_of
-from contactlab.store.mcap.wire import MessageType, tag, varint
+from contactlab.store.mcap.message_layout import HEADER_SIZE, contacts_record, state_record
+from contactlab.store.mcap.trace_schema import (
+    CONTACTS,
+    STATE,
+    MessageType,
+    contacts_topic,
+    file_descriptor_set,
+    pair_of_topic,
+    tag,
+    varint,
+)
 
 BLOCK = re.compile(r"^(message|enum) (\w+) \{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
 FIELD = re.compile(r"^  (repeated )?(\w+) (\w+) = (\d+);", re.MULTILINE)
@@ -104,5 +110,5 @@ def test_varints_and_tags_are_protobufs(value: int) -> None:
 def test_topics_name_their_pair(pair: str) -> None:
     topic = contacts_topic(pair)
     assert re.fullmatch(r"/contacts/[A-Za-z0-9_.~%-]*", topic)
-    assert pair_of(topic) == pair
-    assert pair_of("/state") is None
+    assert pair_of_topic(topic) == pair
+    assert pair_of_topic("/state") is None

@@ -11,8 +11,8 @@ import pytest
 
 from contactlab.errors import OutputError
 from contactlab.schema import EvidenceRecord, StoreManifest
-from contactlab.store import ObjectAddress, StoreWriter, located, to_row, writing
-from contactlab.store.objects import Client, connect
+from contactlab.store import ObjectAddress, StoreWriter, open_writer, parse_address, record_to_row
+from contactlab.store.objects import ObjectClient, connect
 
 
 @dataclass
@@ -21,7 +21,7 @@ class Kit:
 
     address: ObjectAddress
     folder: Path
-    client: Client
+    client: ObjectClient
     records: Sequence[EvidenceRecord]
     identity: Any
     finish: Callable[[StoreWriter], StoreManifest]
@@ -31,7 +31,9 @@ class Kit:
         self, *, fresh: bool = False, retry_failed: bool = False
     ) -> contextlib.AbstractContextManager[StoreWriter | StoreManifest]:
         identity = self.identity(len(self.records))
-        return writing(self.address, identity, self.scene, fresh=fresh, retry_failed=retry_failed)
+        return open_writer(
+            self.address, identity, self.scene, fresh=fresh, retry_failed=retry_failed
+        )
 
     def add(self, store: StoreWriter | StoreManifest, *places: int) -> None:
         """Put traces, as a worker does, then rows."""
@@ -46,7 +48,7 @@ class Kit:
         self.client.put(trace.file, self.folder / trace.file)
 
     def row(self, place: int) -> bytes:
-        return json.dumps(to_row(self.records[place])).encode()
+        return json.dumps(record_to_row(self.records[place])).encode()
 
     def write(self, *places: int, fresh: bool = False) -> StoreManifest:
         """Go on with some runs and finish."""
@@ -86,7 +88,7 @@ def kit(  # noqa: PLR0917 - one a fixture
     scene_file: Any,
     write_run_to: Any,
 ) -> Kit:
-    address = located(f"{bucket}/some/store")
+    address = parse_address(f"{bucket}/some/store")
     assert isinstance(address, ObjectAddress)
     records = [write_run_to(tmp_path / "made", record_of(index)) for index in range(3)]
 

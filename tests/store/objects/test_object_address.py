@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import OutputError
-from contactlab.store import SCHEMES, ObjectAddress, located
+from contactlab.store import SCHEMES, ObjectAddress, parse_address
 from contactlab.store.objects import connect
 
 NAMES = st.text("abcdefghij0123456789-_. ", min_size=1, max_size=12).filter(
@@ -20,11 +20,11 @@ NAMES = st.text("abcdefghij0123456789-_. ", min_size=1, max_size=12).filter(
 @given(st.sampled_from(SCHEMES), NAMES, st.lists(NAMES, min_size=1, max_size=4))
 def test_text_and_back(scheme: str, bucket: str, parts: list[str]) -> None:
     text = f"{scheme}://{bucket}/{'/'.join(parts)}"
-    address = located(text)
+    address = parse_address(text)
     assert address == ObjectAddress(scheme, bucket, "/".join(parts))
     assert str(address) == text
-    assert located(text + "/") == address
-    assert located(address) == address
+    assert parse_address(text + "/") == address
+    assert parse_address(address) == address
     assert address.name == parts[-1]
     assert str(address / "runs.parquet") == f"{text}/runs.parquet"
     assert pickle.loads(pickle.dumps(address)) == address  # noqa: S301 - our own
@@ -32,7 +32,7 @@ def test_text_and_back(scheme: str, bucket: str, parts: list[str]) -> None:
 
 @pytest.mark.parametrize("text", ["results/bounce", "/a/b", ".", "a:b/c", "s3:/bucket/a", "../s3"])
 def test_paths_stay_paths(text: str) -> None:
-    assert located(text) == Path(text)
+    assert parse_address(text) == Path(text)
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_paths_stay_paths(text: str) -> None:
 )
 def test_no_address(text: str, said: str) -> None:
     with pytest.raises(OutputError, match=said) as raised:
-        located(text)
+        parse_address(text)
     assert text in str(raised.value)
 
 

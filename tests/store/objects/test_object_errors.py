@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
-from contactlab.store import Address, Store, located, writing
-from contactlab.store.objects import client as client_file
+from contactlab.store import Address, Store, open_writer, parse_address
+from contactlab.store.objects import object_client as client_file
 
 KEYS = "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION"
 
@@ -73,7 +73,7 @@ def use(request: pytest.FixtureRequest, identity_of: Any, scene_file: Any) -> An
     """Return what a sweep, or a command that reads, does first, and the error that it makes."""
 
     def sweep(address: Address) -> None:
-        with writing(address, identity_of(1), scene_file, fresh=False):
+        with open_writer(address, identity_of(1), scene_file, fresh=False):
             pass
 
     if request.param == "sweep":
@@ -87,7 +87,7 @@ Use = tuple[Callable[[Address], object], type[ContactlabError]]
 def said(use: Use, address: str = "s3://bucket/store") -> str:
     act, kind = use
     with pytest.raises(kind) as raised:
-        act(located(address))
+        act(parse_address(address))
     text = str(raised.value)
     assert address in text
     assert "\n" not in text
@@ -155,7 +155,7 @@ def test_not_installed(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "obstore", None)
     act, _ = use
     with pytest.raises(OutputError) as raised:
-        act(located("s3://bucket/store"))
+        act(parse_address("s3://bucket/store"))
     assert str(raised.value) == (
         "a store at s3:// needs obstore, which is not installed; pip install 'contactlab[objects]'"
     )

@@ -9,23 +9,22 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.store import ObjectAddress, located
-from contactlab.store.objects import Client, connect
-from contactlab.store.objects.holder import Holder
-from contactlab.store.objects.lease import LOCK, Lease, leased
+from contactlab.store import ObjectAddress, parse_address
+from contactlab.store.objects import ObjectClient, connect
+from contactlab.store.objects.store_lease import LOCK, LockHolder, StoreLease, hold_lease
 
 
 @pytest.fixture
-def client(bucket: str) -> Client:
-    address = located(f"{bucket}/store")
+def client(bucket: str) -> ObjectClient:
+    address = parse_address(f"{bucket}/store")
     assert isinstance(address, ObjectAddress)
     return connect(address, OutputError)
 
 
-def holder_of(client: Client) -> Holder:
+def holder_of(client: ObjectClient) -> LockHolder:
     found = client.find(LOCK)
     assert found is not None
-    holder = Holder.read(found.data)
+    holder = LockHolder.read(found.data)
     assert holder is not None
     return holder
 
@@ -43,78 +42,80 @@ def ended_process() -> int:
     return process.pid
 
 
-def elsewhere(**changes: object) -> Holder:
+def elsewhere(**changes: object) -> LockHolder:
     """Return a process of another machine."""
-    plain = Holder.this().model_copy(update={"host": "far", "machine": "another"})
+    plain = LockHolder.this().model_copy(update={"host": "far", "machine": "another"})
     return plain.model_copy(update=changes)
 
 
-def test_a_second_sweep_is_refused(client: Client) -> None:
+def test_a_second_sweep_is_refused(client: ObjectClient) -> None:
     with (
-        leased(client),
+        hold_lease(client),
         pytest.raises(OutputError, match=f"{client.address} is in use by process"),
-        leased(client),
+        hold_lease(client),
     ):
         pass
 
 
-def test_given_back(client: Client) -> None:
+def test_given_back(client: ObjectClient) -> None:
     for _ in range(2):
-        with leased(client):
+        with hold_lease(client):
             assert not holder_of(client).released
         assert holder_of(client).released
 
 
-def test_given_back_after_a_failure(client: Client) -> None:
-    with pytest.raises(ValueError, match="planted"), leased(client):
+def test_given_back_after_a_failure(client: ObjectClient) -> None:
+    with pytest.raises(ValueError, match="planted"), hold_lease(client):
         raise ValueError("planted")
     assert holder_of(client).is_gone
 
 
 @pytest.mark.parametrize("case", ["ended", "another with its number"])
-def test_of_a_dead_process_of_this_machine(client: Client, case: str) -> None:
+def test_of_a_dead_process_of_this_machine(client: ObjectClient, case: str) -> None:
     """It is taken over at once: the lease is an hour."""
-    this = Holder.this()
+    this = LockHolder.this()
     changes = {"pid": ended_process()} if case == "ended" else {"started": this.started - 1}
     client.put(LOCK, this.model_copy(update=changes).encoded())
-    with leased(client, seconds=3600) as lease:
+    with hold_lease(client, seconds=3600) as lease:
         lease.check()
 
 
-def test_of_another_machine_is_waited_out(client: Client, caplog: pytest.LogCaptureFixture) -> None:
+def test_of_another_machine_is_waited_out(
+    client: ObjectClient, caplog: pytest.LogCaptureFixture
+) -> None:
     """Whatever its process number: it is another machine's."""
     client.put(LOCK, elsewhere(pid=ended_process()).encoded())
     start = time.monotonic()
-    with caplog.at_level(logging.WARNING), leased(client, seconds=0.5) as lease:
+    with caplog.at_level(logging.WARNING), hold_lease(client, seconds=0.5) as lease:
         assert time.monotonic() - start >= 0.5
         lease.check()
     assert f"{client.address} was in use on far; waiting" in caplog.text
 
 
-def test_of_another_version_is_waited_out(client: Client) -> None:
+def test_of_another_version_is_waited_out(client: ObjectClient) -> None:
     client.put(LOCK, b'{"what": "is this"}')
-    with leased(client, seconds=0.2):
+    with hold_lease(client, seconds=0.2):
         pass
 
 
-def test_of_another_machine_that_is_alive(client: Client) -> None:
+def test_of_another_machine_that_is_alive(client: ObjectClient) -> None:
     """It shows signs of life; the wait ends with the first, however long the lease."""
     other = elsewhere()
     version = client.create(LOCK, other.encoded())
     assert version is not None
-    lease = Lease(client, other, version, seconds=0.6)
+    lease = StoreLease(client, other, version, seconds=0.6)
     try:
-        with pytest.raises(OutputError, match="in use by a sweep on far"), leased(client, 30):
+        with pytest.raises(OutputError, match="in use by a sweep on far"), hold_lease(client, 30):
             pass
     finally:
         lease.release()
-    with leased(client, 3600):
+    with hold_lease(client, 3600):
         pass
 
 
-def test_lost(client: Client) -> None:
+def test_lost(client: ObjectClient) -> None:
     """Somebody else has waited it out: whoever notices writes no more."""
-    with leased(client, seconds=0.3) as lease:
+    with hold_lease(client, seconds=0.3) as lease:
         client.put(LOCK, elsewhere().encoded())
 
         def noticed() -> bool:
@@ -131,7 +132,7 @@ def test_lost(client: Client) -> None:
     assert not holder_of(client).released
 
 
-def test_one_of_many_gets_it(client: Client) -> None:
+def test_one_of_many_gets_it(client: ObjectClient) -> None:
     """Eight threads want it at once, eight times; at no time do two of them hold it."""
     inside: list[int] = []
     most: list[int] = []
@@ -140,7 +141,7 @@ def test_one_of_many_gets_it(client: Client) -> None:
         own = connect(client.address, OutputError)
         for _ in range(8):
             try:
-                with leased(own, seconds=60):
+                with hold_lease(own, seconds=60):
                     inside.append(number)
                     most.append(len(inside))
                     inside.remove(number)

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store import Store, located, verify, write_baseline
+from contactlab.store import Store, parse_address, verify, write_baseline
 from contactlab.store.objects import local_scene
 
 TRACE = "traces/01/0000000000000001.mcap"
@@ -63,7 +63,7 @@ def test_a_store_that_names_files_elsewhere(kit: Any) -> None:
 
 def test_no_store(bucket: str, kit: Any) -> None:
     with pytest.raises(StoreError, match=f"no store at {bucket}/none"):
-        Store.open(located(f"{bucket}/none"))
+        Store.open(parse_address(f"{bucket}/none"))
     kit.client.put("thesis.tex", b"dear")
     with pytest.raises(StoreError, match=r"is not a store: it has no manifest\.json"):
         Store.open(kit.address)

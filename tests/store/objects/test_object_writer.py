@@ -7,8 +7,8 @@ import pytest
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema import StoreManifest
-from contactlab.store import ObjectAddress, Store, StoreWriter, verify, writing
-from contactlab.store.objects import Client, connect
+from contactlab.store import ObjectAddress, Store, StoreWriter, open_writer, verify
+from contactlab.store.objects import ObjectClient, connect
 
 OTHER = "journal/other-00000000.jsonl"
 
@@ -101,14 +101,14 @@ def test_published_by_another_at_the_same_moment(kit: Any, monkeypatch: pytest.M
     found = kit.client.find("manifest.json")
     assert found is not None
     kit.client.delete(["manifest.json"])
-    put = Client.put
+    put = ObjectClient.put
 
-    def racing(client: Client, name: str, data: Any) -> None:
+    def racing(client: ObjectClient, name: str, data: Any) -> None:
         put(client, name, data)
         if name == "runs.parquet":
             put(client, "manifest.json", found.data)
 
-    monkeypatch.setattr(Client, "put", racing)
+    monkeypatch.setattr(ObjectClient, "put", racing)
     kit.write(0, 1, 2)
     assert verify(kit.address) == []
 
@@ -141,7 +141,7 @@ def test_another_sweeps_store(kit: Any) -> None:
     identity = kit.identity(3, plan_hash="q")
     with (
         pytest.raises(StoreError, match=f"{kit.address} holds another sweep \\(other plan_hash\\)"),
-        writing(kit.address, identity, kit.scene, fresh=False),
+        open_writer(kit.address, identity, kit.scene, fresh=False),
     ):
         pass
 

@@ -15,7 +15,7 @@ from contactlab.errors import ClusterError
 from contactlab.run.cluster import node
 from contactlab.run.cluster.node import Terms
 from contactlab.run.job import Task
-from contactlab.store import TEMPORARY, TRACES
+from contactlab.store import TEMPORARY_SUFFIX, TRACES
 
 # How long nodes may take to answer; those that take longer are asked before their first job [s].
 _PATIENCE = 60.0
@@ -30,7 +30,7 @@ def set_terms(task: Task) -> Generator[Terms]:
     if not isinstance(store, Path):
         yield Terms(token, versions)
         return
-    sign = store / TRACES / (token + TEMPORARY)
+    sign = store / TRACES / (token + TEMPORARY_SUFFIX)
     sign.touch()
     try:
         yield Terms(token, versions, sign, scene, node.digest(scene))

@@ -1,16 +1,19 @@
 """Traces in MCAP."""
 
-from contactlab.store.mcap.check import check_trace
-from contactlab.store.mcap.reader import read_trace
-from contactlab.store.mcap.stored import StoredPair, StoredTrace
-from contactlab.store.mcap.writer import TraceExtras, TraceSummary, write_trace
+from contactlab.store.mcap.mcap_check import check_trace
+from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
+from contactlab.store.mcap.trace_copy import AddedChannel, copy_trace
+from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, TraceSummary, write_trace
 
 __all__ = [
+    "AddedChannel",
     "StoredPair",
     "StoredTrace",
     "TraceExtras",
     "TraceSummary",
     "check_trace",
+    "copy_trace",
     "read_trace",
     "write_trace",
 ]

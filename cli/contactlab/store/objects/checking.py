@@ -8,11 +8,11 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from contactlab.errors import StoreError
-from contactlab.store.address import ObjectAddress
-from contactlab.store.objects.client import connect
 from contactlab.store.objects.fetching import checked
+from contactlab.store.objects.object_client import connect
 from contactlab.store.objects.resuming import FOUND, ROWS
-from contactlab.store.writer import TRACES
+from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_writer import TRACES
 
 _THREADS = 8
 _AHEAD = 16

@@ -10,13 +10,18 @@ from tempfile import TemporaryDirectory, mkdtemp
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema import StoreManifest
-from contactlab.store.address import Address, ObjectAddress
-from contactlab.store.identity import IDENTITY, MANIFEST, missing, parsed
-from contactlab.store.objects.client import Client, Found, Version, connect
+from contactlab.store.objects.object_client import (
+    ObjectClient,
+    ObjectVersion,
+    StoredObject,
+    connect,
+)
 from contactlab.store.objects.resuming import fetch_all
+from contactlab.store.store_address import Address, ObjectAddress
+from contactlab.store.store_manifest import IDENTITY, MANIFEST, missing_file_error, parse_document
 
 _PREFIX = "contactlab-"
-_fetched: dict[ObjectAddress, tuple[Version, Path]] = {}
+_fetched: dict[ObjectAddress, tuple[ObjectVersion, Path]] = {}
 
 
 def fetched_store(address: ObjectAddress) -> Path:
@@ -33,20 +38,20 @@ def fetched_store(address: ObjectAddress) -> Path:
     version, folder = _fetched.get(address, (None, None))
     if folder is None or version != manifest.version:
         folder = _folder()
-        names = parsed(manifest.data, StoreManifest, address / MANIFEST).files
+        names = parse_document(manifest.data, StoreManifest, address / MANIFEST).files
         fetch_all(client, [checked(name, address) for name in names], folder)
         (folder / MANIFEST).write_bytes(manifest.data)
         _fetched[address] = manifest.version, folder
     return folder
 
 
-def _manifest(client: Client) -> Found:
+def _manifest(client: ObjectClient) -> StoredObject:
     if (found := client.find(MANIFEST)) is not None:
         return found
     top = client.top()
     if not top:
         raise StoreError(f"no store at {client.address}")
-    raise missing(client.address, MANIFEST, begun=IDENTITY in top)
+    raise missing_file_error(client.address, MANIFEST, begun=IDENTITY in top)
 
 
 def checked(name: str, address: ObjectAddress) -> str:
@@ -76,7 +81,7 @@ def fetched_trace(address: ObjectAddress, name: str) -> Generator[Path]:
 
 
 @cache
-def _client(address: ObjectAddress) -> Client:
+def _client(address: ObjectAddress) -> ObjectClient:
     return connect(address, StoreError)
 
 

@@ -7,7 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 
 from contactlab.errors import OutputError
-from contactlab.store.objects.client import Client
+from contactlab.store.objects.object_client import ObjectClient
 
 _THREADS = 8
 _MOST = 64
@@ -17,7 +17,7 @@ _MOST = 64
 class Outbox:
     """Puts objects of unique names in the background, so many at a time."""
 
-    def __init__(self, client: Client) -> None:
+    def __init__(self, client: ObjectClient) -> None:
         self._client = client
         self._pool = ThreadPoolExecutor(_THREADS, thread_name_prefix="outbox")
         self._sent: deque[Future[None]] = deque()

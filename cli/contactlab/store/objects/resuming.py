@@ -8,10 +8,10 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from contactlab.store.journal import JOURNAL, NOTES, mend_journal
-from contactlab.store.objects.client import Client
-from contactlab.store.retrying import drop_failed, failed_traces
-from contactlab.store.writer import TRACES
+from contactlab.store.objects.object_client import ObjectClient
+from contactlab.store.retry_failed import drop_failed, failed_traces
+from contactlab.store.row_journal import JOURNAL, NOTES, mend_journal
+from contactlab.store.store_writer import TRACES
 
 ROWS = "journal"
 FOUND = "notes"
@@ -19,7 +19,7 @@ THREADS = 16
 _WINDOW = 128
 
 
-def pull_rows(client: Client, folder: Path, *, retry_failed: bool) -> set[str]:
+def pull_rows(client: ObjectClient, folder: Path, *, retry_failed: bool) -> set[str]:
     """Bring all whole rows into a folder's journal; those of lost traces are left out for good.
 
     Args:
@@ -48,25 +48,25 @@ def pull_rows(client: Client, folder: Path, *, retry_failed: bool) -> set[str]:
     return done
 
 
-def keep_rows(client: Client, journal: Path) -> None:
+def keep_rows(client: ObjectClient, journal: Path) -> None:
     """Put all rows of a journal as one object."""
     client.put(f"{ROWS}/{uuid.uuid4().hex}.jsonl", journal)
 
 
-def pull_notes(client: Client, folder: Path) -> None:
+def pull_notes(client: ObjectClient, folder: Path) -> None:
     """Bring all notes into a folder."""
     if names := [name for name, _ in client.sizes(FOUND)]:
         _bring(client, names, folder / NOTES)
 
 
-def fetch_all(client: Client, names: Sequence[str], folder: Path) -> list[str]:
+def fetch_all(client: ObjectClient, names: Sequence[str], folder: Path) -> list[str]:
     """Fetch objects into a folder, many at a time; return the names of those that are not there."""
     with ThreadPoolExecutor(THREADS) as pool:
         fetched = pool.map(lambda name: client.fetch(name, folder / name), names)
         return [name for name, there in zip(names, fetched, strict=True) if not there]
 
 
-def _bring(client: Client, names: Sequence[str], target: Path) -> None:
+def _bring(client: ObjectClient, names: Sequence[str], target: Path) -> None:
     """Join objects of lines into one file, so many on this machine at a time."""
     with target.open("wb") as joined, TemporaryDirectory(dir=target.parent) as name:
         for first in range(0, len(names), _WINDOW):
@@ -79,7 +79,7 @@ def _bring(client: Client, names: Sequence[str], target: Path) -> None:
                     part.unlink()
 
 
-def _has_trace(client: Client) -> Callable[[Mapping[str, Any]], bool]:
+def _has_trace(client: ObjectClient) -> Callable[[Mapping[str, Any]], bool]:
     sizes = dict(client.sizes(TRACES))
     return lambda row: (
         row["trace_file"] is None or (sizes.get(row["trace_file"]) == row["trace_bytes"])

@@ -13,12 +13,7 @@ from typing import Any
 
 from contactlab.errors import OutputError
 from contactlab.schema import Provenance, StoreManifest, SweepIdentity
-from contactlab.store.address import ObjectAddress
-from contactlab.store.columns import Column
-from contactlab.store.identity import IDENTITY, MANIFEST, check_same, parsed
-from contactlab.store.journal import JOURNAL
-from contactlab.store.objects.client import Client, connect
-from contactlab.store.objects.lease import LOCK, Lease, leased
+from contactlab.store.objects.object_client import ObjectClient, connect
 from contactlab.store.objects.outbox import Outbox
 from contactlab.store.objects.resuming import (
     FOUND,
@@ -27,9 +22,14 @@ from contactlab.store.objects.resuming import (
     pull_notes,
     pull_rows,
 )
-from contactlab.store.retrying import reopen
-from contactlab.store.table import TABLE
-from contactlab.store.writer import NOTHING, SCENES, TRACES, SceneFiles, StoreWriter
+from contactlab.store.objects.store_lease import LOCK, StoreLease, hold_lease
+from contactlab.store.retry_failed import reopen
+from contactlab.store.row_journal import JOURNAL
+from contactlab.store.runs_table import TABLE
+from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_manifest import IDENTITY, MANIFEST, check_same_sweep, parse_document
+from contactlab.store.store_writer import NOTHING, SCENES, TRACES, SceneFiles, StoreWriter
+from contactlab.store.table_layout import Column
 
 _OWN = {SCENES, TRACES, LOCK, ROWS, FOUND, TABLE, IDENTITY, MANIFEST}
 
@@ -45,8 +45,8 @@ class ObjectWriter(StoreWriter):
         path: Path,
         identity: SweepIdentity,
         done: Collection[str],
-        client: Client,
-        lease: Lease,
+        client: ObjectClient,
+        lease: StoreLease,
     ) -> None:
         super().__init__(path, identity, done)
         self._client = client
@@ -123,7 +123,7 @@ def writing_objects(
         StoreError: there is a store of another sweep.
     """
     client = connect(address, OutputError)
-    with leased(client) as lease, TemporaryDirectory(prefix="contactlab-") as name:
+    with hold_lease(client) as lease, TemporaryDirectory(prefix="contactlab-") as name:
         folder = Path(name)
         if fresh:
             _clear(client)
@@ -140,17 +140,17 @@ def writing_objects(
             writer.close()
 
 
-def _finished(client: Client, identity: SweepIdentity) -> StoreManifest | None:
+def _finished(client: ObjectClient, identity: SweepIdentity) -> StoreManifest | None:
     """Return the manifest of a store that is finished."""
     found = client.find(MANIFEST)
     if found is None:
         return None
-    manifest = parsed(found.data, StoreManifest, client.address / MANIFEST)
-    check_same(client.address, manifest.sweep, identity)
+    manifest = parse_document(found.data, StoreManifest, client.address / MANIFEST)
+    check_same_sweep(client.address, manifest.sweep, identity)
     return manifest
 
 
-def _reopen(client: Client, folder: Path, manifest: StoreManifest) -> bool:
+def _reopen(client: ObjectClient, folder: Path, manifest: StoreManifest) -> bool:
     """Make a finished store that holds failed runs an unfinished one; return whether it holds any.
 
     Its rows are there again before its manifest goes, so that it is one or the other at any time.
@@ -166,15 +166,20 @@ def _reopen(client: Client, folder: Path, manifest: StoreManifest) -> bool:
 
 
 def _prepare(
-    client: Client, folder: Path, identity: SweepIdentity, scene: SceneFiles, *, retry_failed: bool
+    client: ObjectClient,
+    folder: Path,
+    identity: SweepIdentity,
+    scene: SceneFiles,
+    *,
+    retry_failed: bool,
 ) -> set[str]:
     """Make a new store, or mend an interrupted one; return the ids of the runs it holds."""
     scene.copy_to(folder / SCENES / identity.scene_hash)
     text = identity.model_dump_json(indent=2) + "\n"
     found = client.find(IDENTITY)
     if found is not None:
-        there = parsed(found.data, SweepIdentity, client.address / IDENTITY)
-        check_same(client.address, there, identity)
+        there = parse_document(found.data, SweepIdentity, client.address / IDENTITY)
+        check_same_sweep(client.address, there, identity)
         (folder / IDENTITY).write_bytes(found.data)
         pull_notes(client, folder)
         return pull_rows(client, folder, retry_failed=retry_failed)
@@ -186,7 +191,7 @@ def _prepare(
     return set()
 
 
-def _clear(client: Client) -> None:
+def _clear(client: ObjectClient) -> None:
     _refuse_strangers(client, "not removed")
     # The manifest goes first: a half-removed store must not look whole.
     for name in (MANIFEST, IDENTITY):
@@ -194,12 +199,12 @@ def _clear(client: Client) -> None:
     client.delete([name for name, _ in client.sizes() if name != LOCK])
 
 
-def _remove_batches(client: Client) -> None:
+def _remove_batches(client: ObjectClient) -> None:
     for folder in (ROWS, FOUND):
         client.delete([name for name, _ in client.sizes(folder)])
 
 
-def _refuse_strangers(client: Client, remedy: str) -> None:
+def _refuse_strangers(client: ObjectClient, remedy: str) -> None:
     if strangers := sorted(client.top() - _OWN):
         raise OutputError(
             f"{client.address} holds other objects ({', '.join(strangers[:3])}); {remedy}"

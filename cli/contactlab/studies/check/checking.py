@@ -10,7 +10,7 @@ from contactlab.run.job import Begin, Progress
 from contactlab.run.provenance import engine, provenance
 from contactlab.run.stop import Stop
 from contactlab.schema import CheckName, CheckReport, CheckResult, TaskKind
-from contactlab.store import cannot_write, replacing
+from contactlab.store import atomic_write, write_error
 from contactlab.studies.check.bench import Bench
 from contactlab.studies.check.flat_contact import check_flat_contact
 from contactlab.studies.check.free_motion import check_free_motion
@@ -107,7 +107,7 @@ def _make(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise cannot_write(folder, error) from error
+        raise write_error(folder, error) from error
 
 
 def _write(folder: Path, report: CheckReport, bench: Bench) -> None:
@@ -116,5 +116,5 @@ def _write(folder: Path, report: CheckReport, bench: Bench) -> None:
     if bench.has_own and bench.own.record.trajectory_hash is not None:
         files[REFERENCE] = reference_of(bench.own).model_dump_json(indent=2) + "\n"
     for name, text in files.items():
-        with replacing(folder / name) as path:
+        with atomic_write(folder / name) as path:
             path.write_text(text, encoding="utf-8")

@@ -1,0 +1,75 @@
+"""A store without traces, small enough to be kept in a repository."""
+
+import shutil
+import tempfile
+from pathlib import Path
+
+from contactlab.errors import OutputError, StoreError
+from contactlab.schema import StoreManifest
+from contactlab.store.atomic_files import sha256_of, write_error
+from contactlab.store.finished_store import Store
+from contactlab.store.runs_table import TABLE, write_compact_table
+from contactlab.store.store_address import Address
+from contactlab.store.store_manifest import IDENTITY, MANIFEST, read_manifest
+from contactlab.store.store_writer import SCENES
+from contactlab.store.verify_store import verify
+
+
+def write_baseline(source: Address, target: Path) -> StoreManifest:
+    """Write a store anew without its traces, or put it in the place of an earlier baseline.
+
+    Records stay whole: they name their traces with size and hash. What only explains (the
+    columns' descriptions) is left out too.
+
+    Args:
+        source: the store's folder, or where it lies in object storage.
+        target: the baseline's folder, replaced in one step.
+
+    Returns:
+        The baseline's manifest.
+
+    Raises:
+        StoreError: the store is not sound.
+        OutputError: the target is something else, or cannot be written.
+    """
+    if problems := verify(source, thorough=False):
+        raise StoreError(f"{source} is not sound: {problems[0]} (see `contactlab verify {source}`)")
+    _check_target(source, target)
+    store = Store.open(source)
+    try:
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(prefix=f"{target.name}.", dir=target.parent) as name:
+            made = Path(name) / "new"
+            manifest = _written(store, made)
+            if target.exists():
+                target.rename(Path(name) / "old")
+            made.rename(target)
+    except OSError as error:
+        raise write_error(Path(error.filename or target), error) from error
+    return manifest
+
+
+def _written(store: Store, target: Path) -> StoreManifest:
+    scenes = Path(SCENES) / store.manifest.sweep.scene_hash
+    shutil.copytree(store.path / scenes, target / scenes)
+    shutil.copyfile(store.path / IDENTITY, target / IDENTITY)
+    write_compact_table(store.path / TABLE, target / TABLE)
+    files = {name: sha256_of(target / name) for name in store.manifest.files}
+    manifest = store.manifest.model_copy(update={"files": files, "traces_left_out": True})
+    text = manifest.model_dump_json(indent=2) + "\n"
+    (target / MANIFEST).write_text(text, encoding="utf-8")
+    return manifest
+
+
+def _check_target(source: Address, target: Path) -> None:
+    if not target.exists() or (target.is_dir() and not any(target.iterdir())):
+        return
+    if isinstance(source, Path) and target.samefile(source):
+        raise OutputError(f"{target} is the store itself; name another folder for the baseline")
+    try:
+        replaceable = read_manifest(target).traces_left_out
+    except StoreError:
+        # A baseline of another version may be replaced; anything else may not.
+        replaceable = (target / MANIFEST).is_file() and not (target / "traces").exists()
+    if not replaceable:
+        raise OutputError(f"{target} is no baseline, so it is not replaced; name another folder")

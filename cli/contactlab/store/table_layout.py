@@ -1,0 +1,289 @@
+"""The columns of `runs.parquet`: type, unit and description."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import pyarrow as pa
+from pydantic_core import to_json
+
+from contactlab.schema import Accuracy, EvidenceRecord, Timing
+
+_TEXT = pa.string()
+_REAL = pa.float64()
+_WHOLE = pa.int64()
+_TRUTH = pa.bool_()
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column of the table.
+
+    Attributes:
+        name: its name.
+        type: its Arrow type.
+        unit: its unit, `1` for counts and ratios, empty for words.
+        description: what it holds.
+        better: of what is measured: lower, higher or none; empty for all else.
+        resolution: magnitude below which a measured value is 0, in its unit.
+        second_pass: whether it is measured in the second pass, which a sweep may leave out.
+    """
+
+    name: str
+    type: pa.DataType
+    unit: str
+    description: str
+    better: str = ""
+    resolution: float = 0.0
+    second_pass: bool = False
+
+
+FIXED_COLUMNS = (
+    Column("run_id", _TEXT, "", "hash of scene content, settings, seed and duration"),
+    Column("index", _WHOLE, "1", "the run's place in the plan"),
+    Column("scene", _TEXT, "", "scene's name"),
+    Column("scene_hash", _TEXT, "", "hash of the scene's files"),
+    Column("seed", _WHOLE, "1", "what perturbed the start state"),
+    Column("duration", _REAL, "s", "simulated time asked for"),
+    Column("label", _TEXT, "", "worst label"),
+    Column("labels", pa.list_(_TEXT), "", "every label that applies, worst first"),
+    Column("label_reason", _TEXT, "", "why the worst label applies"),
+    Column("label_step", _WHOLE, "1", "step at which the worst label was first met"),
+    Column("label_reasons", pa.list_(_TEXT), "", "why each label applies"),
+    Column("label_steps", pa.list_(_WHOLE), "1", "step at which each label was first met"),
+    Column("status", _TEXT, "", "ok, stopped, error, crashed or timeout"),
+    Column("status_reason", _TEXT, "", "what ended the run, if it did not go through"),
+    Column("steps", _WHOLE, "1", "steps made"),
+    Column("steps_asked", _WHOLE, "1", "steps asked for"),
+    Column("trajectory_hash", _TEXT, "", "SHA-256 of every state row"),
+    Column("expected", pa.list_(_TEXT), "", "labels of which one was expected"),
+    Column("expectation_met", _TRUTH, "", "whether what was expected came out"),
+    Column("expectation_reason", _TEXT, "", "what was missed"),
+    Column("tolerances_met", _TRUTH, "", "whether every tolerance of the sweep is met"),
+    Column("knife_edge", _TRUTH, "", "whether a start 1e-6 away gives another label"),
+    Column("cost_cpu_s", _REAL, "s", "thread CPU time of the stepping"),
+    Column("cost_cpu_per_sim_s", _REAL, "1", "CPU seconds per simulated second", "lower"),
+    Column("cost_latency_budget_s", _REAL, "s", "wall time a step may take"),
+    Column("cost_latency_used", _REAL, "1", "mean CPU time of a step over the budget"),
+    Column("error_final", _REAL, "m", "distance from the reference at the end", "lower"),
+    Column("error_mean", _REAL, "m", "distance from the reference, mean over time", "lower"),
+    Column("error_peak", _REAL, "m", "distance from the reference, largest", "lower"),
+    Column("error_estimate", _REAL, "m", "what the reference itself may be off by", "lower"),
+    Column("error_final_estimate", _REAL, "m", "the same for the error at the end"),
+    Column("error_mean_estimate", _REAL, "m", "the same for the mean error"),
+    Column("error_kind", _TEXT, "", "trajectory, local or invariants; the last have no unit"),
+    Column("chaotic", _TRUTH, "", "whether a start 1e-8 away grows to the size of the errors"),
+    Column("reference_integrator", _TEXT, "", "the reference's integrator"),
+    Column("reference_timestep", _REAL, "s", "the finest reference's timestep"),
+    Column("impacts", _WHOLE, "1", "how often contacts began or ended in the run"),
+    Column("solref_rule", _TEXT, "", "absolute, or tied to the timestep"),
+    Column("solref_clamped", _TRUTH, "", "whether refsafe raised solref to two timesteps"),
+    Column("time_min", _REAL, "1", "CPU s per simulated s, least of the rounds", "lower"),
+    Column("time_median", _REAL, "1", "CPU s per simulated s, median of the rounds", "lower"),
+    Column("step_p50", _REAL, "s", "CPU time of a single step, median", "lower"),
+    Column("step_p99", _REAL, "s", "CPU time of a single step, 99th percentile", "lower"),
+    Column("compile_time", _REAL, "s", "CPU time to compile the model", "lower"),
+    Column("work_steps", _REAL, "1/s", "steps per simulated second", "lower"),
+    Column("work_iterations", _REAL, "1/s", "solver iterations per simulated second", "lower"),
+    Column("work_contacts", _REAL, "1/s", "contacts of all steps per simulated second", "lower"),
+    Column("work_rows", _REAL, "1/s", "constraint rows of all steps per simulated second", "lower"),
+    Column("timing_settings", _TEXT, "", "hash of how times were measured"),
+    Column("effects", pa.struct([]), "", "every effect, on or off"),
+    Column("effect_reasons", _TEXT, "", "why each effect is on or off, as JSON"),
+    Column(
+        "effects_missed",
+        _TEXT,
+        "",
+        "effects that are off although the run called for them, as JSON",
+    ),
+    Column("settings", pa.struct([]), "", "every resolved setting"),
+    Column("initial_qpos", pa.list_(_REAL), "", "start configuration"),
+    Column("initial_qvel", pa.list_(_REAL), "", "start velocity"),
+    Column("initial_ctrl", pa.list_(_REAL), "", "constant control"),
+    Column("initial_applied", pa.list_(_REAL), "", "constant force and torque on each body"),
+    Column("pairs", _TEXT, "", "effective contact parameters of each pair, as JSON"),
+    Column("edited_geoms", pa.list_(_TEXT), "", "geoms whose contact parameters were set"),
+    Column("warnings", _TEXT, "", "engine warnings by name, as JSON"),
+    Column("engine_name", _TEXT, "", "what computed the trajectory"),
+    Column("engine_version", _TEXT, "", "its version"),
+    Column("trace_file", _TEXT, "", "the run's MCAP file, relative to the store"),
+    Column("trace_sha256", _TEXT, "", "its SHA-256"),
+    Column("trace_bytes", _WHOLE, "B", "its size"),
+    Column("trace_messages", _TEXT, "", "its messages by topic, as JSON"),
+    Column("started", _TEXT, "", "UTC, ISO 8601"),
+    Column("finished", _TEXT, "", "UTC, ISO 8601"),
+    Column("provenance", _TEXT, "", "tool, host and versions, as JSON"),
+    Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns"),
+)
+RESERVED_COLUMNS = frozenset(column.name for column in FIXED_COLUMNS)
+
+
+def table_schema(own: Sequence[Column]) -> pa.Schema:
+    """Return the table's schema.
+
+    Args:
+        own: columns of axes and metrics, and of `settings` and `effects`, which say what is in
+            them.
+    """
+    columns = {column.name: column for column in (*FIXED_COLUMNS, *own)}
+    return pa.schema([_field(column) for column in columns.values()])
+
+
+def struct_column(name: str, values: Mapping[str, object]) -> Column:
+    """Return the column of `settings` or `effects`, with the fields that these values need."""
+    (placeholder,) = (column for column in FIXED_COLUMNS if column.name == name)
+    fields = [pa.field(inner, _type_of(value)) for inner, value in values.items()]
+    return replace(placeholder, type=pa.struct(fields))
+
+
+def axis_column(name: str, values: Sequence[object], unit: str, description: str) -> Column:
+    """Return the column of an axis, typed by the values that it takes."""
+    kinds = {type(value) for value in values}
+    if kinds <= {bool}:
+        kind = _TRUTH
+    elif kinds <= {int}:
+        kind = _WHOLE
+    elif kinds <= {int, float}:
+        kind = _REAL
+    else:
+        kind = _TEXT
+    return Column(name, kind, unit, description)
+
+
+def metric_column(
+    name: str,
+    unit: str,
+    description: str,
+    *,
+    better: str = "none",
+    resolution: float = 0.0,
+    second_pass: bool = False,
+) -> Column:
+    """Return the column of a metric; what the arguments say is in `Column`."""
+    return Column(name, _REAL, unit, description, better, resolution, second_pass)
+
+
+def as_ratios(names: Iterable[str]) -> list[Column]:
+    """Return those of these columns that have a unit, as ratios instead."""
+    wanted = set(names)
+    return [replace(each, unit="1") for each in FIXED_COLUMNS if each.name in wanted and each.unit]
+
+
+def _field(column: Column) -> pa.Field:
+    meta = {"unit": column.unit, "description": column.description, "better": column.better}
+    if column.better:
+        meta["resolution"] = f"{column.resolution:g}"
+    if column.second_pass:
+        meta["measured_in"] = "second pass"
+    told = {key: text for key, text in meta.items() if text}
+    return pa.field(column.name, column.type, metadata=told)
+
+
+def _type_of(value: object) -> pa.DataType:
+    if isinstance(value, bool):
+        return _TRUTH
+    if isinstance(value, int):
+        return _WHOLE
+    if isinstance(value, float):
+        return _REAL
+    return _TEXT if isinstance(value, str) else pa.list_(_REAL)
+
+
+# What every run of a store has in common; in the table it is said once, in the file's metadata.
+SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
+# Open-ended tables within a row; kept as JSON text, which every reader of Parquet can show.
+_JSON_TEXT = ("pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
+_PLAIN = (
+    "run_id",
+    "index",
+    "scene",
+    "scene_hash",
+    "seed",
+    "label",
+    "trajectory_hash",
+    "expectation_met",
+    "expectation_reason",
+    "tolerances_met",
+    "knife_edge",
+    "status",
+    "status_reason",
+    "steps",
+    "steps_asked",
+    "duration",
+    "settings",
+    "effects",
+    "started",
+    "finished",
+)
+_ENGINE = ("name", "version")
+_INITIAL = ("qpos", "qvel", "ctrl", "applied")
+_COST = ("cpu_s", "cpu_per_sim_s", "latency_budget_s", "latency_used")
+_TRACE = ("file", "sha256", "bytes")
+_ACCURACY = tuple(Accuracy.model_fields)
+_TIMING = tuple(Timing.model_fields)
+
+Row = dict[str, Any]
+
+
+def record_to_row(record: EvidenceRecord) -> Row:
+    """Return a record as a flat row: axes and metrics by their own names beside its fields."""
+    row: Row = {name: getattr(record, name) for name in _PLAIN}
+    row |= {name: _encoded(getattr(record, name)) for name in _JSON_TEXT}
+    row |= {f"engine_{name}": getattr(record.engine, name) for name in _ENGINE}
+    row |= _label_columns(record)
+    row["expected"] = record.expected
+    row["edited_geoms"] = record.edited_geoms
+    row |= {f"initial_{name}": getattr(record.initial, name) for name in _INITIAL}
+    row |= {f"cost_{name}": getattr(record.cost, name, None) for name in _COST}
+    row |= {name: getattr(record.accuracy, name, None) for name in _ACCURACY}
+    row |= {name: getattr(record.timing, name, None) for name in _TIMING}
+    row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
+    row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
+    row["axis_names"] = tuple(record.axes)
+    return row | record.axes | record.metrics
+
+
+def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
+    """Return the record that a row and its store's shared part came from."""
+    data: Row = {name: row[name] for name in _PLAIN}
+    data |= {name: json.loads(row[name]) for name in _JSON_TEXT}
+    data |= {name: shared[name] for name in SHARED_FIELDS}
+    data["engine"] = {name: row[f"engine_{name}"] for name in _ENGINE}
+    # The column has the settings of every run; those of some runs only are empty in others.
+    data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
+    data["labels"] = [
+        {"label": label, "reason": reason, "step": step}
+        for label, reason, step in zip(
+            row["labels"], row["label_reasons"], row["label_steps"], strict=True
+        )
+    ]
+    data["expected"], data["edited_geoms"] = row["expected"], row["edited_geoms"]
+    data["initial"] = {name: row[f"initial_{name}"] for name in _INITIAL}
+    if row["cost_cpu_s"] is not None:
+        data["cost"] = {name: row[f"cost_{name}"] for name in _COST}
+    if row["error_kind"] is not None:
+        data["accuracy"] = {name: row[name] for name in _ACCURACY}
+    if row["timing_settings"] is not None:
+        data["timing"] = {name: row[name] for name in _TIMING}
+    if row["trace_file"] is not None:
+        data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
+        data["trace"]["messages"] = json.loads(row["trace_messages"])
+    data["axes"] = {name: row[name] for name in row["axis_names"]}
+    data["metrics"] = {name: row[name] for name in shared["units"]}
+    return EvidenceRecord.model_validate(data)
+
+
+def _label_columns(record: EvidenceRecord) -> Row:
+    worst = record.labels[0] if record.labels else None
+    return {
+        "labels": tuple(entry.label for entry in record.labels),
+        "label_reasons": tuple(entry.reason for entry in record.labels),
+        "label_steps": tuple(entry.step for entry in record.labels),
+        "label_reason": worst.reason if worst else None,
+        "label_step": worst.step if worst else None,
+    }
+
+
+def _encoded(value: object) -> str:
+    return to_json(value).decode()

@@ -1,0 +1,207 @@
+"""A trace file with a 3D layer of Foxglove's own messages: poses, shapes, contact arrows.
+
+Source: the message schemas at https://docs.foxglove.dev/docs/sdk/schemas; quaternions there are
+x, y, z, w, and an arrow points along +x of its pose.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+
+import numpy as np
+from foxglove_schemas_protobuf.ArrowPrimitive_pb2 import ArrowPrimitive
+from foxglove_schemas_protobuf.Color_pb2 import Color
+from foxglove_schemas_protobuf.CubePrimitive_pb2 import CubePrimitive
+from foxglove_schemas_protobuf.CylinderPrimitive_pb2 import CylinderPrimitive
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.KeyValuePair_pb2 import KeyValuePair
+from foxglove_schemas_protobuf.Point3_pb2 import Point3
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.SceneEntity_pb2 import SceneEntity
+from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
+from foxglove_schemas_protobuf.SpherePrimitive_pb2 import SpherePrimitive
+from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrimitive
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.descriptor_pb2 import FileDescriptorSet
+from google.protobuf.message import Message
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from contactlab.contact import (
+    MODE_COLOURS,
+    BodyMotion,
+    BodyShape,
+    Floats,
+    Form,
+    rotation_from_x,
+)
+from contactlab.store.mcap import AddedChannel, TraceSummary, copy_trace
+
+_SCENE_TOPIC = "/scene"
+_TRANSFORMS_TOPIC = "/tf"
+_FORCES_TOPIC = "/contact_forces"
+_WORLD = 0
+_FORCES = "contact_forces"
+# An arrow's head as a share of its length; its diameter of the stage's radius, and at most of its
+# own length.
+_HEAD, _SLIM, _STOUT = 0.25, 0.02, 0.15
+
+
+def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> TraceSummary:
+    """Write a trace file again with the 3D layer added.
+
+    Args:
+        source: a sound trace file.
+        target: the file to make or replace.
+        motion: what is drawn of its run.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    rows = motion.rows.tolist()
+    poses = [(row, transforms(motion, frame)) for frame, row in enumerate(rows)]
+    forces = [(row, contact_forces(motion, frame)) for frame, row in enumerate(rows)]
+    channels = (
+        _channel(_SCENE_TOPIC, SceneUpdate, [(rows[0], scene(motion))]),
+        _channel(_TRANSFORMS_TOPIC, FrameTransforms, poses),
+        _channel(_FORCES_TOPIC, SceneUpdate, forces),
+    )
+    return copy_trace(source, target, channels)
+
+
+def _channel(
+    topic: str, kind: type[Message], messages: Iterable[tuple[int, Message]]
+) -> AddedChannel:
+    encoded = [(row, each.SerializeToString(deterministic=True)) for row, each in messages]
+    return AddedChannel(topic, kind.DESCRIPTOR.full_name, descriptors(kind), encoded)
+
+
+def descriptors(message: type[Message]) -> bytes:
+    """Return a FileDescriptorSet that defines a message and all that it uses."""
+    pending, files = [message.DESCRIPTOR.file], {}
+    while pending:
+        file = pending.pop()
+        # A file that is needed again moves to the end, behind all that need it.
+        files.pop(file.name, None)
+        files[file.name] = file
+        pending += file.dependencies
+    descriptor_set = FileDescriptorSet()
+    for file in reversed(files.values()):
+        file.CopyToProto(descriptor_set.file.add())
+    return descriptor_set.SerializeToString(deterministic=True)
+
+
+def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
+    """Return where every body but the world is in a frame."""
+    time = _timestamp(motion, frame)
+    return FrameTransforms(
+        transforms=[
+            FrameTransform(
+                timestamp=time,
+                parent_frame_id=motion.bodies[_WORLD],
+                child_frame_id=motion.bodies[body],
+                translation=_vector(motion.positions[frame, body]),
+                rotation=_quaternion(motion.rotations[frame, body]),
+            )
+            for body in range(1, len(motion.bodies))
+        ]
+    )
+
+
+def scene(motion: BodyMotion) -> SceneUpdate:
+    """Return what the bodies look like, each as an entity that moves with its body's frame."""
+    return SceneUpdate(
+        entities=[_entity(motion, body) for body in sorted({each.body for each in motion.shapes})]
+    )
+
+
+def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
+    """Return the arrows of a frame; they take the place of those of the frame before."""
+    chosen = motion.forces.of(frame)
+    arrows = zip(
+        motion.forces.position[chosen],
+        motion.arrows[chosen],
+        motion.forces.mode[chosen].tolist(),
+        strict=True,
+    )
+    told = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
+    return SceneUpdate(
+        entities=[
+            SceneEntity(
+                timestamp=_timestamp(motion, frame),
+                frame_id=motion.bodies[_WORLD],
+                id=_FORCES,
+                metadata=[KeyValuePair(key=key, value=f"{each:g}") for key, each in told.items()],
+                arrows=[_arrow(*each, _SLIM * motion.radius) for each in arrows],
+            )
+        ]
+    )
+
+
+def _entity(motion: BodyMotion, body: int) -> SceneEntity:
+    entity = SceneEntity(
+        timestamp=_timestamp(motion, 0),
+        frame_id=motion.bodies[body],
+        id=motion.bodies[body],
+        frame_locked=True,
+    )
+    for shape in motion.shapes:
+        if shape.body == body:
+            _add(entity, shape)
+    return entity
+
+
+def _add(entity: SceneEntity, shape: BodyShape) -> None:
+    pose, colour = _pose(shape.position, shape.rotation), _colour(shape.colour)
+    size = _vector(shape.size)
+    if shape.form is Form.box:
+        entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
+    elif shape.form is Form.ellipsoid:
+        entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
+    elif shape.form is Form.cylinder:
+        entity.cylinders.append(
+            CylinderPrimitive(pose=pose, size=size, bottom_scale=1, top_scale=1, color=colour)
+        )
+    else:
+        points = [Point3(x=x, y=y, z=z) for x, y, z in shape.vertices.tolist()]
+        indices = shape.triangles.ravel().tolist()
+        entity.triangles.append(
+            TriangleListPrimitive(pose=pose, points=points, color=colour, indices=indices)
+        )
+
+
+def _arrow(point: Floats, arrow: Floats, mode: int, usual: float) -> ArrowPrimitive:
+    length = float(np.linalg.norm(arrow))
+    thickness = min(usual, _STOUT * length)
+    return ArrowPrimitive(
+        pose=_pose(point, rotation_from_x(arrow)),
+        shaft_length=(1 - _HEAD) * length,
+        shaft_diameter=thickness,
+        head_length=_HEAD * length,
+        head_diameter=2 * thickness,
+        color=_colour(np.array(MODE_COLOURS[mode])),
+    )
+
+
+def _timestamp(motion: BodyMotion, frame: int) -> Timestamp:
+    seconds, nanos = divmod(round(motion.time[frame] * 1e9), 10**9)
+    return Timestamp(seconds=seconds, nanos=nanos)
+
+
+def _pose(position: Floats, rotation: Floats) -> Pose:
+    return Pose(position=_vector(position), orientation=_quaternion(rotation))
+
+
+def _vector(values: Floats) -> Vector3:
+    x, y, z = values.tolist()
+    return Vector3(x=x, y=y, z=z)
+
+
+def _quaternion(values: Floats) -> Quaternion:
+    w, x, y, z = values.tolist()
+    return Quaternion(x=x, y=y, z=z, w=w)
+
+
+def _colour(values: Floats) -> Color:
+    red, green, blue, opacity = values.tolist()
+    return Color(r=red, g=green, b=blue, a=opacity)

@@ -1,0 +1,149 @@
+"""A run as a Rerun recording: shapes, poses, contact arrows and time series.
+
+Source: the archetypes at https://ref.rerun.io/docs/python; quaternions there are x, y, z, w.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+
+from contactlab.contact import MODE_COLOURS, BodyMotion, BodyShape, Floats, Form, rotate
+from contactlab.store.atomic_files import atomic_write
+from contactlab.store.mcap import StoredPair, StoredTrace
+
+_APPLICATION = "contactlab"
+_TIMELINE = "time"
+_SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
+_XYZW = [1, 2, 3, 0]
+
+
+def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
+    """Write a run as a Rerun recording.
+
+    Args:
+        path: the file; one that is there is replaced as a whole.
+        trace: the run's trace, for the time series, a value a step.
+        motion: what is drawn of it.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    recording = rr.RecordingStream(_APPLICATION, recording_id=trace.metadata["run_id"])
+    # By way of memory: a full disk must be an error here, not a line in Rerun's log.
+    memory = recording.memory_recording()
+    recording.send_blueprint(_blueprint(motion))
+    recording.log("record", rr.TextDocument(trace.record_json.decode()), static=True)
+    _send_bodies(recording, motion)
+    _send_forces(recording, motion)
+    for name, values in _series(trace):
+        index = _index(trace.time[: len(values)])
+        recording.send_columns(name, [index], rr.Scalars.columns(scalars=values))
+    with atomic_write(path) as temporary:
+        temporary.write_bytes(memory.drain_as_bytes() or b"")
+    recording.disconnect()
+
+
+def _blueprint(motion: BodyMotion) -> rrb.Blueprint:
+    names = ("normal_force", "tangential_force", "penetration", "slip_speed")
+    plots = [
+        rrb.TimeSeriesView(
+            name=name,
+            origin="/",
+            contents=[f"/{_entity('pairs', pair, name)}" for pair in motion.pairs],
+        )
+        for name in names
+    ]
+    space = rrb.Spatial3DView(name="scene", origin=f"/{_SPACE}")
+    return rrb.Blueprint(rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2]))
+
+
+def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
+    index = _index(motion.time)
+    for body, name in enumerate(motion.bodies):
+        if body:
+            poses = rr.Transform3D.columns(
+                translation=motion.positions[:, body],
+                quaternion=motion.rotations[:, body][:, _XYZW],
+            )
+            recording.send_columns(_entity(_SPACE, _BODIES, name), [index], poses)
+    for shape in motion.shapes:
+        path = _entity(_SPACE, _BODIES, motion.bodies[shape.body], shape.name)
+        recording.log(path, _archetype(shape), static=True)
+
+
+def _archetype(shape: BodyShape) -> rr.AsComponents:
+    if shape.form is Form.mesh:
+        return rr.Mesh3D(
+            vertex_positions=_placed(shape),
+            triangle_indices=shape.triangles,
+            albedo_factor=shape.colour,
+        )
+    centre, turn = [shape.position], [shape.rotation[_XYZW]]
+    colours, solid = [shape.colour], rr.components.FillMode.Solid
+    half = shape.size / 2
+    if shape.form is Form.cylinder:
+        return rr.Cylinders3D(
+            lengths=shape.size[2],
+            radii=half[0],
+            centers=centre,
+            quaternions=turn,
+            colors=colours,
+            fill_mode=solid,
+        )
+    kind = rr.Boxes3D if shape.form is Form.box else rr.Ellipsoids3D
+    return kind(
+        half_sizes=[half], centers=centre, quaternions=turn, colors=colours, fill_mode=solid
+    )
+
+
+def _placed(shape: BodyShape) -> Floats:
+    """Return a mesh's vertices in its body's frame."""
+    return rotate(shape.rotation, shape.vertices) + shape.position
+
+
+def _send_forces(recording: rr.RecordingStream, motion: BodyMotion) -> None:
+    forces = motion.forces
+    lengths = np.bincount(forces.frame, minlength=len(motion.time))
+    colours = np.array([MODE_COLOURS[mode] for mode in forces.mode.tolist()]).reshape(-1, 4)
+    arrows = rr.Arrows3D.columns(
+        vectors=motion.arrows,
+        origins=forces.position,
+        colors=(colours * 255).astype(np.uint8),
+        radii=np.full(len(forces.frame), 0.01 * motion.radius),
+    )
+    columns = arrows.partition(lengths=lengths)
+    recording.send_columns(_entity(_SPACE, _FORCES), [_index(motion.time)], columns)
+
+
+def _series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
+    yield "energy/kinetic", trace.kinetic
+    yield "energy/potential", trace.potential
+    yield "solver/contacts", trace.contacts.astype(np.float64)
+    yield "solver/iterations", trace.iterations.astype(np.float64)
+    for pair in trace.pairs:
+        for name, values in _pair_series(pair):
+            series = np.zeros(len(trace.kinetic))
+            series[pair.steps] = values
+            yield _entity("pairs", pair.name, name), series
+
+
+def _pair_series(pair: StoredPair) -> Sequence[tuple[str, Floats]]:
+    return (
+        ("normal_force", pair.normal),
+        ("tangential_force", pair.tangential),
+        ("penetration", np.maximum(-pair.distance, 0)),
+        ("slip_speed", pair.slip),
+        ("mode", pair.mode.astype(np.float64)),
+    )
+
+
+def _index(time: Floats) -> rr.TimeColumn:
+    """Return times [s] in the nanoseconds that trace files have."""
+    return rr.TimeColumn(_TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
+
+
+def _entity(*parts: str) -> str:
+    return rr.new_entity_path(list(parts)).lstrip("/")
