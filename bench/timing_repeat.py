@@ -21,7 +21,7 @@ import numpy as np
 from contactlab import resources
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import tradeoff
+from contactlab.tradeoff import analyse
 
 TARGET = 0.05
 _COMMAND = str(Path(sys.executable).with_name("contactlab"))
@@ -106,7 +106,7 @@ def _run(sweep: str, options: list[str], store: Path) -> TradeoffReport:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if not (store / "manifest.json").is_file():
         raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
-    return tradeoff(Store.open(store))
+    return analyse(Store.open(store))
 
 
 def _times(report: TradeoffReport) -> dict[str, float]:

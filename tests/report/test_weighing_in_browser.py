@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import Question, tradeoff
+from contactlab.tradeoff import Criteria, analyse
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]
@@ -21,7 +21,7 @@ def text(page: Any, selector: str) -> str:
 
 
 def weighed(store: Store, **limits: float) -> TradeoffReport:
-    return tradeoff(store, Question(None, limits))
+    return analyse(store, Criteria(None, limits))
 
 
 def shown_settings(page: Any) -> dict[str, str]:

@@ -17,7 +17,7 @@ from contactlab.report import PageRequest, write_figures, write_page
 from contactlab.report.impact_figures import bouncing_runs, first_impacts
 from contactlab.report.report_data import read_report_data
 from contactlab.store import Store
-from contactlab.tradeoff import Question
+from contactlab.tradeoff import Criteria
 
 Swept = Callable[[str], Store]
 
@@ -98,7 +98,7 @@ def test_a_page_that_cannot_be_written_leaves_nothing(swept: Swept, tmp_path: Pa
 
 
 def test_a_tolerance_of_nothing_is_refused(swept: Swept, tmp_path: Path) -> None:
-    ask = PageRequest(Question(None, {"penetration": 1.0}))
+    ask = PageRequest(Criteria(None, {"penetration": 1.0}))
     with pytest.raises(SweepFileError, match="penetration_max"):
         write_page(swept("bounce"), tmp_path / "page.html", ask)
     assert list(tmp_path.iterdir()) == []

@@ -9,9 +9,8 @@ import pytest
 from contactlab.run import ask_for, run_sweep
 from contactlab.schema import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import tradeoff
-from contactlab.tradeoff.configurations import Weighed, Weighing, weigh
-from contactlab.tradeoff.runs import Runs
+from contactlab.tradeoff import analyse
+from contactlab.tradeoff.configurations import Evaluated, ResolvedCriteria, StoredRuns, evaluate
 
 Rows = Sequence[dict[str, Any]]
 SWEEP = """
@@ -32,10 +31,10 @@ trace: none
 _FIXED = ("seed", "label", "scenario")
 
 
-def make_runs(rows: Rows, knobs: Sequence[str] = ("timestep",)) -> Runs:
+def make_runs(rows: Rows, knobs: Sequence[str] = ("timestep",)) -> StoredRuns:
     """Return runs of which each row names its knobs, seed, label, scenario and numbers."""
     numbers = dict.fromkeys(name for row in rows for name in row)
-    return Runs(
+    return StoredRuns(
         ids=[f"{index:016x}" for index in range(len(rows))],
         knobs={name: [row[name] for row in rows] for name in knobs},
         scenarios={"scenario": [row.get("scenario", 0) for row in rows]},
@@ -49,10 +48,10 @@ def make_runs(rows: Rows, knobs: Sequence[str] = ("timestep",)) -> Runs:
     )
 
 
-def make_weighing(error: str = "oracle_error", **tolerances: float) -> Weighing:
+def make_weighing(error: str = "oracle_error", **tolerances: float) -> ResolvedCriteria:
     """Return what to weigh by: times of a timing pass, and an error."""
     kind = "discretisation" if error.startswith("error_") else "modelling"
-    return Weighing(
+    return ResolvedCriteria(
         ErrorMeasure(name=error, unit="1", kind=kind, against=None, resolution=0.0),
         TimeMeasure(name="time_median", source="timing", spread=0.0),
         tolerances,
@@ -61,18 +60,18 @@ def make_weighing(error: str = "oracle_error", **tolerances: float) -> Weighing:
 
 def make_weighed(
     rows: Rows, knobs: Sequence[str] = ("timestep",), error: str = "oracle_error", **limits: float
-) -> list[Weighed]:
+) -> list[Evaluated]:
     """Return the configurations of rows."""
-    return weigh(make_runs(rows, knobs), make_weighing(error, **limits))
+    return evaluate(make_runs(rows, knobs), make_weighing(error, **limits))
 
 
 @pytest.fixture(scope="session")
-def runs_of() -> Callable[..., Runs]:
+def runs_of() -> Callable[..., StoredRuns]:
     return make_runs
 
 
 @pytest.fixture(scope="session")
-def weighed() -> Callable[..., list[Weighed]]:
+def weighed() -> Callable[..., list[Evaluated]]:
     return make_weighed
 
 
@@ -96,4 +95,4 @@ def store(written: Callable[..., Store]) -> Store:
 
 @pytest.fixture(scope="session")
 def report(store: Store) -> TradeoffReport:
-    return tradeoff(store)
+    return analyse(store)

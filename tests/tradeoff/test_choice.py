@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.tradeoff.choice import equally_fast, feasible_front, next_on
-from contactlab.tradeoff.configurations import Weighed
+from contactlab.tradeoff.configurations import Evaluated
+from contactlab.tradeoff.pareto import equally_fast, feasible_front, next_on
 
-Weigh = Callable[..., list[Weighed]]
+Weigh = Callable[..., list[Evaluated]]
 LIMITS = {"oracle_error": 1.0, "depth": 2.0}
 
 RUN = st.fixed_dictionaries(
@@ -80,7 +80,7 @@ def test_nothing_feasible_is_more_accurate_and_no_more_expensive(
         assert after is None or after.summary in better
 
 
-def numbers(each: Weighed) -> tuple[float, float]:
+def numbers(each: Evaluated) -> tuple[float, float]:
     assert each.summary.time is not None
     assert each.summary.error is not None
     return each.summary.time, each.summary.error

@@ -9,7 +9,7 @@ from contactlab.tradeoff.convergence import (
     CLEAR,
     FLAT,
     WORST_STANDARD_ERROR,
-    Steps,
+    TimestepErrors,
     find_floor,
     order,
 )
@@ -17,8 +17,8 @@ from contactlab.tradeoff.convergence import (
 STEPS = 1e-4 * 2.0 ** np.arange(6)
 
 
-def steps(error: np.ndarray, timestep: np.ndarray = STEPS, hidden: float = 0.0) -> Steps:
-    return Steps(timestep, error, np.full(len(error), hidden))
+def steps(error: np.ndarray, timestep: np.ndarray = STEPS, hidden: float = 0.0) -> TimestepErrors:
+    return TimestepErrors(timestep, error, np.full(len(error), hidden))
 
 
 @given(

@@ -10,15 +10,15 @@ import pytest
 from contactlab.errors import OutputError
 from contactlab.schema import TradeoffReport
 from contactlab.tradeoff import draw
-from contactlab.tradeoff.layers import specification
-from contactlab.tradeoff.marks import marks
+from contactlab.tradeoff.chart_data import chart_data
+from contactlab.tradeoff.tradeoff_chart import specification
 
 Written = Callable[..., Any]
 Vary = Callable[..., TradeoffReport]
 
 
 def points(report: TradeoffReport) -> list[dict[str, Any]]:
-    return marks(report).points
+    return chart_data(report).points
 
 
 def changed(report: TradeoffReport, index: int, **changes: Any) -> TradeoffReport:
@@ -29,7 +29,7 @@ def changed(report: TradeoffReport, index: int, **changes: Any) -> TradeoffRepor
 
 
 def test_every_configuration_has_its_point_within_the_frame(report: TradeoffReport) -> None:
-    shown = marks(report)
+    shown = chart_data(report)
     assert len(shown.points) == len(report.configurations)
     for each in shown.points:
         assert shown.frame.time[0] <= each["time"] <= shown.frame.time[1]
@@ -38,14 +38,14 @@ def test_every_configuration_has_its_point_within_the_frame(report: TradeoffRepo
 
 @pytest.mark.parametrize("error", [0.0, 1e-300, None])
 def test_no_error_falls_off_the_axis(report: TradeoffReport, error: float | None) -> None:
-    found = marks(changed(report, 0, error=error))
+    found = chart_data(changed(report, 0, error=error))
     assert 0 < found.frame.error[0] <= found.points[0]["error"] <= found.frame.error[1]
 
 
 def test_failures_are_at_the_edge(report: TradeoffReport) -> None:
     outcomes = report.configurations[2].outcomes
     failed = outcomes.model_copy(update={"labels": {"stable": 5, "chatter": 1}})
-    found = marks(changed(report, 2, outcomes=failed, feasible=False))
+    found = chart_data(changed(report, 2, outcomes=failed, feasible=False))
     assert found.points[2]["state"] == "failed"
     assert found.points[2]["error"] == found.frame.error[1]
 
@@ -69,7 +69,7 @@ def test_methods_beyond_eight_share_one_grey(report: TradeoffReport) -> None:
     )
     none = {"front": (), "unconstrained_front": (), "recommendation": None, "robust": None}
     crowded = report.model_copy(update={"configurations": many, "methods": methods, **none})
-    assert len(marks(crowded).methods) == 8
+    assert len(chart_data(crowded).methods) == 8
     assert "others" in {each["method"] for each in points(crowded)}
 
 
@@ -96,7 +96,7 @@ def test_a_missing_extra_is_named(
     report: TradeoffReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(util, "find_spec", lambda _: None)
-    monkeypatch.setattr("contactlab.tradeoff.figure.find_spec", lambda _: None)
+    monkeypatch.setattr("contactlab.tradeoff.drawing.find_spec", lambda _: None)
     with pytest.raises(OutputError, match=r"pip install 'contactlab\[figures\]'"):
         draw(report, tmp_path / "chart.png")
 

@@ -6,12 +6,16 @@ from typing import Any
 import pytest
 
 from contactlab.schema import Method
-from contactlab.tradeoff.configurations import Weighed
-from contactlab.tradeoff.idle import idle_knobs, typical
-from contactlab.tradeoff.methods import methods
-from contactlab.tradeoff.runs import Runs, is_chaotic
+from contactlab.tradeoff.configurations import (
+    Evaluated,
+    StoredRuns,
+    idle_knobs,
+    is_chaotic,
+    typical,
+)
+from contactlab.tradeoff.convergence import methods
 
-Weigh = Callable[..., list[Weighed]]
+Weigh = Callable[..., list[Evaluated]]
 STEPS = [2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3]
 KNOBS = ("timestep", "integrator", "cone")
 FLOOR = 2e-3
@@ -98,7 +102,7 @@ def test_a_knob_that_never_varies_alone_is_not_idle(weighed: Weigh) -> None:
     assert idle_knobs(weighed(rows, KNOBS)) == []
 
 
-def test_one_chaotic_run_is_enough_to_say_so(runs_of: Callable[..., Runs]) -> None:
+def test_one_chaotic_run_is_enough_to_say_so(runs_of: Callable[..., StoredRuns]) -> None:
     rows = [row(step, "RK4", 1.0, chaotic=0.0) for step in STEPS]
     assert not is_chaotic(runs_of(rows, KNOBS))
     rows[2]["chaotic"] = 1.0

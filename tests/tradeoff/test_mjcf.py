@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.scene import FLAGS as SWITCHES
 from contactlab.schema import EvidenceRecord
-from contactlab.tradeoff.mjcf import FLAGS, GEOM, OPTIONS, Lines, mjcf_lines
+from contactlab.tradeoff.mjcf import FLAGS, GEOM, OPTIONS, MjcfLines, mjcf_lines
 
 SETTINGS: dict[str, Any] = {
     "timestep": 1e-3 / 3,
@@ -40,7 +40,7 @@ SETTINGS: dict[str, Any] = {
 STATES = {"warmstart": False, "refsafe": True, "multiccd": True}
 
 
-def lines(*knobs: str) -> Lines:
+def lines(*knobs: str) -> MjcfLines:
     axes = {name: STATES.get(name, SETTINGS.get(name, 0.5)) for name in knobs}
     record = EvidenceRecord.model_construct(settings=SETTINGS, axes=axes)
     return mjcf_lines(knobs, record)
@@ -96,7 +96,7 @@ def test_every_switch_of_the_engine_is_known() -> None:
 def test_gravity_is_an_option_and_a_switch() -> None:
     """An axis of a sweep may mean either; an effect that is no switch is left to the reader."""
 
-    def mjcf(gravity: object) -> Lines:
+    def mjcf(gravity: object) -> MjcfLines:
         axes = {"impratio": 10.0, "gravity": gravity, "elliptic": True}
         record = EvidenceRecord.model_construct(settings=SETTINGS, axes=axes)
         return mjcf_lines(axes, record)

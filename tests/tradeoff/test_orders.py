@@ -7,7 +7,7 @@ import pytest
 
 from contactlab.schema import Order
 from contactlab.store import Store
-from contactlab.tradeoff import Question, tradeoff
+from contactlab.tradeoff import Criteria, analyse
 
 # Before MuJoCo 4.0, RK4 put its stages of a rotation together with an error of second order.
 RK4_TURNING = 4 if int(mujoco.__version__.partition(".")[0]) >= 4 else 2
@@ -37,7 +37,7 @@ checks: none
 
 
 def orders(store: Store) -> dict[object, Order]:
-    report = tradeoff(store, Question(error="error_final"))
+    report = analyse(store, Criteria(error="error_final"))
     return {each.configuration["integrator"]: each.order for each in report.methods}
 
 

@@ -9,7 +9,7 @@ from contactlab import resources
 from contactlab.run import ask_for, run_sweep
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import rerun_sweep, tradeoff
+from contactlab.tradeoff import analyse, recommended_sweep
 
 Weighed = Callable[[str], tuple[Store, TradeoffReport]]
 pytestmark = pytest.mark.slow
@@ -30,7 +30,7 @@ def weighed(tmp_path_factory: pytest.TempPathFactory) -> Weighed:
     def of(name: str) -> tuple[Store, TradeoffReport]:
         if name not in done:
             store = run(resources.sweep_file(name), tmp_path_factory.mktemp(name) / "store")
-            done[name] = store, tradeoff(store)
+            done[name] = store, analyse(store)
         return done[name]
 
     return of
@@ -42,7 +42,7 @@ def test_the_recommendation_holds_from_fresh_seeds(
 ) -> None:
     store, report = weighed(name)
     assert report.time.source == "timing"
-    again = tradeoff(run(rerun_sweep(store, report, tmp_path), tmp_path / "again"))
+    again = analyse(run(recommended_sweep(store, report, tmp_path), tmp_path / "again"))
     (only,) = again.configurations
     assert only.feasible, only.reasons
     assert again.cases >= 10

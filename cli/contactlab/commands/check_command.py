@@ -50,9 +50,9 @@ def check(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
     from contactlab.commands.terminal import progress
-    from contactlab.studies.check import CheckAsk, check_model
+    from contactlab.studies.check import CheckRequest, check_model
 
-    ask = CheckAsk(
+    ask = CheckRequest(
         model=model,
         folder=folder or RESULTS / _name(model),
         assign=[*(assign or ()), *([f"keyframe={keyframe}"] if keyframe else [])],

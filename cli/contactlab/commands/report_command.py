@@ -55,9 +55,9 @@ def report(  # noqa: PLR0913 - one argument an option
     """Draw a store as one page that needs no network: maps, accuracy against time, every run."""
     from contactlab.report import PageRequest, write_figures, write_page
     from contactlab.store import Store
-    from contactlab.tradeoff import Question
+    from contactlab.tradeoff import Criteria
 
-    question = Question(error, tolerances_of(tolerance or ()))
+    question = Criteria(error, tolerances_of(tolerance or ()))
     if figures is not None:
         for path in write_figures(Store.open(store), figures, forms.split(","), question):
             typer.echo(path)

@@ -13,7 +13,7 @@ from contactlab.commands.terminal import Format, FormatOption, print_json, print
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.studies.stability import CaseResult
+    from contactlab.studies.stability_cases import CaseResult
 
 _MOST_MISSES = 5
 _RESULTS = RESULTS / "stability"
@@ -37,7 +37,7 @@ def stability(
 ) -> None:
     """Run hard cases and say what held, what failed, and whether that is what should."""
     from contactlab.commands.terminal import progress
-    from contactlab.studies.stability import find_cases, run_case
+    from contactlab.studies.stability_cases import find_cases, run_case
 
     rerun_with_mujoco(mujoco, None if results != _RESULTS else results)
     processes = cores() if workers is None else workers

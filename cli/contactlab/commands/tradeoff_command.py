@@ -23,7 +23,7 @@ if TYPE_CHECKING:
         Sweep,
         TradeoffReport,
     )
-    from contactlab.tradeoff import Question
+    from contactlab.tradeoff import Criteria
 
 _MANIFEST = "manifest.json"
 
@@ -62,13 +62,12 @@ def tradeoff(  # noqa: PLR0913 - one argument an option
 ) -> None:
     """Weigh accuracy against time, and recommend the cheapest configuration that will do."""
     from contactlab.store import Store
-    from contactlab.tradeoff import Question, draw, rerun_sweep
-    from contactlab.tradeoff import tradeoff as weighed
+    from contactlab.tradeoff import Criteria, analyse, draw, recommended_sweep
 
-    question = Question(error, tolerances_of(tolerance or ()))
+    question = Criteria(error, tolerances_of(tolerance or ()))
     _check_outputs(figure, write)
     opened = Store.open(_store(name, store, cores() if workers is None else workers, question))
-    report = weighed(opened, question)
+    report = analyse(opened, question)
     if output is Format.json:
         print_json(report.model_dump(mode="json"))
     else:
@@ -78,7 +77,7 @@ def tradeoff(  # noqa: PLR0913 - one argument an option
         say(f"drew {figure}")
     _fail_on(report)
     if write is not None:
-        _write(write, rerun_sweep(opened, report, write.parent), report)
+        _write(write, recommended_sweep(opened, report, write.parent), report)
 
 
 def _check_outputs(figure: Path | None, write: Path | None) -> None:
@@ -120,7 +119,7 @@ def _number(text: str) -> float | None:
     return number if math.isfinite(number) and number >= 0 else None
 
 
-def _store(name: str, target: Address | None, workers: int, question: "Question") -> Address:
+def _store(name: str, target: Address | None, workers: int, question: "Criteria") -> Address:
     """Return the store to weigh, after running the sweep if it is one."""
     path = store_at(name)
     if not isinstance(path, Path):
@@ -134,7 +133,7 @@ def _store(name: str, target: Address | None, workers: int, question: "Question"
     return path if path.is_dir() else _run(sweep_path(name), target, workers, question)
 
 
-def _run(path: Path, target: Address | None, workers: int, question: "Question") -> Address:
+def _run(path: Path, target: Address | None, workers: int, question: "Criteria") -> Address:
     from contactlab.commands.terminal import progress
     from contactlab.run import run_sweep
 
@@ -146,7 +145,7 @@ def _run(path: Path, target: Address | None, workers: int, question: "Question")
     return ask.store
 
 
-def _ask(path: Path, store: Address, workers: int, question: "Question") -> "Ask":
+def _ask(path: Path, store: Address, workers: int, question: "Criteria") -> "Ask":
     """Return what to run: the sweep, with errors and times measured even if it does not ask."""
     from contactlab.plan import Overrides
     from contactlab.run import ask_for
@@ -163,7 +162,7 @@ def _ask(path: Path, store: Address, workers: int, question: "Question") -> "Ask
     )
 
 
-def _added(sweep: "Sweep", question: "Question") -> tuple[str, ...]:
+def _added(sweep: "Sweep", question: "Criteria") -> tuple[str, ...]:
     """Return what a sweep is to measure that its file leaves out.
 
     Runs against a reference cost more than all others; they are left out where the error is of

@@ -22,7 +22,7 @@ from contactlab.compare.wording import format_percent, format_settings, out_of, 
 from contactlab.errors import ContactlabError
 from contactlab.schema import Check, Configuration, TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import tradeoff
+from contactlab.tradeoff import analyse
 
 Flags = NDArray[np.bool_]
 
@@ -164,7 +164,7 @@ def _of(report: TradeoffReport, values: object) -> Configuration | None:
 
 def _weighed(store: Store) -> TradeoffReport | None:
     try:
-        return tradeoff(store)
+        return analyse(store)
     except (ContactlabError, ValidationError):
         # Nothing to weigh by was measured, or the sweep is of another version of contactlab.
         return None

@@ -20,11 +20,11 @@ from contactlab.report.report_columns import (
 )
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import ESTIMATES, Question, tradeoff
+from contactlab.tradeoff import ESTIMATES, Criteria, analyse
 
 DEFAULT_TRACES = 60
 MOST_BYTES = 25_000_000
-_DEFAULT = Question()
+_DEFAULT = Criteria()
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class PageRequest:
         baseline: a store to compare with; None for none.
     """
 
-    question: Question = _DEFAULT
+    question: Criteria = _DEFAULT
     traces: int = DEFAULT_TRACES
     most_bytes: int = MOST_BYTES
     baseline: Store | None = None
@@ -74,10 +74,10 @@ class StoreTradeoff:
     sound: NDArray[np.bool_]
 
 
-def evaluate_store(store: Store, question: Question) -> tuple[TradeoffReport | None, str]:
+def evaluate_store(store: Store, question: Criteria) -> tuple[TradeoffReport | None, str]:
     """Return the trade-off of a store; without one, why there is none."""
     try:
-        return tradeoff(store, question), ""
+        return analyse(store, question), ""
     except StoreError as error:
         if question.error is not None:
             raise
@@ -156,7 +156,7 @@ class ReportData:
     unweighed: str
 
 
-def read_report_data(store: Store, question: Question = _DEFAULT) -> ReportData:
+def read_report_data(store: Store, question: Criteria = _DEFAULT) -> ReportData:
     """Read what a report of a store needs.
 
     Raises:

@@ -7,10 +7,10 @@ from contactlab.errors import OutputError
 from contactlab.report.report_data import PageRequest, WrittenPage
 from contactlab.report.vega_rendering import FORMATS, check_chart_libraries, render_chart
 from contactlab.store import Store, atomic_write
-from contactlab.tradeoff import Question
+from contactlab.tradeoff import Criteria
 
 _EVERYTHING = PageRequest()
-_NOTHING = Question()
+_NOTHING = Criteria()
 
 
 def write_page(store: Store, target: Path, ask: PageRequest = _EVERYTHING) -> WrittenPage:
@@ -39,7 +39,7 @@ def write_page(store: Store, target: Path, ask: PageRequest = _EVERYTHING) -> Wr
 
 
 def write_figures(
-    store: Store, folder: Path, formats: Sequence[str], question: Question = _NOTHING
+    store: Store, folder: Path, formats: Sequence[str], question: Criteria = _NOTHING
 ) -> list[Path]:
     """Write every figure that a store holds what it needs for.
 

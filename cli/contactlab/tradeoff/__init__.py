@@ -1,13 +1,22 @@
 """What accuracy costs in time: fronts, orders, floors and a recommendation, from stored runs."""
 
-from contactlab.tradeoff.choice import EQUALLY_FAST, SAFE_MARGIN
-from contactlab.tradeoff.figure import check_figure, draw, save_figure, specify
-from contactlab.tradeoff.mjcf import Lines, mjcf_lines
-from contactlab.tradeoff.palette import COLOURS, INK, LETTERS, REST, SHAPES
-from contactlab.tradeoff.question import MODELLING, Question, chosen_error
-from contactlab.tradeoff.report import tradeoff
-from contactlab.tradeoff.rerun import rerun_sweep
-from contactlab.tradeoff.runs import ESTIMATES
+from contactlab.tradeoff.analysis import analyse
+from contactlab.tradeoff.configurations import ESTIMATES
+from contactlab.tradeoff.criteria import MODELLING, Criteria, chosen_error
+from contactlab.tradeoff.drawing import (
+    COLOURS,
+    INK,
+    LETTERS,
+    REST,
+    SHAPES,
+    check_figure,
+    draw,
+    save_figure,
+    specify,
+)
+from contactlab.tradeoff.mjcf import MjcfLines, mjcf_lines
+from contactlab.tradeoff.pareto import EQUALLY_FAST, SAFE_MARGIN
+from contactlab.tradeoff.recommended_sweep import recommended_sweep
 
 __all__ = [
     "COLOURS",
@@ -19,14 +28,14 @@ __all__ = [
     "REST",
     "SAFE_MARGIN",
     "SHAPES",
-    "Lines",
-    "Question",
+    "Criteria",
+    "MjcfLines",
+    "analyse",
     "check_figure",
     "chosen_error",
     "draw",
     "mjcf_lines",
-    "rerun_sweep",
+    "recommended_sweep",
     "save_figure",
     "specify",
-    "tradeoff",
 ]

@@ -1,22 +1,159 @@
-"""What each configuration costs and errs in its worst run, and whether it will do."""
+"""The columns of a store that a trade-off is made of, grouped into configurations."""
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.schema import Configuration, ErrorMeasure, Outcomes, TimeMeasure
-from contactlab.tradeoff.interval import wilson
-from contactlab.tradeoff.runs import ESTIMATES, Group, Runs, group
+from contactlab.schema import (
+    Configuration,
+    ErrorMeasure,
+    Outcomes,
+    Role,
+    Setting,
+    Sweep,
+    TimeMeasure,
+    role,
+)
+from contactlab.store import Store
+
+# What runs carry beside errors and times, where the sweep asked for it.
+BESIDE = ("step_p99", "impacts")
+# How far the reference of each error may be off.
+ESTIMATES = {
+    "error_final": "error_final_estimate",
+    "error_mean": "error_mean_estimate",
+    "error_peak": "error_estimate",
+}
+FLAGS = ("chaotic", "solref_clamped")
+_RULE = "solref_rule"
+
+
+@dataclass(frozen=True)
+class StoredRuns:
+    """The runs of a store, n of them.
+
+    Attributes:
+        ids: run ids.
+        knobs: axis to its (n) values, of the axes that one may choose.
+        scenarios: the same of those that the world chooses.
+        seeds: of each run.
+        labels: worst label of each run.
+        numbers: column to (n,) values, in their units; NaN where there is none.
+        solref_rules: whether solref is absolute or tied to the timestep, as far as is known.
+    """
+
+    ids: list[str]
+    knobs: Mapping[str, Sequence[Setting]]
+    scenarios: Mapping[str, Sequence[Setting]]
+    seeds: Sequence[int]
+    labels: list[str]
+    numbers: Mapping[str, Floats]
+    solref_rules: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class ConfigurationRuns:
+    """The runs of one configuration.
+
+    Attributes:
+        values: knob to value.
+        rows: places of its runs in `Runs`.
+        cases: scenario and seed of each of them.
+    """
+
+    values: dict[str, Setting]
+    rows: list[int]
+    cases: frozenset[tuple[Setting, ...]]
+
+
+def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
+    """Read the runs of a store.
+
+    Args:
+        store: the store.
+        names: columns of numbers beside those that every trade-off reads.
+    """
+    columns = store.columns
+    axes = columns.axis_names
+    roles = _roles(Sweep.model_validate(store.manifest.sweep.resolved))
+    known = {*names, *BESIDE, *ESTIMATES.values(), *FLAGS}
+    wanted = [name for name in known if name in columns.schema.names]
+    fixed = ["run_id", "seed", "label"]
+    values = columns.listed(list(dict.fromkeys((*fixed, *axes))))
+
+    def of(kind: Role) -> dict[str, list[Setting]]:
+        return {name: values[name] for name in axes if roles.get(name, "knob") == kind}
+
+    return StoredRuns(
+        ids=values["run_id"],
+        knobs=of("knob"),
+        scenarios=of("scenario"),
+        seeds=values["seed"],
+        labels=values["label"],
+        numbers={name: columns.numbers(name).values for name in wanted},
+        solref_rules=columns.words(_RULE).words if _RULE in columns.schema.names else (),
+    )
+
+
+def group(runs: StoredRuns) -> list[ConfigurationRuns]:
+    """Return the configurations, in the order in which the plan first has them."""
+    found: dict[tuple[Setting, ...], list[int]] = {}
+    for row, key in enumerate(_rows(runs.knobs, len(runs.ids))):
+        found.setdefault(key, []).append(row)
+    cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
+    return [
+        ConfigurationRuns(
+            dict(zip(runs.knobs, key, strict=True)),
+            rows,
+            frozenset(cases[row] for row in rows),
+        )
+        for key, rows in found.items()
+    ]
+
+
+def is_chaotic(runs: StoredRuns) -> bool:
+    """Say whether any run is known to part from a run that starts beside it."""
+    return bool((runs.numbers["chaotic"] > 0).any()) if "chaotic" in runs.numbers else False
+
+
+def _rows(columns: Mapping[str, Sequence[Setting]], count: int) -> Iterable[tuple[Setting, ...]]:
+    return zip(*columns.values(), strict=True) if columns else [()] * count
+
+
+def _roles(sweep: Sweep) -> dict[str, Role]:
+    named = [*sweep.axes.items(), *(pair for block in sweep.zip for pair in block.items())]
+    return {name: role(axis) for name, axis in named}
+
+
+_Z = 1.959963984540054
+"""The normal quantile of 97.5 %."""
+
+
+def wilson(good: int, runs: int) -> tuple[float, float]:
+    """Return the 95 % interval of a rate, between 0 and 1.
+
+    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", 1927: the
+    rates p whose distance to the observed share is at most z sqrt(p (1 - p) / n).
+
+    Args:
+        good: how often it came out.
+        runs: of how many, at least 1.
+    """
+    share, weight = good / runs, _Z * _Z / runs
+    centre = (share + weight / 2) / (1 + weight)
+    reach = _Z * math.sqrt(share * (1 - share) / runs + weight / (4 * runs)) / (1 + weight)
+    return max(0.0, centre - reach), min(1.0, centre + reach)
+
 
 STABLE = "stable"
 
 
 @dataclass(frozen=True)
-class Weighing:
+class ResolvedCriteria:
     """What configurations are weighed by.
 
     Attributes:
@@ -31,7 +168,7 @@ class Weighing:
 
 
 @dataclass(frozen=True)
-class Weighed:
+class Evaluated:
     """One configuration.
 
     Attributes:
@@ -43,7 +180,7 @@ class Weighed:
         missed: metrics whose tolerance is not met.
     """
 
-    group: Group
+    group: ConfigurationRuns
     summary: Configuration
     estimate: float
     impacts: float
@@ -51,7 +188,7 @@ class Weighed:
     missed: tuple[str, ...]
 
 
-def weigh(runs: Runs, weighing: Weighing) -> list[Weighed]:
+def evaluate(runs: StoredRuns, weighing: ResolvedCriteria) -> list[Evaluated]:
     """Return every configuration with what came of it.
 
     A configuration is feasible if it was run in every scenario and seed that any other was run in,
@@ -62,7 +199,9 @@ def weigh(runs: Runs, weighing: Weighing) -> list[Weighed]:
     return [_weighed(runs, each, weighing, len(every)) for each in groups]
 
 
-def _weighed(runs: Runs, found: Group, weighing: Weighing, cases: int) -> Weighed:
+def _weighed(
+    runs: StoredRuns, found: ConfigurationRuns, weighing: ResolvedCriteria, cases: int
+) -> Evaluated:
     labels = Counter(runs.labels[row] for row in found.rows)
     failures = {name: count for name, count in labels.items() if name != STABLE}
     worst = {name: judged(runs, found.rows, name) for name in weighing.tolerances}
@@ -99,7 +238,7 @@ def _weighed(runs: Runs, found: Group, weighing: Weighing, cases: int) -> Weighe
         outcomes=_outcomes(runs, found.rows, weighing.tolerances, labels),
     )
     impacts = largest(runs, found.rows, "impacts") or 0.0
-    return Weighed(found, summary, estimate, impacts, failures, missed)
+    return Evaluated(found, summary, estimate, impacts, failures, missed)
 
 
 def margin(tolerance: float, worst: float | None) -> float | None:
@@ -111,7 +250,7 @@ def margin(tolerance: float, worst: float | None) -> float | None:
     return ratio if math.isfinite(ratio) else None
 
 
-def largest(runs: Runs, rows: list[int], name: str) -> float | None:
+def largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
     """Return the largest size of a column over some runs; None if any has no value."""
     if name not in runs.numbers:
         return None
@@ -119,13 +258,13 @@ def largest(runs: Runs, rows: list[int], name: str) -> float | None:
     return None if np.isnan(sizes).any() else float(sizes.max())
 
 
-def judged(runs: Runs, rows: list[int], name: str) -> float | None:
+def judged(runs: StoredRuns, rows: list[int], name: str) -> float | None:
     """Return the size of a column that tolerances are held against; None if a run has no value."""
     sizes = _sizes(runs, rows, name)
     return None if np.isnan(sizes).any() else float(sizes.max())
 
 
-def _sizes(runs: Runs, rows: list[int], name: str) -> Floats:
+def _sizes(runs: StoredRuns, rows: list[int], name: str) -> Floats:
     """Return the size of a column in each run; NaN where there is none.
 
     An error against a reference is at least what the reference itself may be off by.
@@ -137,7 +276,7 @@ def _sizes(runs: Runs, rows: list[int], name: str) -> Floats:
     return np.maximum(sizes, np.nan_to_num(runs.numbers[estimate][rows]))
 
 
-def _known(runs: Runs, rows: list[int], name: str) -> np.ndarray:
+def _known(runs: StoredRuns, rows: list[int], name: str) -> np.ndarray:
     values = runs.numbers[name][rows]
     return values[np.isfinite(values)]
 
@@ -149,7 +288,7 @@ def _miss(name: str, worst: float | None, tolerance: float) -> str:
 
 
 def _outcomes(
-    runs: Runs, rows: list[int], tolerances: Mapping[str, float], labels: Mapping[str, int]
+    runs: StoredRuns, rows: list[int], tolerances: Mapping[str, float], labels: Mapping[str, int]
 ) -> Outcomes:
     good = np.array([runs.labels[row] == STABLE for row in rows])
     for name, limit in tolerances.items():
@@ -159,15 +298,49 @@ def _outcomes(
     return Outcomes(runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels))
 
 
-def errors(found: Sequence[Weighed]) -> np.ndarray:
+def errors(found: Sequence[Evaluated]) -> np.ndarray:
     """Return (n,) errors, NaN where unknown."""
     return np.array([_number(each.summary.error) for each in found])
 
 
-def times(found: Sequence[Weighed]) -> np.ndarray:
+def times(found: Sequence[Evaluated]) -> np.ndarray:
     """Return (n,) times [CPU s per simulated s], NaN where unknown."""
     return np.array([_number(each.summary.time) for each in found])
 
 
 def _number(value: float | None) -> float:
     return np.nan if value is None else value
+
+
+_EQUAL = 1.01
+
+
+def idle_knobs(found: Sequence[Evaluated]) -> list[str]:
+    """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
+    names = list(found[0].group.values) if found else []
+    return [name for name in names if _is_idle(found, name)]
+
+
+def typical(
+    found: Sequence[Evaluated], idle: Sequence[str], chosen: Evaluated | None
+) -> list[Evaluated]:
+    """Return the configurations with one value of each idle knob: the recommended, or the first."""
+    like = (chosen or found[0]).group.values
+    return [each for each in found if all(each.group.values[name] == like[name] for name in idle)]
+
+
+def _is_idle(found: Sequence[Evaluated], name: str) -> bool:
+    alike: dict[tuple[Setting, ...], list[Evaluated]] = {}
+    for each in found:
+        others = tuple(value for key, value in each.group.values.items() if key != name)
+        alike.setdefault(others, []).append(each)
+    compared = [each for each in alike.values() if len(each) > 1]
+    return bool(compared) and all(_is_equal(each) for each in compared)
+
+
+def _is_equal(found: Sequence[Evaluated]) -> bool:
+    errors = [each.summary.error for each in found]
+    known = [error for error in errors if error is not None]
+    if known and (len(known) < len(errors) or max(known) > _EQUAL * min(known)):
+        return False
+    return len({tuple(sorted(each.failures)) for each in found}) == 1

@@ -27,7 +27,7 @@ _SOLREF = "restitution"
 
 
 @dataclass(frozen=True)
-class Lines:
+class MjcfLines:
     """What sets a configuration in a model.
 
     Attributes:
@@ -39,7 +39,7 @@ class Lines:
     other: dict[str, Setting]
 
 
-def mjcf_lines(knobs: Collection[str], record: EvidenceRecord) -> Lines:
+def mjcf_lines(knobs: Collection[str], record: EvidenceRecord) -> MjcfLines:
     """Return the lines that set some knobs as a run had them.
 
     Args:
@@ -54,7 +54,7 @@ def mjcf_lines(knobs: Collection[str], record: EvidenceRecord) -> Lines:
     sets = {name: _attribute(name) for name in knobs if name not in flags}
     options = {name: record.settings[name] for name in sets.values() if name in OPTIONS}
     geom = {name: _geom(name, record.settings[name]) for name in sets.values() if name in GEOM}
-    return Lines(
+    return MjcfLines(
         mjcf=(*_option_lines(options, flags), *_default_lines(geom)),
         other={name: record.axes[name] for name, to in sets.items() if to not in OPTIONS | GEOM},
     )

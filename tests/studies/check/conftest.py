@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.schema import CheckReport, CheckResult, Measure
-from contactlab.studies.check import CheckAsk, check_model
+from contactlab.studies.check import CheckRequest, check_model
 
 Checked = Callable[..., CheckReport]
 
@@ -25,7 +25,7 @@ def checked(tmp_path: Path) -> Checked:
         if model.lstrip().startswith("<"):
             (tmp_path / "own.xml").write_text(model)
             model = "own.xml"
-        ask = CheckAsk(model, tmp_path / "check", assign, only, **options)  # pyright: ignore[reportArgumentType]
+        ask = CheckRequest(model, tmp_path / "check", assign, only, **options)  # pyright: ignore[reportArgumentType]
         return check_model(ask, lambda _total, _done: None, lambda _: None)
 
     return check

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 import pytest
 
 from contactlab.schema import CheckResult, Measure
-from contactlab.studies.check.free_motion import DRIFT
+from contactlab.studies.check.free_motion_check import DRIFT
 
 One = Callable[..., CheckResult]
 Values = Callable[[CheckResult, str], Mapping[str | None, float | None]]

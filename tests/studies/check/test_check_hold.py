@@ -10,9 +10,8 @@ from contactlab.contact import PairTrace
 from contactlab.measure import assess
 from contactlab.scene import make_setup
 from contactlab.schema import CheckResult, Measure
-from contactlab.studies.check.bench import Bench
-from contactlab.studies.check.target import open_target
-from contactlab.studies.check.window import held_pairs, part_of, slots_of
+from contactlab.studies.check.checked_model import CheckRunner, open_model
+from contactlab.studies.check.hold_check import held_pairs, part_of, slots_of
 
 One = Callable[..., CheckResult]
 Values = Callable[[CheckResult, str], Mapping[str | None, float | None]]
@@ -102,9 +101,9 @@ def test_a_box_that_slides_is_not_held(one: One) -> None:
     assert "only as they slide" in found.reason
 
 
-def bench_of(scene: str, assign: tuple[str, ...], folder: Path) -> Bench:
-    target = open_target(scene, assign)
-    return Bench(target, folder, 0, lambda _total, _done: None, lambda _: None)
+def bench_of(scene: str, assign: tuple[str, ...], folder: Path) -> CheckRunner:
+    target = open_model(scene, assign)
+    return CheckRunner(target, folder, 0, lambda _total, _done: None, lambda _: None)
 
 
 @pytest.mark.parametrize(

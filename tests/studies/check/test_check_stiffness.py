@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from contactlab.contact import rest_penetration
-from contactlab.studies.check.stiffness import (
+from contactlab.studies.check.contact_sets import (
     PRACTICE,
     load_of,
     longest_timestep,

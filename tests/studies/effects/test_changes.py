@@ -7,16 +7,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.studies.effects import Question, ask
-from contactlab.studies.effects.changes import Difference, difference
-from contactlab.studies.effects.tolerances import JUDGED
-from contactlab.studies.effects.trials import Outcome
+from contactlab.studies.effects import EffectsRequest, ask
+from contactlab.studies.effects.effect_toggles import TrialOutcome
+from contactlab.studies.effects.metric_changes import JUDGED, TrialDifference, difference
 
 TOLERANCE = 1e-3
 
 
 @pytest.fixture(scope="module")
-def question(tmp_path_factory: pytest.TempPathFactory) -> Question:
+def question(tmp_path_factory: pytest.TempPathFactory) -> EffectsRequest:
     """Return what is asked of a scene with one tolerance."""
     path = tmp_path_factory.mktemp("asked") / "asked.yaml"
     path.write_text(f"version: 1\nscene: ball_drop\ntolerances: {{drift: {TOLERANCE}}}\n")
@@ -29,9 +28,9 @@ def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, A
     return tuple({**nothing, "drift": value, "label": label} for value in values)
 
 
-def compared(question: Question, base: Any, other: Any) -> Difference:
+def compared(question: EffectsRequest, base: Any, other: Any) -> TrialDifference:
     """Compare two outcomes of one scenario."""
-    return difference(question, [{}], Outcome((base,)), Outcome((other,)))
+    return difference(question, [{}], TrialOutcome((base,)), TrialOutcome((other,)))
 
 
 @given(
@@ -39,7 +38,7 @@ def compared(question: Question, base: Any, other: Any) -> Difference:
     shift=st.floats(-1, 1),
 )
 def test_a_shift_matters_beyond_both_tolerance_and_spread(
-    question: Question, base: list[float], shift: float
+    question: EffectsRequest, base: list[float], shift: float
 ) -> None:
     other = [value + shift for value in base]
     found = compared(question, rows(list(base)), rows(list(other)))
@@ -51,7 +50,7 @@ def test_a_shift_matters_beyond_both_tolerance_and_spread(
         assert not found.matters
 
 
-def test_a_change_within_the_spread_is_told_with_its_numbers(question: Question) -> None:
+def test_a_change_within_the_spread_is_told_with_its_numbers(question: EffectsRequest) -> None:
     found = compared(question, rows([0.0, 0.5]), rows([0.1, 0.6]))
     assert not found.matters
     assert found.within_spread == ("drift",)
@@ -69,12 +68,12 @@ def test_a_change_within_the_spread_is_told_with_its_numbers(question: Question)
     ],
 )
 def test_a_metric_that_appears_or_vanishes_matters(
-    question: Question, base: list[float | None], other: list[float | None], matters: bool
+    question: EffectsRequest, base: list[float | None], other: list[float | None], matters: bool
 ) -> None:
     assert compared(question, rows(base), rows(other)).matters == matters
 
 
-def test_a_label_that_no_seed_shows_matters(question: Question) -> None:
+def test_a_label_that_no_seed_shows_matters(question: EffectsRequest) -> None:
     same = rows([0.1, 0.1])
     found = compared(question, same, rows([0.1, 0.1], "tunneling"))
     assert found.labels == {"stable -> tunneling": 2}
@@ -82,9 +81,9 @@ def test_a_label_that_no_seed_shows_matters(question: Question) -> None:
     assert not compared(question, mixed, rows([0.1, 0.1], "tunneling")).matters
 
 
-def test_the_scenario_that_changes_most_is_told(question: Question) -> None:
-    base = Outcome((rows([0.0]), rows([0.0])))
-    other = Outcome((rows([0.0]), rows([0.01])))
+def test_the_scenario_that_changes_most_is_told(question: EffectsRequest) -> None:
+    base = TrialOutcome((rows([0.0]), rows([0.0])))
+    other = TrialOutcome((rows([0.0]), rows([0.01])))
     found = difference(question, [{"speed": 1.0}, {"speed": 2.0}], base, other)
     (change,) = found.changes
     assert change.scenario == {"speed": 2.0}

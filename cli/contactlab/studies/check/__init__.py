@@ -1,11 +1,11 @@
 """Checks of a model before it is trusted, and what to change where it fails."""
 
-from contactlab.studies.check.checking import CHECKS, PAGE, REPORT, CheckAsk, check_model
+from contactlab.studies.check.model_check import CHECKS, PAGE, REPORT, CheckRequest, check_model
 
 __all__ = [
     "CHECKS",
     "PAGE",
     "REPORT",
-    "CheckAsk",
+    "CheckRequest",
     "check_model",
 ]

@@ -1,7 +1,8 @@
-"""Ablation: which effects a scene needs, what each costs, and the smallest set that will do."""
+"""The smallest set of effects within tolerance: greedy, then pairs among what is left."""
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 from contactlab.run.job import Progress
@@ -12,19 +13,120 @@ from contactlab.scene import EFFECTS
 from contactlab.schema import (
     EffectFinding,
     EffectsReport,
+    Interaction,
     Need,
     Ratio,
     Setting,
     SmallestSet,
     Verification,
 )
-from contactlab.studies.effects.changes import Difference, difference
-from contactlab.studies.effects.costs import cost_ratio, work_ratios
-from contactlab.studies.effects.lines import mjcf_lines, sweep_lines
-from contactlab.studies.effects.question import Question, Values
-from contactlab.studies.effects.search import Search, exempted, merged
-from contactlab.studies.effects.toggles import Toggle, find_toggles
-from contactlab.studies.effects.trials import BASE, Changed, Outcome, Trials
+from contactlab.studies.effects.effect_toggles import (
+    BASE,
+    Changed,
+    Toggle,
+    TrialOutcome,
+    TrialRunner,
+    find_toggles,
+    mjcf_lines,
+    sweep_lines,
+)
+from contactlab.studies.effects.effects_request import EffectsRequest, Values
+from contactlab.studies.effects.metric_changes import (
+    UNMEASURED,
+    TrialDifference,
+    cost_ratio,
+    difference,
+    work_ratios,
+)
+
+
+@dataclass
+class SmallestSetSearch:
+    """Looks for the smallest set.
+
+    Attributes:
+        trials: runs configurations.
+        base: the base configuration's outcome.
+        tried: how many stores were written.
+    """
+
+    trials: TrialRunner
+    base: TrialOutcome
+    tried: int = field(default=0)
+
+    def smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
+        """Return a largest set of changes that is free, found one by one.
+
+        Args:
+            certain: changes that are free by proof.
+            likely: changes that are free one by one, the most worthwhile first.
+        """
+        everything = merged(certain, likely)
+        if not everything or self._is_free(everything):
+            return everything
+        free = merged(certain) if certain and self._is_free(merged(certain)) else BASE
+        rest = [each for each in (*certain, *likely) if each not in free]
+        # What is refused beside later ones may be free beside earlier ones only, and stays out:
+        # each step is checked against the base configuration, not against the step before.
+        for name in rest:
+            if self._is_free(merged(free, [name])):
+                free = merged(free, [name])
+        return free
+
+    def interactions(
+        self, free: Changed, needed: Sequence[str]
+    ) -> tuple[Changed, tuple[Interaction, ...]]:
+        """Try all pairs of what is needed one by one; return what is free with them, and all pairs.
+
+        A pair is tried from one seed first; few pass that, and are tried from all.
+        """
+        pairs = list(combinations(needed, 2))
+        if not pairs:
+            return free, ()
+        seed = self.trials.question.seeds[:1]
+        each_changed = {pair: merged(free, pair) for pair in pairs}
+        outcomes = self._run([BASE, *each_changed.values()], seeds=seed)
+        first = {
+            pair: self._difference(changed, outcomes[BASE], outcomes[changed])
+            for pair, changed in each_changed.items()
+        }
+        told: list[Interaction] = []
+        for pair, found in first.items():
+            passed = not found.matters and self._is_free(merged(free, pair))
+            free = merged(free, pair) if passed else free
+            told.append(Interaction(effects=pair, free=passed, reason=found.reason))
+        return free, tuple(told)
+
+    def _is_free(self, changed: Changed) -> bool:
+        outcome = self._run([changed])[changed]
+        return not self._difference(changed, self.base, outcome).matters
+
+    def _run(
+        self, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
+    ) -> Mapping[Changed, TrialOutcome]:
+        self.tried += 1
+        return self.trials.run(
+            f"search-{self.tried:02}", "Effects changed together", configurations, seeds=seeds
+        )
+
+    def _difference(
+        self, changed: Changed, base: TrialOutcome, other: TrialOutcome
+    ) -> TrialDifference:
+        question = self.trials.question
+        exempt = exempted(changed, question.tolerances)
+        return difference(question, question.scenarios, base, other, exempt)
+
+
+def merged(*names: Collection[str]) -> Changed:
+    """Return the union of changes."""
+    return tuple(sorted({name for each in names for name in each}))
+
+
+def exempted(changed: Collection[str], given: Collection[str]) -> list[str]:
+    """Return the metrics that cannot be measured without an effect, and that nobody asked for."""
+    lost = (name for effect in changed for name in UNMEASURED.get(effect, ()))
+    return [name for name in lost if name not in given]
+
 
 FRESH_SEEDS = 10
 # Matched pairs that are timed; the range of six holds the median in 97 of 100 cases.
@@ -47,7 +149,7 @@ class Ablation:
         stop: set when it should end soon; None if it never should.
     """
 
-    question: Question
+    question: EffectsRequest
     folder: Path
     workers: int
     begin: Callable[[int, int], None]
@@ -65,7 +167,7 @@ class Ablation:
         outcomes = trials.run("one-by-one", "One effect changed at a time", asked)
         timed = _timed(trials, "timing", asked)
         findings = [_finding(question, toggles[name], outcomes, timed, proven) for name in toggles]
-        search = Search(trials, outcomes[BASE])
+        search = SmallestSetSearch(trials, outcomes[BASE])
         free = search.smallest(proven, _worthwhile(findings))
         needed = [each.effect for each in findings if each.need == "needed"]
         free, interactions = search.interactions(free, needed)
@@ -89,8 +191,8 @@ class Ablation:
             stores=tuple(trials.stores),
         )
 
-    def _trials(self, toggles: Mapping[str, Toggle]) -> Trials:
-        return Trials(
+    def _trials(self, toggles: Mapping[str, Toggle]) -> TrialRunner:
+        return TrialRunner(
             question=self.question,
             toggles=toggles,
             folder=self.folder,
@@ -111,8 +213,8 @@ def _proven(toggles: Mapping[str, Toggle]) -> Changed:
 
 
 def _timed(
-    trials: Trials, name: str, asked: Sequence[Changed], seeds: Sequence[int] | None = None
-) -> dict[Changed, Outcome]:
+    trials: TrialRunner, name: str, asked: Sequence[Changed], seeds: Sequence[int] | None = None
+) -> dict[Changed, TrialOutcome]:
     """Time configurations in turns, in at most so many matched pairs of each with the base."""
     question = trials.question
     scenarios = question.scenarios[:: max(1, len(question.scenarios) // _PAIRS)][:_PAIRS]
@@ -123,10 +225,10 @@ def _timed(
 
 
 def _finding(
-    question: Question,
+    question: EffectsRequest,
     toggle: Toggle,
-    outcomes: Mapping[Changed, Outcome],
-    timed: Mapping[Changed, Outcome],
+    outcomes: Mapping[Changed, TrialOutcome],
+    timed: Mapping[Changed, TrialOutcome],
     proven: Changed,
 ) -> EffectFinding:
     """Return what is found of one effect; those that are unused by proof were changed at once."""
@@ -151,7 +253,7 @@ def _finding(
     )
 
 
-def _need(toggle: Toggle, found: Difference, cost: Ratio | None) -> Need:
+def _need(toggle: Toggle, found: TrialDifference, cost: Ratio | None) -> Need:
     if toggle.on:
         if found.matters:
             return "needed"
@@ -199,7 +301,7 @@ def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> Small
     )
 
 
-def _verified(trials: Trials, free: Changed) -> Verification:
+def _verified(trials: TrialRunner, free: Changed) -> Verification:
     """Run the smallest set and the base configuration from fresh seeds, in fresh scenarios."""
     question = trials.question
     first = max(question.seeds) + 1

@@ -17,6 +17,6 @@ def draw(report: EffectsReport, path: Path) -> None:
         OutputError: as `check_figure`, or it cannot be written.
     """
     check_figure(path)
-    from contactlab.studies.effects.bars import specification  # noqa: PLC0415 - needs the extra
+    from contactlab.studies.effects.effects_chart import specification  # noqa: PLC0415 - needs the extra
 
     save_figure(specification(report), path)

@@ -1,0 +1,123 @@
+"""From numbers and limits to the result of a check."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+from contactlab.run.record import as_written
+from contactlab.scene import PARAMETERS
+from contactlab.schema import Change, CheckName, CheckResult, Measure
+from contactlab.studies.check.checked_model import CheckedModel, Values
+
+
+def at_most(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
+    """Return a measure that must not be above its limit; what is not a number does not hold."""
+    return Measure(
+        name=name,
+        of=of,
+        value=value if math.isfinite(value) else None,
+        unit=unit,
+        limit=limit,
+        holds=bool(value <= limit),
+    )
+
+
+def below(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
+    """Return a measure that must be under its limit; what is not a number does not hold."""
+    return at_most(name, value, unit, limit, of).model_copy(update={"holds": bool(value < limit)})
+
+
+def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
+    """Return a measure that only informs."""
+    kept = value if math.isfinite(value) else None
+    return Measure(name=name, of=of, value=kept, unit=unit, limit=None, holds=None)
+
+
+def violated(measures: Sequence[Measure]) -> list[Measure]:
+    """Return the measures whose limit is not kept."""
+    return [each for each in measures if each.holds is False]
+
+
+def result(  # noqa: PLR0913 - the parts of a result
+    name: CheckName,
+    asks: str,
+    reason: str,
+    measures: Sequence[Measure],
+    *,
+    changes: Sequence[Change] = (),
+    notes: Sequence[str] = (),
+    stores: Sequence[str] = (),
+) -> CheckResult:
+    """Return the result of a check: a pass unless a limit is not kept."""
+    return CheckResult(
+        name=name,
+        asks=asks,
+        verdict="fail" if violated(measures) else "pass",
+        reason=reason,
+        measures=tuple(measures),
+        changes=tuple(changes),
+        notes=tuple(notes),
+        stores=tuple(stores),
+    )
+
+
+def not_applicable(
+    name: CheckName,
+    asks: str,
+    reason: str,
+    *,
+    notes: Sequence[str] = (),
+    stores: Sequence[str] = (),
+) -> CheckResult:
+    """Return the result of a check that does not apply."""
+    return CheckResult(
+        name=name,
+        asks=asks,
+        verdict="not applicable",
+        reason=reason,
+        notes=tuple(notes),
+        stores=tuple(stores),
+    )
+
+
+_CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
+_USUAL_CURVE = (0.5, 2.0)
+
+
+def change(target: CheckedModel, settings: Values, *, cures: bool | None, shown: str) -> Change:
+    """Return a change of settings, with the lines that make it in the target's model."""
+    return Change(
+        lines=mjcf(settings, explicit=bool(target.base.targets.explicit)),
+        settings={name: as_written(value) for name, value in settings.items()},
+        cures=cures,
+        shown=shown,
+    )
+
+
+def mjcf(settings: Values, *, explicit: bool = False) -> tuple[str, ...]:
+    """Return the lines that set options and contact parameters.
+
+    Args:
+        settings: values by axis.
+        explicit: whether <pair> elements hold contact parameters as well.
+    """
+    contact = {name: settings[name] for name in _CONTACT if name in settings}
+    option = {name: settings[name] for name in settings if name in PARAMETERS.keys() - {*_CONTACT}}
+    lines = [f"<option{_attributes(option)}/>"] if option else []
+    if contact:
+        lines += ["<default>", f"  <geom{_attributes(contact)}/>"]
+        lines += [f"  <pair{_attributes(contact)}/>"] if explicit else []
+        lines += ["</default>"]
+    return tuple(lines)
+
+
+def _attributes(values: Mapping[str, object]) -> str:
+    return "".join(f' {name}="{written(value)}"' for name, value in values.items())
+
+
+def written(value: object) -> str:
+    """Return a value as MJCF has it; an impedance without the curve that it has by default."""
+    if isinstance(value, tuple) and value[3:] == _USUAL_CURVE:
+        value = value[:3]
+    if isinstance(value, float):
+        value = (value,)
+    return str(as_written(value))

@@ -1,0 +1,137 @@
+"""The distinct sets of contact parameters of a model's graded pairs."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactlab.contact import Floats, impedance, rest_penetration, stiffness_damping
+from contactlab.schema import PairRecord
+from contactlab.studies.check.check_results import written
+from contactlab.studies.check.checked_model import CheckedModel, axis_value
+
+_REFSAFE_STEPS = 2.0
+_SHARES = (1e-4, 0.9999)
+_LEAST_WIDTH = 1e-15
+
+
+@dataclass(frozen=True)
+class ContactSet:
+    """Pairs of the same contact parameters.
+
+    Attributes:
+        record: the parameters.
+        solref: as the engine takes it: time constants are raised to two timesteps.
+        pairs: names of the pairs.
+    """
+
+    record: PairRecord
+    solref: tuple[float, ...]
+    pairs: tuple[str, ...]
+
+    @property
+    def name(self) -> str:
+        """Its parameters, in words."""
+        record = self.record
+        said = f"solref {written(record.solref)}, solimp {written(record.solimp)}"
+        if record.margin:
+            said += f", margin {record.margin:g}"
+        return f"{said}, condim {record.condim}, friction {record.friction[0]:g}"
+
+    @property
+    def axes(self) -> Mapping[str, object]:
+        """The parameters as axes take them."""
+        names = ("solref", "friction", "condim", "margin", "gap")
+        values = {name: axis_value(name, getattr(self.record, name)) for name in names}
+        return {**values, "solimp": _proper(self.record.solimp)}
+
+
+def contact_sets(target: CheckedModel) -> list[ContactSet]:
+    """Return the sets in the order of the pairs."""
+    pairs: dict[PairRecord, list[str]] = {}
+    for name, record in target.prepared.pairs.items():
+        pairs.setdefault(record, []).append(name)
+    return [
+        ContactSet(record, kept_solref(target, record.solref), tuple(names))
+        for record, names in pairs.items()
+    ]
+
+
+def kept_solref(target: CheckedModel, solref: tuple[float, ...]) -> tuple[float, ...]:
+    """Return a solref as the engine takes it: refsafe raises a time constant to two timesteps."""
+    if solref[0] <= 0 or not target.resolved.flags["refsafe"]:
+        return solref
+    return max(solref[0], _REFSAFE_STEPS * target.resolved.timestep), solref[1]
+
+
+def _proper(solimp: tuple[float, ...]) -> tuple[float, ...]:
+    """Return an impedance within the bounds that the engine holds it to."""
+    low, high = _SHARES
+    start, end, middle = (min(max(solimp[place], low), high) for place in (0, 1, 3))
+    return start, end, max(solimp[2], _LEAST_WIDTH), middle, max(solimp[4], 1.0)
+
+
+PRACTICE = (0.005, 1.0)
+"""The solref that practice takes where the engine's default sinks too deep."""
+
+_IMPEDANCE_RANGE = (1e-4, 0.9999)
+_BELOW = 1 - 1e-6
+"""Keeps the depth strictly below, and far above rounding."""
+
+_REFSAFE = 2.0
+"""Timesteps to which the engine raises a shorter time constant."""
+
+
+def stiff_solref(
+    load: float, inverse_mass: float, solimp: Floats, timestep: float, depth: float
+) -> tuple[float, float]:
+    """Return a critically damped solref whose contact rests less deep than `depth` [m].
+
+    Practice's "0.005 1" where that does; else the softest that does, rounded down to two digits.
+    At rest ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)``, and its right side falls with r, so that
+    r is less than `depth` if and only if K is more than the right side times K there. The time
+    constant is ``1 / sqrt K``.
+
+    Args:
+        load: on one contact [N].
+        inverse_mass: 1/m1 + 1/m2 of the two bodies [1/kg].
+        solimp: (5,) impedance.
+        timestep: length of a step [s]; the engine raises time constants below two of them.
+        depth: the depth [m].
+
+    Returns:
+        Time constant [s] and damping ratio; the time constant may be below two timesteps, where
+        the timestep has to be smaller too.
+    """
+    if max(PRACTICE[0], _REFSAFE * timestep) == PRACTICE[0]:
+        found = rest_penetration(load, inverse_mass, PRACTICE, solimp)
+        if float(found) < depth:
+            return PRACTICE
+    end = float(np.clip(solimp[1], *_IMPEDANCE_RANGE))
+    d = float(impedance(depth, solimp))
+    stiffness = load * inverse_mass * (1 - d) * end**2 / (d * d) / depth
+    return rounded_down(_BELOW / math.sqrt(stiffness)), 1.0
+
+
+def load_of(depth: float, inverse_mass: float, solref: Sequence[float], solimp: Floats) -> float:
+    """Return the load [N] under which a contact rests at a depth [m], by the same law.
+
+    Pyramidal cones rest as under another load, which their friction and dimensions scale.
+    """
+    end = float(np.clip(solimp[1], *_IMPEDANCE_RANGE))
+    d = float(impedance(depth, solimp))
+    stiffness, _ = stiffness_damping(solref)
+    return depth * float(stiffness) * d * d / (inverse_mass * (1 - d) * end**2)
+
+
+def longest_timestep(timeconst: float) -> float:
+    """Return the longest timestep at which the engine keeps a time constant [s]."""
+    return timeconst / _REFSAFE
+
+
+def rounded_down(value: float) -> float:
+    """Return the largest number of two digits that is not above a positive one."""
+    digits = math.floor(math.log10(value)) - 1
+    # What is a number of two digits but for rounding stays it.
+    return float(f"{math.floor(value / 10**digits * (1 + 1e-9))}e{digits}")

@@ -1,0 +1,86 @@
+"""Check 5: does the model's run repeat bit for bit, and what must a parallel engine meet."""
+
+from contactlab.measure import METRICS
+from contactlab.schema import CheckResult, Measure, Reference
+from contactlab.studies.check.check_results import at_most, not_applicable, result
+from contactlab.studies.check.checked_model import NOMINAL, CheckRun, CheckRunner
+
+NAME = "repeat"
+TOLERANCE = 0.05
+"""Difference that practice accepts between one environment and many in parallel."""
+
+_ASKS = "the same run in another process is the same bit for bit"
+_MET = (
+    "penetration_mean",
+    "penetration_steady",
+    "penetration_max",
+    "energy_drift",
+    "energy_gain",
+    "mode_switches",
+    "slip_distance",
+    "normal_impulse",
+    "hold_switches",
+    "hold_penetration",
+    "hold_slip",
+    "oracle_error",
+)
+
+
+def check_repeat(bench: CheckRunner) -> CheckResult:
+    """Run the model once more in another process, and compare the trajectories."""
+    own = bench.own
+    if own.record.trajectory_hash is None:
+        reason = f"the model's run was lost: {own.record.status_reason}"
+        return not_applicable(NAME, _ASKS, reason, stores=bench.stores(NOMINAL))
+    again = _again(bench)
+    measures = [_differs("in another process", own, again), *_in_this_process(own)]
+    wrong = [each for each in measures if not each.holds]
+    if wrong:
+        reason = f"the trajectory differs {' and '.join(str(each.of) for each in wrong)}"
+    else:
+        reason = (
+            f"{own.record.steps} steps are equal bit for bit; reference.json holds what a parallel "
+            f"engine must meet within {TOLERANCE:.0%}"
+        )
+    return result(NAME, _ASKS, reason, measures, stores=bench.stores(NOMINAL, NAME))
+
+
+def reference_of(own: CheckRun) -> Reference:
+    """Return what another engine must meet: the model's own run."""
+    record = own.record
+    assert record.trajectory_hash is not None
+    metrics = {name: value for name in _MET if (value := record.metrics.get(name)) is not None}
+    return Reference(
+        scene=record.scene,
+        scene_hash=record.scene_hash,
+        store=NOMINAL,
+        run_id=record.run_id,
+        trajectory_hash=record.trajectory_hash,
+        engine=record.engine,
+        settings=record.settings,
+        seed=record.seed,
+        duration=record.duration,
+        success=record.label == "stable",
+        label=record.label,
+        metrics=metrics,
+        units={name: record.units[name] for name in metrics},
+        tolerance=TOLERANCE,
+        resolution={name: METRICS[name].resolution for name in metrics},
+    )
+
+
+def _again(bench: CheckRunner) -> CheckRun:
+    """Run the model in a worker process of its own."""
+    return bench.run(NAME, "The model once more", [{}], checks="none", workers=1)[0]
+
+
+def _differs(where: str, some: CheckRun, other: CheckRun) -> Measure:
+    unequal = some.record.trajectory_hash != other.record.trajectory_hash
+    return at_most("trajectories_differ", float(unequal), "1", 0.0, where)
+
+
+def _in_this_process(own: CheckRun) -> list[Measure]:
+    repeats = own.record.metrics.get("repeats")
+    if repeats is None:
+        return []
+    return [at_most("trajectories_differ", 1.0 - repeats, "1", 0.0, "in the same process")]

@@ -1,0 +1,131 @@
+"""What is asked of a store: which error, and within which tolerances."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Literal
+
+import numpy as np
+
+from contactlab.errors import StoreError, SweepFileError, did_you_mean
+from contactlab.schema import ERRORS, ErrorMeasure, Sweep, TimeMeasure
+from contactlab.store import Store
+
+MODELLING = "oracle_error"
+TIMED = "time_median"
+RECORDED = "cost_cpu_per_sim_s"
+_NOTHING: Mapping[str, float] = MappingProxyType({})
+
+
+@dataclass(frozen=True)
+class Criteria:
+    """What to weigh.
+
+    Attributes:
+        error: the column that stands for accuracy; None for what the tolerances name.
+        tolerances: metric to largest size, over those of the sweep.
+    """
+
+    error: str | None = None
+    tolerances: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+
+
+def tolerances_of(store: Store, question: Criteria) -> dict[str, float]:
+    """Return every tolerance: the sweep's, and over them the question's.
+
+    Raises:
+        SweepFileError: one is of something that the store does not measure.
+    """
+    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    tolerances = {**sweep.tolerances, **question.tolerances}
+    for name in tolerances:
+        _check_number(store, name)
+    return tolerances
+
+
+def error_measure(
+    store: Store, question: Criteria, tolerances: Mapping[str, float]
+) -> ErrorMeasure:
+    """Return the error to weigh: the one asked for, or the first that tolerances speak of.
+
+    Raises:
+        SweepFileError: the store has no such column.
+        StoreError: the store has no error, or none of the one asked for.
+    """
+    if question.error is not None:
+        _check_number(store, question.error)
+    name = question.error or chosen_error(tolerances) or _measured_error(store, tolerances)
+    if not _is_measured(store, name):
+        hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
+        raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
+    described = store.columns.measured.get(name)
+    return ErrorMeasure(
+        name=name,
+        unit=_unit(store, name),
+        kind=_kind(name),
+        against=_against(store) if name in ERRORS else None,
+        resolution=described.resolution if described else 0.0,
+    )
+
+
+def chosen_error(names: Sequence[str] | Mapping[str, float]) -> str | None:
+    """Return the first of these names that is an error against a reference or a closed form."""
+    return next((name for name in names if name in {*ERRORS, MODELLING}), None)
+
+
+def time_measure(store: Store) -> TimeMeasure:
+    """Return the time to weigh: of the timing pass, or, without one, of the recorded runs."""
+    timed = _is_measured(store, TIMED)
+    return TimeMeasure(
+        name=TIMED if timed else RECORDED,
+        source="timing" if timed else "recording",
+        spread=_spread(store) if timed else None,
+    )
+
+
+def _spread(store: Store) -> float | None:
+    """Return how far the median of a run's rounds lies above their minimum, for half the runs."""
+    middle, least = (store.columns.numbers(name).values for name in (TIMED, "time_min"))
+    timed = np.isfinite(middle) & (least > 0)
+    return float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
+
+
+def _against(store: Store) -> str | None:
+    """Return what errors are of; all runs of a sweep have one kind."""
+    return next(iter(store.columns.words("error_kind").words), None)
+
+
+def _kind(name: str) -> Literal["discretisation", "modelling", "metric"]:
+    if name in ERRORS:
+        return "discretisation"
+    return "modelling" if name == MODELLING else "metric"
+
+
+def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
+    candidates = (ERRORS[0], MODELLING, *tolerances)
+    found = next((name for name in candidates if _is_measured(store, name)), None)
+    if found is None:
+        raise StoreError(
+            f"{store.address} has neither an error nor a tolerated metric; sweep with "
+            "`accuracy: {error: auto}`, or name a metric with --error"
+        )
+    return found
+
+
+def _check_number(store: Store, name: str) -> None:
+    known = [each for each in store.columns.schema.names if store.columns.is_number(each)]
+    if name not in known:
+        raise SweepFileError(
+            f"no number '{name}' in the table of {store.address}{did_you_mean(name, known)}\n"
+            "see `contactlab metrics`"
+        )
+
+
+def _is_measured(store: Store, name: str) -> bool:
+    columns = store.columns
+    return name in columns.schema.names and bool(columns.numbers(name).given.any())
+
+
+def _unit(store: Store, name: str) -> str:
+    metadata = store.columns.schema.field(name).metadata or {}
+    return metadata.get(b"unit", b"").decode()

@@ -1,0 +1,121 @@
+"""A sweep file of one configuration, which must meet its tolerances again from fresh seeds."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from contactlab import resources
+from contactlab.errors import StoreError
+from contactlab.schema import ERRORS, Setting, Sweep, TradeoffReport
+from contactlab.store import Store
+
+FRESH_SEEDS = 10
+_MANIFEST = "scene.yaml"
+
+
+def recommended_sweep(
+    store: Store, report: TradeoffReport, folder: Path, seeds: int = FRESH_SEEDS
+) -> str:
+    """Return a sweep file of the recommended configuration in every scenario it was weighed in.
+
+    Its tolerances of metrics are expectations, so that `contactlab sweep` ends in 1 if one is not
+    met, or if a run gets a failure label. Errors against a reference are no metrics: whether they
+    are met again, `contactlab tradeoff` says. Times are left out.
+
+    Args:
+        store: where the report is from.
+        report: with a recommendation.
+        folder: where the file will lie, for the scene's path.
+        seeds: how many; none of them is one of the store's.
+    """
+    assert report.recommendation is not None
+    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    chosen = report.recommendation.configuration
+    first = 1 + max(store.columns.listed(["seed"])["seed"])
+    knobs = {name: [value] for name, value in chosen.items() if name not in sweep.effects}
+    blocks = _scenarios(store, report.scenarios)
+    askable = {*store.manifest.sweep.metric_versions, *ERRORS}
+    axes = {name: values for name, values in knobs.items() if values != [None]}
+    content: dict[str, object] = {
+        "version": 1,
+        "scene": _scene(store, sweep.scene, folder),
+        "description": f"What {report.sweep} recommends, from fresh seeds",
+        "duration": sweep.duration,
+        "seeds": list(range(first, first + seeds)),
+        "axes": {**axes, **(blocks if len(blocks) == 1 else {})},
+        "zip": [blocks] if len(blocks) > 1 else None,
+        "effects": sweep.effects,
+        "thresholds": sweep.thresholds,
+        "accuracy": _accuracy(store, report),
+        "tolerances": {name: each for name, each in report.tolerances.items() if name in askable},
+        "expect": [_expectation(store, report)],
+        "trace": "none",
+        "latency_budget": sweep.latency_budget,
+    }
+    return "\n".join([_head(report), *_lines(content)]) + "\n"
+
+
+def _head(report: TradeoffReport) -> str:
+    return f"# Weighed over {len(report.configurations)} configurations in {report.store}."
+
+
+def _lines(content: Mapping[str, object]) -> Iterator[str]:
+    """Yield YAML, of which JSON is a part, one key a line; what is empty is left out."""
+    for name, value in content.items():
+        if value in (None, {}, []):
+            continue
+        if name in {"axes", "tolerances"} and isinstance(value, dict):
+            yield f"{name}:"
+            yield from (f"  {key}: {json.dumps(each)}" for key, each in value.items())
+        elif isinstance(value, list) and name != "seeds":
+            yield f"{name}:"
+            yield from (f"  - {json.dumps(each)}" for each in value)
+        else:
+            yield f"{name}: {json.dumps(value)}"
+
+
+def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
+    """Return the scenarios as axes that advance together, each of them once."""
+    columns = store.columns.listed(names)
+    rows = dict.fromkeys(zip(*columns.values(), strict=True))
+    values: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
+    return {
+        name: {"values": list(each), "role": "scenario"}
+        for name, each in zip(names, values, strict=True)
+    }
+
+
+def _expectation(store: Store, report: TradeoffReport) -> dict[str, object]:
+    bounds = {
+        name: {"min": -limit, "max": limit}
+        for name, limit in report.tolerances.items()
+        if name in store.manifest.sweep.metric_versions
+    }
+    return {
+        "label": "stable",
+        **({"metrics": bounds} if bounds else {}),
+        "reason": "the configuration was feasible in every run that recommended it",
+    }
+
+
+def _accuracy(store: Store, report: TradeoffReport) -> object:
+    """Return how errors are measured, if a tolerance is of one."""
+    if not set(ERRORS) & report.tolerances.keys():
+        return None
+    return store.manifest.sweep.resolved.get("accuracy")
+
+
+def _scene(store: Store, named: str, folder: Path) -> str:
+    """Return what names the scene from a folder: its own name, or the store's copy."""
+    if named in resources.scene_names() or ":" in named:
+        return named
+    if not isinstance(store.address, Path):
+        raise StoreError(
+            f"the scene '{named}' lies in {store.address} only; copy that to a folder and weigh it "
+            "there, so that the sweep file can name the scene"
+        )
+    manifest = next(store.scene_folder.rglob(_MANIFEST), None)
+    model = store.scene_folder / store.manifest.sweep.scene_model
+    path = (manifest.parent if manifest else model).resolve()
+    base = folder.resolve()
+    return f"./{path.relative_to(base)}" if path.is_relative_to(base) else str(path)
