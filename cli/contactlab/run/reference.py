@@ -33,7 +33,7 @@ class Marched:
     """A model, and what it did at T times."""
 
     prepared: PreparedModel
-    integrate_to: SampledStates
+    march: SampledStates
 
 
 @dataclass(frozen=True)
