@@ -1,6 +1,7 @@
 """What accuracy costs in time: fronts, orders, floors and a recommendation, from stored runs."""
 
 from contactlab.tradeoff.analysis import analyse
+from contactlab.tradeoff.configuration_lines import MjcfLines, mjcf_lines
 from contactlab.tradeoff.configurations import ESTIMATES
 from contactlab.tradeoff.criteria import MODELLING, Criteria, chosen_error
 from contactlab.tradeoff.drawing import (
@@ -14,7 +15,6 @@ from contactlab.tradeoff.drawing import (
     save_figure,
     specify,
 )
-from contactlab.tradeoff.mjcf import MjcfLines, mjcf_lines
 from contactlab.tradeoff.pareto import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.tradeoff.recommended_sweep import recommended_sweep
 

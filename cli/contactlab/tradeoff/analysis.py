@@ -12,6 +12,7 @@ from contactlab.schema import (
     TradeoffReport,
 )
 from contactlab.store import Store
+from contactlab.tradeoff.configuration_lines import mjcf_lines
 from contactlab.tradeoff.configurations import (
     Evaluated,
     ResolvedCriteria,
@@ -24,7 +25,6 @@ from contactlab.tradeoff.configurations import (
 )
 from contactlab.tradeoff.convergence import methods
 from contactlab.tradeoff.criteria import Criteria, error_measure, time_measure, tolerances_of
-from contactlab.tradeoff.mjcf import mjcf_lines
 from contactlab.tradeoff.pareto import (
     SAFE_MARGIN,
     equally_fast,

@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.mjcf import CONTACT, FLAGS, OPTIONS
 from contactlab.scene import FLAGS as SWITCHES
 from contactlab.schema import EvidenceRecord
-from contactlab.tradeoff.mjcf import FLAGS, GEOM, OPTIONS, MjcfLines, mjcf_lines
+from contactlab.tradeoff.configuration_lines import MjcfLines, mjcf_lines
 
 SETTINGS: dict[str, Any] = {
     "timestep": 1e-3 / 3,
@@ -65,7 +66,7 @@ def test_every_option_arrives_exactly(name: str) -> None:
     assert not np.array_equal(found, getattr(compiled(()).opt, name))
 
 
-@pytest.mark.parametrize("name", sorted(GEOM))
+@pytest.mark.parametrize("name", sorted(CONTACT))
 def test_every_default_of_a_geom_arrives_exactly(name: str) -> None:
     found = getattr(compiled(lines(name).mjcf).geom("g"), name)
     friction = tuple(SETTINGS["friction"][place] for place in (0, 2, 3))
@@ -114,6 +115,6 @@ def test_what_mjcf_has_no_line_for_is_named() -> None:
 
 
 def test_all_lines_together_are_one_model() -> None:
-    model = compiled(lines(*OPTIONS, *GEOM, *STATES).mjcf)
+    model = compiled(lines(*OPTIONS, *CONTACT, *STATES).mjcf)
     assert model.opt.impratio == SETTINGS["impratio"]
     assert model.geom("g").condim == SETTINGS["condim"]

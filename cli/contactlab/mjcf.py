@@ -1,0 +1,88 @@
+"""Where settings stand in MJCF, and the lines that write them; loads no engine.
+
+Source: MuJoCo's XML reference (option, flag, geom, pair).
+"""
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+from typing import Literal
+from xml.sax.saxutils import quoteattr
+
+Form = Literal["number", "integer", "vector", "word"]
+
+OPTIONS: Mapping[str, Form] = MappingProxyType(
+    {
+        "timestep": "number",
+        "tolerance": "number",
+        "ls_tolerance": "number",
+        "noslip_tolerance": "number",
+        "ccd_tolerance": "number",
+        "impratio": "number",
+        "density": "number",
+        "viscosity": "number",
+        "iterations": "integer",
+        "ls_iterations": "integer",
+        "noslip_iterations": "integer",
+        "ccd_iterations": "integer",
+        "gravity": "vector",
+        "wind": "vector",
+        "integrator": "word",
+        "cone": "word",
+        "solver": "word",
+        "jacobian": "word",
+    }
+)
+"""Attributes of <option>, with the form of their values."""
+
+CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
+"""Attributes of both <geom> and <pair>."""
+
+FLAGS = frozenset(
+    (
+        *("actuation", "clampctrl", "constraint", "contact", "damper", "diagexact", "equality"),
+        *("eulerdamp", "filterparent", "frictionloss", "gravity", "invdiscrete", "island"),
+        *("limit", "midphase", "multiccd", "nativeccd", "passive", "refsafe", "sleep"),
+        *("speculative", "spring", "warmstart"),
+    )
+)
+"""Attributes of <flag> that a run may set, of every version of MuJoCo from 3.3 on."""
+
+
+def attribute_of(axis: str) -> str:
+    """Return the attribute that an axis sets: `solref` for `solref.timeconst`, or its own name."""
+    return "solref" if axis == "restitution" else axis.partition(".")[0]
+
+
+def option_lines(options: Mapping[str, str], flags: Mapping[str, bool]) -> list[str]:
+    """Return the lines of an <option> element; none without options and flags.
+
+    Args:
+        options: attributes of <option>, as text.
+        flags: attributes of <flag>.
+    """
+    if not flags:
+        return [f"<option{attributes(options)}/>"] if options else []
+    words = {name: "enable" if state else "disable" for name, state in flags.items()}
+    return [f"<option{attributes(options)}>", f"  <flag{attributes(words)}/>", "</option>"]
+
+
+def default_lines(
+    contact: Mapping[str, str], elements: Iterable[str] = ("geom",), comment: str = ""
+) -> list[str]:
+    """Return the lines of a <default> element; none without contact parameters.
+
+    Args:
+        contact: attributes of each element, as text.
+        elements: `geom`, `pair`, or both.
+        comment: what to say behind each element.
+    """
+    if not contact:
+        return []
+    behind = f" <!-- {comment} -->" if comment else ""
+    written = [f"  <{element}{attributes(contact)}/>{behind}" for element in elements]
+    return ["<default>", *written, "</default>"]
+
+
+def attributes(values: Mapping[str, str]) -> str:
+    """Return attributes as they stand in an element, each behind a space."""
+    return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
