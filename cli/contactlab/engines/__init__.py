@@ -4,7 +4,6 @@ from contactlab.engines.checks import run_checks
 from contactlab.engines.geometry import body_names, moving_bodies, poses, shapes
 from contactlab.engines.impulse import roll_out_by_impulse
 from contactlab.engines.integration import SampledStates, integrate_to
-from contactlab.engines.invariants import invariants
 from contactlab.engines.loose import loose_bodies, loose_energy
 from contactlab.engines.rollout import Buffers, Rollout, bytes_of_run, roll_out
 from contactlab.engines.speeds import pair_speeds
@@ -29,7 +28,6 @@ __all__ = [
     "bytes_of_run",
     "count_work",
     "integrate_to",
-    "invariants",
     "loose_bodies",
     "loose_energy",
     "make_trace",

@@ -8,11 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from contactlab.accuracy import raises_solref, reference_steps, timing_seconds
 from contactlab.contact import stiffness_damping
 from contactlab.engines import Buffers, bytes_of_run, roll_out
 from contactlab.plan import Plan
-from contactlab.run.clamping import raises
-from contactlab.run.pass_forecast import accuracy_steps, timing_seconds
 from contactlab.run.roster import Roster
 from contactlab.scene import ResolvedRun, RowGroup, Scene, has_batch, silence_mujoco
 
@@ -76,11 +75,15 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
     share = sums.steps / max(1, workers)
     likely = float(np.median(per_step))
-    passes = list(roster.runs()) if sweep.accuracy or sweep.timing else []
-    accuracy = likely * accuracy_steps(sweep.accuracy, passes, scene) / max(1, workers)
+    passes = roster.runs() if sweep.accuracy or sweep.timing else ()
+    resolved = {run.run_id: each for run, each in passes}
+    evaluations = reference_steps(sweep.accuracy, resolved, scene) if sweep.accuracy else 0.0
+    accuracy = likely * evaluations / max(1, workers)
     # What is counted is run once more by the workers, before the clock runs.
     counting = likely * share if sweep.timing else 0.0
-    timing = counting + timing_seconds(sweep.timing, passes, likely)
+    steps = [each.steps for each in resolved.values()]
+    clocked = timing_seconds(sweep.timing, steps, likely) if sweep.timing else 0.0
+    timing = counting + clocked
     size = sums.bytes * _traced(sweep.trace, len(roster))
     return Forecast(
         runs=len(roster),
@@ -161,7 +164,7 @@ class _Contact(NamedTuple):
 
 
 def _contact(solref: tuple[float, ...], timestep: float, refsafe: bool) -> _Contact:
-    clamped = refsafe and raises(solref, timestep)
+    clamped = refsafe and raises_solref(solref, timestep)
     used = (2 * timestep, solref[1]) if clamped else solref
     return _Contact(round(timestep * _frequency(used), 1) > _FASTEST, clamped)
 

@@ -1,11 +1,11 @@
-"""What a sweep asks of its runs once all are recorded: errors, work and times."""
+"""The passes over a sweep's runs once all are recorded: errors, work and times."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from contactlab.run.accuracy import accuracies, families
+from contactlab.accuracy import InterleavedTimer, Note, accuracies, families, timings
 from contactlab.run.expectation import within
 from contactlab.run.job import (
     IMPULSE,
@@ -19,14 +19,12 @@ from contactlab.run.job import (
     Task,
 )
 from contactlab.run.jobs import Planned, pack
-from contactlab.run.notes import Note, note, noted
+from contactlab.run.pass_jobs import note, noted
 from contactlab.run.results import results_of
 from contactlab.run.roster import Roster
 from contactlab.run.stop import Stop
-from contactlab.run.stopwatch import Stopwatch
-from contactlab.run.timing import timings
-from contactlab.scene import Scene
-from contactlab.schema import ERRORS, Accuracy, Timing
+from contactlab.scene import ResolvedRun, Scene
+from contactlab.schema import ERRORS, Accuracy, AccuracyAsk, Timing
 from contactlab.store import Column, StoreWriter, as_ratios
 
 
@@ -94,39 +92,47 @@ class Session:
         ]
 
 
-class Found(NamedTuple):
-    """What passes found.
+class PassColumns(NamedTuple):
+    """What the passes add to the table.
 
     Attributes:
-        values: run id to values by column; empty if nothing was asked.
-        columns: columns of them that are not as usual.
+        values: run id to values by column; empty without passes.
+        columns: columns of them whose unit is not the usual one.
     """
 
     values: dict[str, dict[str, Any]]
     columns: Sequence[Column]
 
 
-def run_passes(session: Session) -> Found:
-    """Do what the sweep asks for beside its runs.
+def run_passes(session: Session) -> PassColumns:
+    """Compute the errors, work and times that the sweep asks for.
 
     What was noted before an interruption is not done again.
     """
-    found: dict[str, dict[str, Any]] = {}
+    values: dict[str, dict[str, Any]] = {}
     columns: Sequence[Column] = ()
-    if session.task.sweep.accuracy is not None:
-        accurate = _accuracies(session)
-        found = {run_id: _row(session, run_id, each) for run_id, each in accurate.items()}
-        if any(each.error_kind == "invariants" for each in accurate.values()):
+    sweep = session.task.sweep
+    if sweep.accuracy is not None:
+        errors = _accuracies(session, sweep.accuracy)
+        values = {run_id: _row(session, run_id, each) for run_id, each in errors.items()}
+        if any(each.error_kind == "invariants" for each in errors.values()):
             columns = as_ratios(name for name in Accuracy.model_fields if name.startswith("error_"))
-    if session.task.sweep.timing is not None:
-        for run_id, timing in _timings(session, session.task.sweep.timing.rounds).items():
-            found[run_id] = found.get(run_id, {}) | timing.model_dump()
-    return Found(found, columns)
+    if sweep.timing is not None:
+        for run_id, timing in _timings(session, sweep.timing.rounds).items():
+            values[run_id] = values.get(run_id, {}) | timing.model_dump()
+    return PassColumns(values, columns)
 
 
-def _accuracies(session: Session) -> dict[str, Accuracy]:
-    notes = _pooled(session, "errors", families(session.repeatable, session.scene))
-    return accuracies(session.task, session.scene, session.planned, notes)
+def _accuracies(session: Session, request: AccuracyAsk) -> dict[str, Accuracy]:
+    runs = {run.run_id: run for run, _ in session.repeatable}
+    grouped = families(_resolved(session.repeatable), session.scene)
+    jobs = [tuple(runs[run_id] for run_id in family) for family in grouped]
+    notes = _pooled(session, "errors", jobs)
+    return accuracies(request, session.scene, _resolved(session.planned), notes)
+
+
+def _resolved(planned: Planned) -> dict[str, ResolvedRun]:
+    return {run.run_id: resolved for run, resolved in planned}
 
 
 def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
@@ -134,19 +140,20 @@ def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     row = accuracy.model_dump()
     errors = within(session.task.sweep.tolerances, {name: row[name] for name in ERRORS})
     others = session.outcomes[run_id].tolerances_met
-    told = [met for met in (errors, others) if met is not None]
-    return {**row, "tolerances_met": all(told) if told else None}
+    known = [met for met in (errors, others) if met is not None]
+    return {**row, "tolerances_met": all(known) if known else None}
 
 
 def _timings(session: Session, rounds: int) -> dict[str, Timing]:
     runs = session.repeatable
     jobs = list(pack(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
-    return timings(session.planned, rounds, work, _timed(session, rounds, work))
+    times = _timed(session, rounds, work)
+    return timings(_resolved(session.planned), rounds, work, times)
 
 
 def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
-    """Return what workers find of the runs of some jobs; nothing of those that end a worker."""
+    """Return what workers find in a pass, by run id; nothing of runs that crash a worker."""
     done = noted(session.store.notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in done for run in job)]
     runs = sum(map(len, jobs))
@@ -163,14 +170,16 @@ def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str
 def _timed(session: Session, rounds: int, work: dict[str, Note]) -> dict[str, Note]:
     """Return the times of all runs, which are taken together or not at all."""
     times = noted(session.store.notes(), "times")
-    runs = [each for each in session.repeatable if work.get(each[0].run_id)]
-    left = sum(run.run_id not in times for run, _ in runs)
+    runs = {
+        run_id: each for run_id, each in _resolved(session.repeatable).items() if work.get(run_id)
+    }
+    left = sum(run_id not in times for run_id in runs)
     session.begin(len(runs), len(runs) - left)
     if not left:
         return times
-    found: list[Finished] = []
-    for each in Stopwatch(session.scene, rounds).times(runs, work):
-        session.progress([each])
-        found.append(each)
-    session.store.note([each.row for each in found])
+    timed: list[Finished] = []
+    for run_id, each in InterleavedTimer(session.scene, rounds).times(runs, work):
+        timed.append(note("times", run_id, each))
+        session.progress(timed[-1:])
+    session.store.note([each.row for each in timed])
     return noted(session.store.notes(), "times")

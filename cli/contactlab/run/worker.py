@@ -17,13 +17,12 @@ from contactlab.engines import (
     run_checks,
     trajectory_hash,
 )
-from contactlab.run.accuracy_job import errors_of
 from contactlab.run.groups import Group, measured_groups
 from contactlab.run.job import IMPULSE, Finished, Job, PlannedRun, Task
 from contactlab.run.missed import missed_effects
+from contactlab.run.pass_jobs import errors_of, work_of
 from contactlab.run.preparing import GivenUpError, Preparer, Proceed, always
 from contactlab.run.record import Outcome, RecordMaker, RunPlan
-from contactlab.run.timing_job import work_of
 from contactlab.scene import InitialStates, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store import TraceSink, record_to_row

@@ -2,11 +2,11 @@
 
 from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
 
+from contactlab.accuracy import timing
 from contactlab.engines import Segments
-from contactlab.run import forecast, stopwatch
+from contactlab.run import forecast
 from contactlab.schema import Timing
 
 TIMED = """
@@ -22,16 +22,11 @@ trace: none
 checks: none
 timing: {rounds: 4}
 """
-Rows = list[dict[str, Any]]
-
-
-def rows(sweeper: Any, name: str = "store") -> Rows:
-    return pq.read_table(sweeper.folder / name / "runs.parquet").to_pylist()
 
 
 def test_every_run_has_its_times_and_its_work(sweeper: Any) -> None:
     sweeper.run(TIMED)
-    found = rows(sweeper)
+    found = sweeper.rows()
     assert len(found) == 8
     for row in found:
         assert all(row[name] is not None for name in Timing.model_fields)
@@ -50,7 +45,7 @@ def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
     """RK4 evaluates the forces four times a step; interleaved, both see the same machine."""
     sweeper.run(TIMED)
     least = {
-        (row["integrator"], row["timestep"], row["seed"]): row["time_min"] for row in rows(sweeper)
+        (row["integrator"], row["timestep"], row["seed"]): row["time_min"] for row in sweeper.rows()
     }
     for timestep in (1e-3, 2e-3):
         ratio = least["RK4", timestep, 0] / least["Euler", timestep, 0]
@@ -61,9 +56,10 @@ def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
 def test_work_repeats_and_settings_tell_rounds_apart(sweeper: Any) -> None:
     sweeper.run(TIMED, "one")
     sweeper.run(TIMED.replace("rounds: 4", "rounds: 3"), "two", workers=2)
-    one, two = (sweeper.outcome(name)[0] for name in ("one", "two"))
-    assert one.pop("timing_settings") != two.pop("timing_settings")
-    assert one == two
+    for one, two in zip(sweeper.rows("one"), sweeper.rows("two"), strict=True):
+        work = [name for name in one if name.startswith("work_")]
+        assert [one[name] for name in work] == [two[name] for name in work]
+        assert one["timing_settings"] != two["timing_settings"]
 
 
 def test_runs_take_turns_within_each_round(sweeper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,12 +70,12 @@ def test_runs_take_turns_within_each_round(sweeper: Any, monkeypatch: pytest.Mon
         seen.append((segments.model.opt.integrator, segments.model.opt.timestep))
         return 1e-4 * repeats * sum(segments.lengths(most)), repeats * sum(segments.lengths(most))
 
-    monkeypatch.setattr(stopwatch, "time_segments", watched)
+    monkeypatch.setattr(timing, "time_segments", watched)
     sweeper.run(TIMED)
     assert len(set(seen)) == 4
     assert seen == seen[:8] * 5
     # A tenth of a millisecond a step: 1 s of steps of 1 ms each take 0.1 s.
-    assert sorted({round(row["time_min"], 9) for row in rows(sweeper)}) == [0.05, 0.1]
+    assert sorted({round(row["time_min"], 9) for row in sweeper.rows()}) == [0.05, 0.1]
 
 
 @pytest.mark.parametrize(("cost", "steps"), [(1e-6, 200 * 50), (1e-4, 200), (1e-3, 8 * 13)])
@@ -93,7 +89,7 @@ def test_neither_short_nor_long_runs_take_too_long(
         made.append(repeats * sum(segments.lengths(most)))
         return cost * made[-1], made[-1]
 
-    monkeypatch.setattr(stopwatch, "time_segments", watched)
+    monkeypatch.setattr(timing, "time_segments", watched)
     sweeper.run(TIMED.replace("[1.0e-3, 2.0e-3]", "[1.0e-3]").replace("[Euler, RK4]", "[Euler]"))
     assert set(made[2:]) == {steps}
 

@@ -9,8 +9,8 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from contactlab.accuracy import discretization
 from contactlab.errors import SweepFileError
-from contactlab.run import accuracy_job
 from contactlab.schema import Accuracy
 from contactlab.store import Store
 
@@ -53,14 +53,10 @@ def orders(make_sweeper: Any, tmp_path_factory: pytest.TempPathFactory) -> Calla
         if text not in known:
             sweeper = make_sweeper(tmp_path_factory.mktemp("orders"))
             sweeper.run(text)
-            known[text] = rows(sweeper.folder)
+            known[text] = sweeper.rows()
         return known[text]
 
     return run
-
-
-def rows(folder: Path, name: str = "store") -> Rows:
-    return pq.read_table(folder / name / "runs.parquet").to_pylist()
 
 
 def slope(found: Rows, column: str, **picked: object) -> float:
@@ -128,9 +124,9 @@ def test_many_timesteps_share_what_a_reference_may_keep(
     """
     text = smooth("tumbling_box", "{error: trajectory}")
     usual = orders(text)
-    monkeypatch.setattr(accuracy_job, "_BYTES", 1)
+    monkeypatch.setattr(discretization, "_MAX_BYTES", 1)
     sweeper.run(text)
-    for few, many in zip(rows(sweeper.folder), usual, strict=True):
+    for few, many in zip(sweeper.rows(), usual, strict=True):
         assert few["error_final"] == pytest.approx(many["error_final"], rel=1e-6)
         assert many["error_mean"] < few["error_mean"] < 1.22 * many["error_mean"]
 
@@ -142,7 +138,7 @@ def test_one_reference_for_numerics_another_for_each_model(sweeper: Any) -> None
         "axes: {timestep: [1.0e-3, 4.0e-3], solver: [Newton, CG], drop_height: [0.01, 0.02]}\n"
         "accuracy: {refine: 4}\n"
     )
-    found = rows(sweeper.folder)
+    found = sweeper.rows()
     assert {row["reference_timestep"] for row in found} == {1e-3 / 4 / 2}
     by_height = {
         height: {row["error_estimate"] for row in found if row["drop_height"] == height}
@@ -167,7 +163,7 @@ def test_a_chaotic_swing_is_told_by_its_twin(sweeper: Any) -> None:
     """Ten seconds of swinging from 120 degrees part what was 1e-8 apart; one second does not."""
     sweeper.run(CHAOS.format(duration=10.0, error="auto"), "long")
     sweeper.run(CHAOS.format(duration=1.0, error="auto"), "short")
-    long, short = rows(sweeper.folder, "long"), rows(sweeper.folder, "short")
+    long, short = sweeper.rows("long"), sweeper.rows("short")
     assert {(row["chaotic"], row["error_kind"]) for row in long} == {(True, "invariants")}
     assert {(row["chaotic"], row["error_kind"]) for row in short} == {(False, "trajectory")}
     assert unit(sweeper.folder / "long") == "1"
@@ -179,7 +175,7 @@ def test_a_chaotic_swing_is_told_by_its_twin(sweeper: Any) -> None:
 def test_a_scene_may_be_declared_chaotic_or_not(sweeper: Any) -> None:
     sweeper.run(CHAOS.format(duration=10.0, error="trajectory"), "path")
     sweeper.run(CHAOS.format(duration=1.0, error="invariants"), "kept")
-    path, kept = rows(sweeper.folder, "path"), rows(sweeper.folder, "kept")
+    path, kept = sweeper.rows("path"), sweeper.rows("kept")
     assert {(row["chaotic"], row["error_kind"]) for row in path} == {(True, "trajectory")}
     assert {(row["chaotic"], row["error_kind"]) for row in kept} == {(False, "invariants")}
     drifts = [row["energy_drift"] for row in kept]
@@ -200,7 +196,7 @@ def test_contacts_and_what_refsafe_does_to_them_are_told(sweeper: Any) -> None:
         "axes:\n  timestep: [5.0e-3, 1.25e-2]\n  solref: ['0.02 1', '-2500 -100']\n"
         "  drop_height: [0.05]\naccuracy: {refine: 2}\n"
     )
-    found = {(row["timestep"], row["solref"]): row for row in rows(sweeper.folder)}
+    found = {(row["timestep"], row["solref"]): row for row in sweeper.rows()}
     clamped = {key for key, row in found.items() if row["solref_clamped"]}
     assert clamped == {(1.25e-2, "0.02 1")}
     assert {row["solref_rule"] for row in found.values()} == {"absolute"}
@@ -214,7 +210,7 @@ def test_impacts_are_told_beside_local_errors(sweeper: Any) -> None:
         "axes: {timestep: [2.0e-3, 1.0e-2], drop_height: [0.05]}\n"
         "accuracy: {error: local, refine: 2}\n"
     )
-    assert all(row["impacts"] > 0 for row in rows(sweeper.folder))
+    assert all(row["impacts"] > 0 for row in sweeper.rows())
 
 
 @pytest.mark.parametrize(
@@ -226,8 +222,8 @@ def test_solref_may_follow_the_timestep(sweeper: Any, constants: str, rule: str)
         f"zip:\n  - {{timestep: [1.0e-3, 2.0e-3], solref.timeconst: [{constants}]}}\n"
         "accuracy: {refine: 2}\n"
     )
-    assert [row["solref_rule"] for row in rows(sweeper.folder)] == [rule, rule]
-    assert len({row["reference_timestep"] for row in rows(sweeper.folder)}) == 2, "two models"
+    assert [row["solref_rule"] for row in sweeper.rows()] == [rule, rule]
+    assert len({row["reference_timestep"] for row in sweeper.rows()}) == 2, "two models"
 
 
 def test_what_does_not_go_through_has_no_error(sweeper: Any) -> None:
@@ -236,7 +232,7 @@ def test_what_does_not_go_through_has_no_error(sweeper: Any) -> None:
         "version: 1\nscene: heavy_top\nduration: 3.0\ntrace: none\nchecks: none\n"
         "axes: {integrator: [RK4, Euler], timestep: [2.0e-3]}\naccuracy: {refine: 2}\n"
     )
-    rk4, euler = rows(sweeper.folder)
+    rk4, euler = sweeper.rows()
     assert euler["status"] == "stopped"
     assert (euler["error_final"], euler["impacts"], euler["chaotic"]) == (None, None, None)
     assert euler["error_kind"] == rk4["error_kind"] == "trajectory"
@@ -248,7 +244,7 @@ def test_the_impulse_engine_has_no_reference(sweeper: Any) -> None:
         "version: 1\nscene: ball_drop\nduration: 0.1\ntrace: none\nchecks: none\n"
         "axes: {engine: [mujoco, impulse]}\naccuracy: {refine: 2}\ntiming: {}\n"
     )
-    mujoco, impulse = rows(sweeper.folder)
+    mujoco, impulse = sweeper.rows()
     assert mujoco["error_final"] is not None
     assert mujoco["time_min"] is not None
     assert impulse["error_final"] is impulse["time_min"] is impulse["work_steps"] is None
@@ -278,7 +274,7 @@ tolerances: {error_final: 1.0e-4%s}
 @pytest.mark.parametrize(("others", "met"), [("", [False, True]), (", spin_drift: 0", [False] * 2)])
 def test_errors_may_be_tolerated_like_metrics(sweeper: Any, others: str, met: list[bool]) -> None:
     sweeper.run(TOLERATED % others)
-    assert [row["tolerances_met"] for row in rows(sweeper.folder)] == met
+    assert [row["tolerances_met"] for row in sweeper.rows()] == met
 
 
 def test_errors_that_nobody_measures_cannot_be_tolerated(sweeper: Any) -> None:

@@ -1,0 +1,225 @@
+"""Discretisation errors: every run against its reference, which runs share by families."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from contactlab.accuracy.reference import PlannedModel, Reference, ReferenceSolver, Watch
+from contactlab.accuracy.refsafe import is_clamped, solref_rules
+from contactlab.contact import Floats
+from contactlab.engines import integrate_to
+from contactlab.measure import Discrepancy
+from contactlab.scene import ResolvedRun, Scene, with_reference_numerics
+from contactlab.schema import Accuracy, AccuracyAsk, ErrorKind, SolrefRule
+
+Note = Mapping[str, Any]
+"""What a pass finds of one run, in JSON's types; empty where the run does not go through."""
+
+# Common times of a run and its reference, and restarts from the reference's states; fewer where
+# runs of many timesteps would have the reference keep too many states.
+_SAMPLES, _MIN_SAMPLES = 256, 16
+_RESTARTS = 32
+_MAX_BYTES = 32 << 20
+# A family is chaotic if a start 1e-8 away diverges by this share of the model's extent, and by this
+# share of the runs' median error or by this multiple of the reference's own error estimate.
+_EXTENT = 1e-3
+_ERROR = 0.1
+_ESTIMATE = 10.0
+_NOTHING: Note = {}
+# RK4 evaluates the forces four times a step.
+_EVALUATIONS = 4
+
+
+class _Times(NamedTuple):
+    """When a run is compared with its reference.
+
+    Attributes:
+        begins: (K,) when it is restarted from the reference's state [s]; empty for whole runs.
+        ends: (T,) when it is compared [s].
+    """
+
+    begins: Floats
+    ends: Floats
+
+
+def families(runs: Mapping[str, ResolvedRun], scene: Scene) -> list[list[str]]:
+    """Return run ids grouped by all that the runs share but numerics, and so by their reference."""
+    found: dict[str, list[str]] = {}
+    for run_id, resolved in runs.items():
+        shared = scene.run_id(with_reference_numerics(resolved, "RK4", 1.0))
+        found.setdefault(shared, []).append(run_id)
+    return list(found.values())
+
+
+def reference_steps(request: AccuracyAsk, runs: Mapping[str, ResolvedRun], scene: Scene) -> float:
+    """Return how many force evaluations it takes to compare runs with their references."""
+    return sum(
+        _steps([runs[run_id] for run_id in family], request.refine)
+        for family in families(runs, scene)
+    )
+
+
+def _steps(family: list[ResolvedRun], refine: int) -> float:
+    finest = max(run.duration / run.timestep for run in family)
+    # The coarse solution, its perturbed copy, and the fine one with twice as many steps.
+    reference = 4 * refine * finest * _EVALUATIONS
+    return reference + sum(run.steps for run in family)
+
+
+def discretization_errors(
+    scene: Scene, family: Sequence[PlannedModel], request: AccuracyAsk, watch: Watch
+) -> list[Note]:
+    """Return a note for each run of a family: every kind of error that the sweep may choose.
+
+    Args:
+        scene: theirs.
+        family: runs that share a reference.
+        request: the sweep's.
+        watch: called before steps, to start their time limit.
+    """
+    local = request.error == "local"
+    longest = max(run.resolved.timestep for run in family)
+    samples = _samples(family)
+    times = [_restarts(run, longest) if local else _common(run, samples) for run in family]
+    needed = np.unique(np.concatenate([part for each in times for part in each]))
+    solver = ReferenceSolver(scene, family, request.refine, watch)
+    reference = solver.reference(needed)
+    if reference is None:
+        return [{} for _ in family]
+    compare = _compare_locally if local else _compare
+    notes = [compare(reference, run, each, watch) for run, each in zip(family, times, strict=True)]
+    shared: dict[str, object] = {
+        "integrator": reference.integrator,
+        "timestep": reference.timestep,
+    }
+    if not local:
+        shared["chaotic"] = _is_chaotic(reference, solver.divergence(reference), notes)
+    return [{**note, **shared} for note in notes]
+
+
+def _samples(family: Sequence[PlannedModel]) -> int:
+    """Return at how many times of each run the reference may keep its state."""
+    model = family[0].prepared.model
+    state = 8 * (1 + model.nq + model.nv + model.na)
+    timesteps = len({run.resolved.timestep for run in family})
+    return max(_MIN_SAMPLES, min(_SAMPLES, _MAX_BYTES // (state * timesteps)))
+
+
+def _common(run: PlannedModel, samples: int) -> _Times:
+    """Spread times over a run."""
+    resolved = run.resolved
+    return _Times(np.empty(0), resolved.timestep * _spread(1, resolved.steps, samples))
+
+
+def _restarts(run: PlannedModel, longest: float) -> _Times:
+    """Spread restarts over a run, each of as many steps as the family's longest timestep takes."""
+    total, timestep = run.resolved.steps, run.resolved.timestep
+    steps = min(total, max(1, round(longest / timestep)))
+    begins = _spread(0, total - steps, _RESTARTS)
+    return _Times(timestep * begins, timestep * (begins + steps))
+
+
+def _spread(first: int, last: int, most: int) -> Floats:
+    """Return whole numbers from first to last, evenly spread if there are too many."""
+    numbers = np.linspace(first, last, min(last - first + 1, most), dtype=np.float64)
+    return np.unique(numbers.round())
+
+
+def _compare(reference: Reference, run: PlannedModel, times: _Times, watch: Watch) -> Note:
+    """Compare a whole run with its reference, by trajectory and by invariants."""
+    sampled = integrate_to(run.prepared.model, run.start, times.ends, watch=watch)
+    if sampled is None:
+        return {}
+    rows, coarse = reference.rows(times.ends), reference.coarse.sampled
+    return {
+        "trajectory": _error(reference.distance(sampled, rows), reference.distance(coarse)),
+        "invariants": _error(reference.drift(sampled, rows), reference.drift(coarse)),
+        "impacts": sampled.impacts,
+    }
+
+
+def _compare_locally(reference: Reference, run: PlannedModel, times: _Times, watch: Watch) -> Note:
+    """Compare a run's model with its reference, restarted from many of the reference's states."""
+    whole = integrate_to(run.prepared.model, run.start, times.ends[-1:], watch=watch)
+    error, own = (
+        reference.local_error(prepared, *times, watch)
+        for prepared in (run.prepared, reference.coarse.prepared)
+    )
+    if whole is None or error is None or own is None:
+        return {}
+    return {"local": _error(error, own), "impacts": whole.impacts}
+
+
+def _error(error: Discrepancy, own: Discrepancy) -> dict[str, float]:
+    return {
+        **error._asdict(),
+        "estimate": own.peak,
+        "final_estimate": own.final,
+        "mean_estimate": own.mean,
+    }
+
+
+def _is_chaotic(
+    reference: Reference, divergence: float | None, notes: Sequence[Note]
+) -> bool | None:
+    errors = [note["trajectory"] for note in notes if note]
+    if divergence is None or not errors:
+        return None
+    hides_errors = divergence >= _ERROR * float(np.median([each["peak"] for each in errors]))
+    above_estimate = divergence >= _ESTIMATE * errors[0]["estimate"]
+    visible = divergence >= _EXTENT * float(reference.fine.prepared.model.stat.extent)
+    return visible and (hides_errors or above_estimate)
+
+
+def accuracies(
+    request: AccuracyAsk, scene: Scene, runs: Mapping[str, ResolvedRun], notes: Mapping[str, Note]
+) -> dict[str, Accuracy]:
+    """Return the accuracy of every run, by run id.
+
+    Args:
+        request: the sweep's.
+        scene: theirs.
+        runs: the runs, by id.
+        notes: run id to what the pass found; without the runs that it left out.
+    """
+    kind = _kind(request, notes)
+    rules = solref_rules(runs)
+    return {
+        run_id: _accuracy(
+            notes.get(run_id, _NOTHING), kind, rules[run_id], clamped=_clamped(scene, resolved)
+        )
+        for run_id, resolved in runs.items()
+    }
+
+
+def _kind(request: AccuracyAsk, notes: Mapping[str, Note]) -> ErrorKind:
+    """Return one kind of error for all runs, as different kinds cannot be compared."""
+    if request.error != "auto":
+        return request.error
+    known = [each["chaotic"] for each in notes.values() if each.get("chaotic") is not None]
+    return "invariants" if sum(known) > len(known) / 2 else "trajectory"
+
+
+def _accuracy(note: Note, kind: ErrorKind, rule: SolrefRule | None, *, clamped: bool) -> Accuracy:
+    error = note.get(kind, _NOTHING)
+    return Accuracy(
+        error_final=error.get("final"),
+        error_mean=error.get("mean"),
+        error_peak=error.get("peak"),
+        error_estimate=error.get("estimate"),
+        error_final_estimate=error.get("final_estimate"),
+        error_mean_estimate=error.get("mean_estimate"),
+        error_kind=kind,
+        chaotic=note.get("chaotic"),
+        reference_integrator=note.get("integrator"),
+        reference_timestep=note.get("timestep"),
+        impacts=note.get("impacts"),
+        solref_rule=rule,
+        solref_clamped=clamped,
+    )
+
+
+def _clamped(scene: Scene, run: ResolvedRun) -> bool:
+    pairs = scene.base_of(run).prepare(run.edits()).pairs
+    return is_clamped(run, [pair.solref for pair in pairs.values()])

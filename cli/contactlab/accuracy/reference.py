@@ -1,0 +1,230 @@
+"""The reference of a family of runs: the same model and start at much finer timesteps."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats, Invariants, Joints
+from contactlab.engines import SampledStates, integrate_to
+from contactlab.measure import Discrepancy, distances, drifts
+from contactlab.scene import (
+    InitialStates,
+    PreparedModel,
+    ResolvedRun,
+    Scene,
+    joints_of,
+    perturbed_copy,
+    with_reference_numerics,
+)
+
+# At equal timesteps RK4 is closest to the limit, by many orders of magnitude where the motion is
+# smooth; being explicit it may be unstable, and then the other one is used.
+_INTEGRATORS = ("RK4", "implicitfast")
+_FALL = 1e-3
+"""Height [m] of the fall whose energy is the least scale of energy drifts."""
+
+Rows = NDArray[np.intp] | slice
+Watch = Callable[[], None]
+
+
+class PlannedModel(Protocol):
+    """A run before it starts: what it resolves to, its model, and its start (n = 1)."""
+
+    @property
+    def resolved(self) -> ResolvedRun:
+        """Everything that decides the run."""
+        ...
+
+    @property
+    def prepared(self) -> PreparedModel:
+        """Its model."""
+        ...
+
+    @property
+    def start(self) -> InitialStates:
+        """Its start state."""
+        ...
+
+
+@dataclass(frozen=True)
+class Solution:
+    """A model, and its states at T times."""
+
+    prepared: PreparedModel
+    sampled: SampledStates
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Two solutions of one model, at timesteps that differ by a factor of 2.
+
+    Attributes:
+        start: where the family starts.
+        integrator: of both solutions.
+        timestep: of the fine one [s].
+        times: (T,) at which states are known [s].
+        fine: the reference proper.
+        coarse: its distance from the fine one is the estimate of the reference's own error.
+        joints: the model's joints.
+        free: whether nothing external acts on the model.
+    """
+
+    start: InitialStates
+    integrator: str
+    timestep: float
+    times: Floats
+    fine: Solution
+    coarse: Solution
+    joints: Joints
+    free: bool
+
+    def rows(self, times: Floats) -> NDArray[np.intp]:
+        """Return the rows of the reference at some of its times."""
+        return np.searchsorted(self.times, times)
+
+    def distance(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
+        """Return the distance of sampled states from the reference's at these rows [m]."""
+        return Discrepancy.of(distances(self.joints, sampled.qpos, self.fine.sampled.qpos[rows]))
+
+    def drift(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
+        """Return how far energy and momenta are from the reference's at these rows, as ratios."""
+        expected = self.fine.sampled
+        return Discrepancy.of(
+            drifts(
+                self._invariants(sampled.qpos, sampled.qvel),
+                self._invariants(expected.qpos[rows], expected.qvel[rows]),
+            )
+        )
+
+    def local_error(
+        self, prepared: PreparedModel, begins: Floats, ends: Floats, watch: Watch
+    ) -> Discrepancy | None:
+        """Return how far a model gets from the reference when restarted from its states [m].
+
+        Args:
+            prepared: the model.
+            begins: (K,) when to start from the reference's state [s].
+            ends: (K,) when to compare [s].
+            watch: called before steps, to start their time limit.
+
+        Returns:
+            The distances at the ends; None if a restart fails.
+        """
+        states = self.fine.sampled.states[self.rows(begins)]
+        restarts = [
+            integrate_to(prepared.model, self.start, end, begin=begin, state=state, watch=watch)
+            for begin, end, state in zip(begins.tolist(), ends[:, None], states, strict=True)
+        ]
+        qpos = [each.qpos for each in restarts if each is not None]
+        if len(qpos) < len(restarts):
+            return None
+        expected = self.fine.sampled.qpos[self.rows(ends)]
+        return Discrepancy.of(distances(self.joints, np.concatenate(qpos), expected))
+
+    def _invariants(self, qpos: Floats, qvel: Floats) -> Invariants:
+        return invariants(self.fine.prepared.model, qpos, qvel, free=self.free)
+
+
+class ReferenceSolver:
+    """Solves the models of one family at finer timesteps.
+
+    Args:
+        scene: the family's.
+        runs: the family; they differ in numerics alone.
+        refine: the family's shortest timestep over that of the coarse solution.
+        watch: called before steps, to start their time limit.
+    """
+
+    def __init__(
+        self, scene: Scene, runs: Sequence[PlannedModel], refine: int, watch: Watch
+    ) -> None:
+        self._scene = scene
+        self._run = runs[0]
+        self._timestep = min(run.resolved.timestep for run in runs) / refine
+        self._watch = watch
+
+    def reference(self, times: Floats) -> Reference | None:
+        """Return the family's reference, or None if no integrator completes it.
+
+        Args:
+            times: (T,) at which its states are needed [s], increasing.
+        """
+        start = self._run.start
+        for integrator in _INTEGRATORS:
+            fine = self._solve(integrator, self._timestep / 2, times, start)
+            coarse = fine and self._solve(integrator, self._timestep, times, start)
+            if fine and coarse:
+                return Reference(
+                    start=start,
+                    integrator=integrator,
+                    timestep=self._timestep / 2,
+                    times=times,
+                    fine=fine,
+                    coarse=coarse,
+                    joints=joints_of(fine.prepared.model),
+                    free=self._scene.base_of(self._run.resolved).free,
+                )
+        return None
+
+    def divergence(self, reference: Reference) -> float | None:
+        """Return how far a start perturbed by 1e-8 gets from the coarse solution [m].
+
+        It is solved at the timestep of the coarse solution, not at those of the runs: there any
+        perturbation may move an impact to another step, which changes what follows, though by less
+        than the runs' own errors.
+        """
+        start = perturbed_copy(reference.start, reference.joints, self._run.resolved.seed)
+        times, timestep = reference.times, 2 * reference.timestep
+        perturbed = self._solve(reference.integrator, timestep, times, start)
+        if perturbed is None:
+            return None
+        qpos = reference.coarse.sampled.qpos
+        return Discrepancy.of(distances(reference.joints, perturbed.sampled.qpos, qpos)).peak
+
+    def _solve(
+        self, integrator: str, timestep: float, times: Floats, start: InitialStates
+    ) -> Solution | None:
+        resolved = with_reference_numerics(self._run.resolved, integrator, timestep)
+        prepared = self._scene.prepare(resolved, self._run.start)
+        sampled = integrate_to(prepared.model, start, times, watch=self._watch)
+        return sampled and Solution(prepared, sampled)
+
+
+def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool) -> Invariants:
+    """Return energy and momenta of a passive model at T states.
+
+    Args:
+        model: the model.
+        qpos: (T, nq) configurations.
+        qvel: (T, nv) velocities.
+        free: whether nothing external acts on it, so that momenta are conserved as well.
+    """
+    data = mujoco.MjData(model)
+    rows = np.array([_row(model, data, *each) for each in zip(qpos, qvel, strict=True)])
+    mass = float(model.body_subtreemass[0])
+    gravity = float(np.linalg.norm(model.opt.gravity))
+    off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
+    conserved = free and (off or not gravity)
+    return Invariants(
+        energy=rows[:, 0] + rows[:, 1],
+        kinetic=rows[:, 1],
+        momentum=mass * rows[:, 2:5] if conserved else None,
+        angular_momentum=rows[:, 5:8] if conserved else None,
+        mass=mass,
+        lift=0.0 if off else mass * gravity * _FALL,
+    )
+
+
+def _row(model: mujoco.MjModel, data: mujoco.MjData, qpos: Floats, qvel: Floats) -> Floats:
+    """Return (8,) potential and kinetic energy, velocity of the centre of mass, ang. momentum."""
+    data.qpos[:], data.qvel[:] = qpos, qvel
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    mujoco.mj_energyPos(model, data)
+    mujoco.mj_energyVel(model, data)
+    mujoco.mj_subtreeVel(model, data)
+    return np.concatenate([data.energy, data.subtree_linvel[0], data.subtree_angmom[0]])

@@ -1,0 +1,245 @@
+"""The timing pass: every run by itself, interleaved with the others, with nothing recorded."""
+
+import base64
+import gc
+import hashlib
+import json
+import math
+import time
+from collections.abc import Generator, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.accuracy.discretization import Note
+from contactlab.accuracy.reference import PlannedModel, Watch
+from contactlab.engines import SEGMENTS, Segments, Work, count_work, time_segments, time_steps
+from contactlab.scene import (
+    ResolvedRun,
+    Scene,
+    compile_without_sensors,
+    prepare_without_sensors,
+    silence_mujoco,
+)
+from contactlab.schema import Timing, TimingAsk
+
+# CPU time of a run in a round, least and most, and of its single steps at most [s].
+MIN_SECONDS, MAX_SECONDS, STEP_SECONDS = 0.02, 0.1, 0.02
+_MAX_REPEATS = 50
+_MAX_SINGLE_STEPS = 1000
+_WARM_STEPS = 10
+_CLOCKED = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
+_COUNTED = ("steps", "iterations", "contacts", "rows")
+
+
+def count_works(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> Iterator[Note]:
+    """Yield a note of the work of each run, and of states along it from which to time it.
+
+    The models are those that are timed, so that the states fit them.
+
+    Args:
+        scene: theirs.
+        runs: runs of one structure.
+        watch: called before steps, to start their time limit.
+    """
+    compiled = compile_without_sensors(scene, runs[0].resolved)
+    for run in runs:
+        model = prepare_without_sensors(scene, run.resolved, run.start, compiled)
+        work = count_work(model, run.start, run.resolved.steps, watch)
+        yield _note_of(work) if work else {}
+
+
+def _note_of(work: Work) -> dict[str, Any]:
+    states = base64.b64encode(work.states.astype("<f8").tobytes()).decode()
+    return {**work._asdict(), "states": states}
+
+
+def _work_of(note: Note) -> Work:
+    raw = np.frombuffer(base64.b64decode(note["states"]), dtype="<f8")
+    states = raw.reshape(len(note["places"]), -1).astype(np.float64)
+    counts = (note[name] for name in _COUNTED)
+    return Work(*counts, places=tuple(note["places"]), states=states)
+
+
+def timing_seconds(request: TimingAsk, steps: Sequence[int], per_step: float) -> float:
+    """Return how long it takes to time runs, one after the other [s].
+
+    Args:
+        request: the sweep's.
+        steps: how many steps each run has.
+        per_step: what a step takes [s].
+    """
+    seconds = [min(max(each * per_step, MIN_SECONDS), MAX_SECONDS) for each in steps]
+    return request.rounds * (sum(seconds) + len(seconds) * STEP_SECONDS)
+
+
+@dataclass(frozen=True)
+class _Portion:
+    """How much of a run is timed in a round.
+
+    Attributes:
+        most: steps of each segment.
+        repeats: how often.
+        single: steps of each segment, timed one by one.
+    """
+
+    most: int
+    repeats: int
+    single: int
+
+
+class _RoundTimes(NamedTuple):
+    """What a run took in one round.
+
+    Attributes:
+        time: CPU seconds per simulated second.
+        step_p50: CPU time of a single step, median [s].
+        step_p99: the same, 99th percentile [s].
+    """
+
+    time: float
+    step_p50: float
+    step_p99: float
+
+
+@dataclass
+class InterleavedTimer:
+    """Times runs of one scene in this process.
+
+    Attributes:
+        scene: theirs.
+        rounds: how often each is timed; within a round all take turns.
+    """
+
+    scene: Scene
+    rounds: int
+    _compiled: dict[str, tuple[mujoco.MjModel, float]] = field(
+        default_factory=dict[str, tuple[mujoco.MjModel, float]]
+    )
+
+    def times(
+        self, runs: Mapping[str, ResolvedRun], work: Mapping[str, Note]
+    ) -> Iterator[tuple[str, Note]]:
+        """Yield each run's id and times, after all rounds.
+
+        Args:
+            runs: the runs, by id.
+            work: run id to what was counted of it.
+        """
+        silence_mujoco()
+        counted = [(resolved, _work_of(work[run_id])) for run_id, resolved in runs.items()]
+        with _no_garbage_collection():
+            portions = [_portion(self._segments(*each)) for each in counted]
+            rounds = [
+                [
+                    self._time(resolved, done, portion)
+                    for (resolved, done), portion in zip(counted, portions, strict=True)
+                ]
+                for _ in range(self.rounds)
+            ]
+        for (run_id, resolved), taken in zip(runs.items(), zip(*rounds, strict=True), strict=True):
+            yield run_id, _summary(taken, self._model(resolved)[1])
+
+    def _time(self, resolved: ResolvedRun, work: Work, portion: _Portion) -> _RoundTimes:
+        segments = self._segments(resolved, work)
+        seconds, steps = time_segments(segments, portion.most, portion.repeats)
+        p50, p99 = np.quantile(time_steps(segments, portion.single), (0.5, 0.99)).tolist()
+        return _RoundTimes(seconds / (steps * resolved.timestep), p50, p99)
+
+    def _segments(self, resolved: ResolvedRun, work: Work) -> Segments:
+        """Return what is timed of a run; made anew each time, so that memory does not grow."""
+        start = self.scene.starts([resolved])
+        model = prepare_without_sensors(self.scene, resolved, start, self._model(resolved)[0])
+        return Segments(model, start, work.places, work.states, work.steps)
+
+    def _model(self, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
+        """Return a run's compiled structure, and the least CPU time that compiling it took [s]."""
+        key = json.dumps([resolved.structure, sorted(resolved.without)])
+        if key not in self._compiled:
+            compiled = [_clocked_compile(self.scene, resolved) for _ in range(self.rounds)]
+            self._compiled[key] = compiled[-1][0], min(seconds for _, seconds in compiled)
+        return self._compiled[key]
+
+
+def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
+    # MuJoCo compiles meshes on threads of its own, which a thread's clock does not see.
+    begin = time.process_time()
+    compiled = compile_without_sensors(scene, resolved)
+    return compiled, time.process_time() - begin
+
+
+def _summary(rounds: Sequence[_RoundTimes], compile_time: float) -> Note:
+    times, p50, p99 = zip(*rounds, strict=True)
+    return {
+        "time_min": min(times),
+        "time_median": median(times),
+        "step_p50": median(p50),
+        "step_p99": median(p99),
+        "compile_time": compile_time,
+    }
+
+
+def _portion(segments: Segments) -> _Portion:
+    seconds, steps = time_segments(segments, _WARM_STEPS, 1)
+    cost = max(seconds / steps, 1e-7)
+    most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.places))))
+    once = cost * sum(segments.lengths(most))
+    single = min(_MAX_SINGLE_STEPS, STEP_SECONDS / cost) / len(segments.places)
+    return _Portion(
+        most=most,
+        repeats=min(_MAX_REPEATS, max(1, math.ceil(MIN_SECONDS / once))),
+        single=max(1, math.ceil(single)),
+    )
+
+
+@contextmanager
+def _no_garbage_collection() -> Generator[None]:
+    gc.collect()
+    gc.disable()
+    try:
+        yield
+    finally:
+        gc.enable()
+
+
+def timings(
+    runs: Mapping[str, ResolvedRun],
+    rounds: int,
+    work: Mapping[str, Note],
+    times: Mapping[str, Note],
+) -> dict[str, Timing]:
+    """Return times and work of every run as the table has them, by run id.
+
+    Args:
+        runs: the runs, by id.
+        rounds: how often each was timed.
+        work: run id to what was counted of it; null in the table where that is missing.
+        times: run id to its times; likewise.
+    """
+    settings = _settings_hash(rounds)
+    found: dict[str, Timing] = {}
+    for run_id, resolved in runs.items():
+        counted, clocked = work.get(run_id) or {}, times.get(run_id) or {}
+        simulated = resolved.steps * resolved.timestep
+        rates = {
+            f"work_{name}": counted[name] / simulated if counted else None for name in _COUNTED
+        }
+        columns = {name: clocked.get(name) for name in _CLOCKED}
+        found[run_id] = Timing(**columns, **rates, timing_settings=settings)
+    return found
+
+
+def _settings_hash(rounds: int) -> str:
+    settings = {
+        "version": 1,
+        "clock": "CPU time of one thread",
+        "model": "as written, without sensors that record",
+        "rounds": rounds,
+        "seconds": [MIN_SECONDS, MAX_SECONDS, STEP_SECONDS],
+        "places": SEGMENTS,
+    }
+    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
