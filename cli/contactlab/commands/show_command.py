@@ -127,7 +127,7 @@ def print_summary(path: "Address", manifest: "StoreManifest", output: Format) ->
     typer.echo(_expectations(manifest))
     _print_missed(columns)
     typer.echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
-    said = columns.listed(["label", "run_id"])
+    said = columns.to_pydict(["label", "run_id"])
     flagged = next((place for place, label in enumerate(said["label"]) if label != "stable"), 0)
     typer.echo(f"look closer: contactlab show {path} {_short_id(said['run_id'][flagged])}")
 
@@ -135,7 +135,7 @@ def print_summary(path: "Address", manifest: "StoreManifest", output: Format) ->
 def _print_missed(columns: "RunColumns") -> None:
     """Say which effects were off in runs whose bodies called for them."""
     missed: Counter[str] = Counter()
-    for text, count in Counter(columns.listed(["effects_missed"])["effects_missed"]).items():
+    for text, count in Counter(columns.to_pydict(["effects_missed"])["effects_missed"]).items():
         missed.update(dict.fromkeys(json.loads(text), count))
     for name, count in missed.most_common():
         typer.echo(f"{name} is off, and {count:,} of {columns.runs:,} runs called for it")
@@ -177,7 +177,7 @@ def _print_shares(columns: "RunColumns") -> None:
     """Print, for each value of each axis, how many of its runs are stable and what the rest are."""
     lines: list[tuple[object, ...]] = []
     for axis in columns.axis_names:
-        said = columns.listed([axis, "label"])
+        said = columns.to_pydict([axis, "label"])
         counts: dict[object, Counter[str]] = {}
         for (value, label), count in Counter(zip(said[axis], said["label"], strict=True)).items():
             counts.setdefault(value, Counter())[label] = count

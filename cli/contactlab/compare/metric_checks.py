@@ -138,7 +138,7 @@ class MetricPairs:
     def check(self, subject: CheckSubject, rule: MetricTolerance) -> Check:
         """Return what comes of judging these values by a rule."""
         verdicts = value_gaps(self.baseline, self.candidate, self.exempt)
-        both = self.baseline.given & self.candidate.given & (verdicts == SAME)
+        both = self.baseline.valid & self.candidate.valid & (verdicts == SAME)
         applies = both | (verdicts != SAME)
         if not applies.any():
             return make_check(subject, verdicts[:0], "applies to no run")
@@ -220,7 +220,7 @@ def _within(rule: MetricTolerance) -> str:
 
 
 def _pair_value(numbers: NumberColumn, place: int) -> float | str | None:
-    if not numbers.given[place]:
+    if not numbers.valid[place]:
         return None
     value = float(numbers.values[place])
     return value if np.isfinite(value) else str(value)
@@ -261,13 +261,13 @@ def value_gaps(
         exempt: (n,) pairs of which one value was not asked for.
     """
     verdicts = np.zeros(len(baseline.values), dtype=np.int8)
-    one = baseline.given != candidate.given
+    one = baseline.valid != candidate.valid
     if exempt is not None:
         one &= ~exempt
-    verdicts[one & baseline.given] = MISSING
-    verdicts[one & candidate.given] = CHANGED
+    verdicts[one & baseline.valid] = MISSING
+    verdicts[one & candidate.valid] = CHANGED
     for side in (baseline, candidate):
-        verdicts[side.given & ~np.isfinite(side.values)] = NOT_COMPARABLE
+        verdicts[side.valid & ~np.isfinite(side.values)] = NOT_COMPARABLE
     return verdicts
 
 

@@ -69,13 +69,13 @@ class PairedStores:
 
     def labels(self, side: OpenedStore) -> NDArray[np.int64]:
         """Return each pair's worst label on one side, as its place in `ranks`."""
-        codes, words = side.columns.words("label")
+        codes, words = side.columns.strings("label")
         places = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
         return places[codes[self._rows(side)]]
 
     def label_sets(self, side: OpenedStore) -> NDArray[np.int64]:
         """Return each pair's labels on one side: bit i says that label i of `ranks` applies."""
-        masks, words = side.columns.word_sets("labels")
+        masks, words = side.columns.string_sets("labels")
         rows = self._rows(side)
         translated = np.int64(1) << self.labels(side)
         for bit, word in enumerate(words):

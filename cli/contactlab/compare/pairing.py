@@ -37,7 +37,7 @@ class Pairing(NamedTuple):
 
 def pair_by_id(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
     """Pair runs of one id: of equal scene content, settings, seed and duration."""
-    return pair(baseline.columns.keys("run_id"), candidate.columns.keys("run_id"))
+    return pair(baseline.columns.byte_strings("run_id"), candidate.columns.byte_strings("run_id"))
 
 
 def pair_by_axes(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
@@ -108,7 +108,7 @@ def _codes(baseline: OpenedStore, candidate: OpenedStore, name: str) -> NDArray[
     known: dict[str, int] = {}
     parts: list[NDArray[np.int64]] = []
     for side in sides:
-        codes, words = side.columns.words(name)
+        codes, words = side.columns.strings(name)
         places = [known.setdefault(word, len(known) + 1) for word in words]
         # The last place is that of runs without a value, whose code is -1.
         parts.append(np.array([*places, 0], dtype=np.int64)[codes])
@@ -161,5 +161,5 @@ def _column(baseline: OpenedStore, axis: str) -> tuple[NDArray[np.int64], list[s
         values = rounded(baseline.columns.numbers(axis).values)
         distinct, codes = np.unique(values, return_inverse=True)
         return codes, [f"{value:.9g}" for value in distinct.tolist()]
-    codes, words = baseline.columns.words(axis)
+    codes, words = baseline.columns.strings(axis)
     return codes, [*words, "none"]

@@ -124,7 +124,7 @@ def _sample(compared: PairedStores, runs: int) -> list[int]:
     through = np.ones(len(rows[0]), dtype=np.bool_)
     for side, of_side in zip(sides, rows, strict=True):
         for column, wanted in (("status", "ok"), ("engine_name", "mujoco")):
-            codes, words = side.columns.words(column)
+            codes, words = side.columns.strings(column)
             fine = np.array([word == wanted for word in words] + [False])
             through &= fine[codes[of_side]]
     good = np.flatnonzero(through)

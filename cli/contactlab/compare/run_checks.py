@@ -50,8 +50,8 @@ def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Chec
 
 def bitwise_equal(compared: PairedStores) -> Flags:
     """Return which pairs (n,) have equal trajectories, bit for bit."""
-    before = compared.baseline.columns.keys("trajectory_hash")[compared.pairing.baseline]
-    after = compared.candidate.columns.keys("trajectory_hash")[compared.pairing.candidate]
+    before = compared.baseline.columns.byte_strings("trajectory_hash")[compared.pairing.baseline]
+    after = compared.candidate.columns.byte_strings("trajectory_hash")[compared.pairing.candidate]
     return (before == after) & (before != b"")
 
 
@@ -69,7 +69,7 @@ def knife_edge_check(compared: PairedStores, flags: Flags) -> Check:
     total = len(flags)
     too_many = after > max(rules.max_share * total, before)
     verdict = np.full(1, WORSE if too_many else SAME, dtype=np.int8)
-    asked = any(side.given.any() for side in compared.numbers("knife_edge"))
+    asked = any(side.valid.any() for side in compared.numbers("knife_edge"))
     allowed = format_percent(rules.max_share)
     text = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
     apart = f"; {plural(int(flags.sum()))} set apart" if rules.exclude and flags.any() else ""
@@ -83,9 +83,9 @@ def expectation_checks(compared: PairedStores) -> Iterator[Check]:
         verdicts = np.full(len(before.values), SAME, dtype=np.int8)
         verdicts[(before.values == 1) & (after.values == 0)] = WORSE
         verdicts[(before.values == 0) & (after.values == 1)] = BETTER
-        verdicts[(before.values == 1) & ~after.given] = MISSING
-        verdicts[~before.given & (after.values == 0)] = CHANGED
-        judged = before.given | after.given
+        verdicts[(before.values == 1) & ~after.valid] = MISSING
+        verdicts[~before.valid & (after.values == 0)] = CHANGED
+        judged = before.valid | after.valid
         met = f"{out_of(int((after.values == 1).sum()), int(judged.sum()))} within {name}"
         text = met if judged.any() else f"the sweep has no {name}"
         shown = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()

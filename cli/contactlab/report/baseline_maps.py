@@ -79,7 +79,7 @@ def compare_with_baseline(gathered: ReportData, baseline: Store) -> BaselineComp
 
 def _policy(baseline: Store, candidate: Store) -> ComparePolicy:
     """Return a policy that pairs runs by id, or by axes where no id is shared."""
-    ids, other = (each.columns.keys("run_id") for each in (baseline, candidate))
+    ids, other = (each.columns.byte_strings("run_id") for each in (baseline, candidate))
     match = "id" if np.isin(ids, other).any() else "axes"
     return DEFAULT_POLICY.model_copy(update={"match": match})
 

@@ -73,7 +73,7 @@ def read_boundary(store: Store, axes: tuple[GridAxis, ...]) -> Boundary | None:
     axis = next((each for each in axes if law and each.name == law.axis), None)
     if law is None or axis is None or not np.isfinite(axis.marks).all():
         return None
-    codes, words = store.columns.words("pairs")
+    codes, words = store.columns.strings("pairs")
     known = np.array([_critical(law, word) for word in words])
     return Boundary(axis, law.told, known[codes])
 

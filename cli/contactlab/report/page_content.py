@@ -36,7 +36,7 @@ def runs_with_series(
     """
     if not most:
         return []
-    ids = store.columns.keys("run_id")
+    ids = store.columns.byte_strings("run_id")
     wanted = dict.fromkeys(_ordered(ids, outcomes, plane, report))
     return list(wanted)[:most]
 
@@ -253,7 +253,7 @@ def _columns(
     store, outcomes = gathered.store, gathered.outcomes
     bits = 23 if len(rows) <= _FEW else _SHORT
     columns: dict[str, NDArray[Any]] = {
-        "id": run_id_halves(store.columns.keys("run_id")[rows]),
+        "id": run_id_halves(store.columns.byte_strings("run_id")[rows]),
         "label": packed_integers(outcomes.codes[rows]),
         "labels": (outcomes.masks[rows] & 0xFFFFFFFF).astype("u4"),
         "labels:high": (outcomes.masks[rows] >> 32).astype("u4"),

@@ -90,7 +90,7 @@ def unexpected_runs(store: Store) -> list[UnexpectedRun]:
     """Return the first runs that are not as expected."""
     if not store.manifest.expectations.get("unmet", 0):
         return []
-    columns = store.columns.listed(["run_id", "label", "expectation_met", "expectation_reason"])
+    columns = store.columns.to_pydict(["run_id", "label", "expectation_met", "expectation_reason"])
     rows = zip(*columns.values(), strict=True)
     found = (UnexpectedRun(run, label, why or "") for run, label, met, why in rows if met is False)
     return [each for _, each in zip(range(MOST_MISSED), found, strict=False)]

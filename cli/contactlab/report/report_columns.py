@@ -68,7 +68,7 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     metadata = columns.schema.field(name).metadata or {}
     unit = metadata.get(b"unit", b"").decode()
     if not columns.is_number(name):
-        codes, words = columns.words(name)
+        codes, words = columns.strings(name)
         known = tuple(word.strip() for word in words)
         shown = (*known, "none") if (codes < 0).any() else known
         places = np.where(codes < 0, len(known), codes)
@@ -209,7 +209,7 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         store: the store.
         also: labels that are to be named beside those that occur.
     """
-    codes, words = store.columns.words("label")
+    codes, words = store.columns.strings("label")
     told = [str(name) for name in store.columns.shared.get("severity", ())]
     ranks = {name: rank for rank, name in enumerate([*LABELS, *told])}
     named = dict.fromkeys((*words, *also))
@@ -219,7 +219,7 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     failures = [name for name in names if name != STABLE]
     letters = dict(zip(failures, _letters(failures), strict=True))
     colours = {name: _colour(rank) for rank, name in enumerate(failures)}
-    masks, every = store.columns.word_sets("labels")
+    masks, every = store.columns.string_sets("labels")
     return RunLabels(
         names=tuple(names),
         letters=tuple(letters.get(name, "") for name in names),

@@ -123,7 +123,7 @@ def _places(store: Store, names: tuple[str, ...]) -> Codes:
         if store.columns.is_number(name):
             _, own = np.unique(store.columns.numbers(name).values, return_inverse=True)
         else:
-            own = store.columns.words(name).codes + 1
+            own = store.columns.strings(name).codes + 1
         _, codes = np.unique(codes * (int(own.max()) + 1) + own, return_inverse=True)
     _, firsts, inverse = np.unique(codes, return_index=True, return_inverse=True)
     ranks = np.empty(len(firsts), dtype=np.int64)

@@ -91,7 +91,7 @@ class Store:
         Raises:
             StoreError: no run or more than one has this id.
         """
-        ids: list[str] = self.columns.listed(["run_id"])["run_id"]
+        ids: list[str] = self.columns.to_pydict(["run_id"])["run_id"]
         found = [run_id for run_id in ids if run_id.startswith(run)]
         if not found:
             hint = did_you_mean(run, ids)

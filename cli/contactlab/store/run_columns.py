@@ -15,18 +15,19 @@ from contactlab.errors import StoreError
 from contactlab.store.runs_table import TABLE, shared_fields, table_errors
 from contactlab.store.store_address import Address
 
-_MOST_WORDS = 64
+_MAX_CATEGORIES = 64
+"""A bit each in a 64-bit mask."""
 
 
 @dataclass(frozen=True)
 class MeasuredColumn:
-    """What a stored column of measured values says of itself.
+    """Metadata of a column of measured values.
 
     Attributes:
         name: its name.
         unit: its unit.
         better: lower, higher or none.
-        resolution: magnitude below which a value is 0, in its unit.
+        resolution: magnitude below which a value counts as 0, in its unit.
         second_pass: whether it is measured in the second pass.
     """
 
@@ -41,51 +42,51 @@ class NumberColumn(NamedTuple):
     """A column of numbers.
 
     Attributes:
-        values: (n,), NaN where there is none.
-        given: (n,), whether there is one; what is given may be NaN too.
+        values: (n,) NaN where there is none.
+        valid: (n,) whether there is one; a valid value may be NaN too.
     """
 
     values: NDArray[np.float64]
-    given: NDArray[np.bool_]
+    valid: NDArray[np.bool_]
 
     def at(self, rows: NDArray[np.intp]) -> "NumberColumn":
         """Return the numbers of some rows."""
-        return NumberColumn(self.values[rows], self.given[rows])
+        return NumberColumn(self.values[rows], self.valid[rows])
 
 
 class StringColumn(NamedTuple):
-    """A column of words, or of lists of them.
+    """A dictionary-encoded column of strings, or of lists of strings.
 
     Attributes:
-        codes: (n,) the place of a run's word in `words`, -1 for none; of lists a mask, whose bit
-            i says that word i is in it.
-        words: the words that occur.
+        codes: (n,) index of a run's string in `categories`, -1 for none; of lists a bit mask,
+            whose bit i says whether category i is in the list.
+        categories: the strings that occur.
     """
 
     codes: NDArray[np.int64]
-    words: tuple[str, ...]
+    categories: tuple[str, ...]
 
 
 class RunColumns:
-    """The table of a store, column by column.
+    """The table of a store, read column by column on demand.
 
     Args:
         store: the folder that holds it.
-        named: what messages call the store, if it is not that folder.
+        address: the store's address for error messages, if it is not that folder.
 
     Raises:
-        StoreError: there is no table, it is damaged, or it lacks a column that was asked for.
+        StoreError: there is no table, it is damaged, or it lacks a requested column.
     """
 
-    def __init__(self, store: Path, named: Address | None = None) -> None:
-        self.path = (store if named is None else named) / TABLE
+    def __init__(self, store: Path, address: Address | None = None) -> None:
+        self.path = (address or store) / TABLE
         with table_errors(self.path):
             self._file = pq.ParquetFile(store / TABLE)
-        self._last: tuple[int, pa.Table] | None = None
+        self._latest: tuple[int, pa.Table] | None = None
 
     @property
     def runs(self) -> int:
-        """How many runs there are."""
+        """The number of runs."""
         return self._file.metadata.num_rows
 
     @cached_property
@@ -95,54 +96,54 @@ class RunColumns:
 
     @cached_property
     def shared(self) -> Mapping[str, Any]:
-        """What all runs have in common."""
+        """The fields that all runs share."""
         return shared_fields(self.schema)
 
     @cached_property
     def measured(self) -> Mapping[str, MeasuredColumn]:
-        """The columns of measured values by name, in their order."""
+        """The columns of measured values by name, in table order."""
         found = (_measured(field) for field in self.schema)
         return {each.name: each for each in found if each.better}
 
     @cached_property
     def axis_names(self) -> tuple[str, ...]:
-        """The names of the axes that runs were swept over, in the table's order."""
+        """The names of the swept axes, in table order."""
         used = set(self._read("axis_names").flatten().unique().to_pylist())
         return tuple(name for name in self.schema.names if name in used)
 
     def is_number(self, name: str) -> bool:
-        """Tell whether a column holds numbers or truth values."""
+        """Return whether a column holds numbers or booleans."""
         kind = self.schema.field(name).type
         return pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)
 
     def numbers(self, name: str) -> NumberColumn:
-        """Return a column of numbers, or of truth values as 1 and 0."""
+        """Return a column of numbers, or of booleans as 1 and 0."""
         column = self._read(name)
-        given = np.asarray(column.is_valid())
         values = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
-        return NumberColumn(values, given)
+        return NumberColumn(values, np.asarray(column.is_valid()))
 
-    def words(self, name: str) -> StringColumn:
-        """Return a column of words."""
+    def strings(self, name: str) -> StringColumn:
+        """Return a column of strings."""
         encoded = self._read(name).dictionary_encode()
         codes = encoded.indices.fill_null(-1).to_numpy(zero_copy_only=False)
         return StringColumn(codes.astype(np.int64), tuple(encoded.dictionary.to_pylist()))
 
-    def word_sets(self, name: str) -> StringColumn:
-        """Return a column of lists of words, of which at most 64 differ."""
+    def string_sets(self, name: str) -> StringColumn:
+        """Return a column of lists of strings, of at most 64 different ones."""
         lists = self._read(name)
         encoded = lists.flatten().dictionary_encode()
-        words = tuple(encoded.dictionary.to_pylist())
-        if len(words) > _MOST_WORDS:
-            raise StoreError(f"{self.path} is damaged: {len(words)} different words in '{name}'")
+        categories = tuple(encoded.dictionary.to_pylist())
+        if len(categories) > _MAX_CATEGORIES:
+            count = len(categories)
+            raise StoreError(f"{self.path} is damaged: {count} different strings in '{name}'")
         bits = np.int64(1) << np.asarray(encoded.indices).astype(np.int64)
         masks = np.zeros(self.runs, dtype=np.int64)
         rows = np.asarray(lists.value_parent_indices())
         np.bitwise_or.at(masks, rows, bits)
-        return StringColumn(masks, words)
+        return StringColumn(masks, categories)
 
-    def keys(self, name: str) -> NDArray[np.bytes_]:
-        """Return (n,) words as bytes of one length, for hashes; empty where there is none."""
+    def byte_strings(self, name: str) -> NDArray[np.bytes_]:
+        """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
         column = self._read(name).fill_null("")
         return column.to_numpy(zero_copy_only=False).astype("S")
 
@@ -150,27 +151,27 @@ class RunColumns:
         """Return run id, seed and axis values of some runs."""
         return self._identities.take(pa.array(rows, pa.int64())).to_pylist()
 
-    def listed(self, names: Sequence[str]) -> dict[str, list[Any]]:
-        """Return some columns as lists of plain values, None where there is none."""
+    def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
+        """Return some columns as lists of Python values, None where null."""
         with table_errors(self.path):
             return self._file.read(columns=list(names)).to_pydict()
 
-    def row(self, place: int) -> dict[str, Any]:
-        """Return one run as the table has it, without reading all others."""
+    def row(self, index: int) -> dict[str, Any]:
+        """Return one row of the table, reading no more than its row group."""
         first = 0
         for group in range(self._file.num_row_groups):
             runs = self._file.metadata.row_group(group).num_rows
-            if place < first + runs:
-                return self._group(group).slice(place - first, 1).to_pylist()[0]
+            if index < first + runs:
+                return self._group(group).slice(index - first, 1).to_pylist()[0]
             first += runs
-        raise StoreError(f"{self.path} has no row {place}")
+        raise StoreError(f"{self.path} has no row {index}")
 
     def _group(self, group: int) -> pa.Table:
-        """Return one row group; the last one is kept, since rows are asked for in order."""
-        if self._last is None or self._last[0] != group:
+        """Return a row group; the latest is cached, since rows are read in order."""
+        if self._latest is None or self._latest[0] != group:
             with table_errors(self.path):
-                self._last = (group, self._file.read_row_group(group))
-        return self._last[1]
+                self._latest = (group, self._file.read_row_group(group))
+        return self._latest[1]
 
     @cached_property
     def _identities(self) -> pa.Table:

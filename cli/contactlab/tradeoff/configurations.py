@@ -83,7 +83,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     known = {*names, *BESIDE, *ESTIMATES.values(), *FLAGS}
     wanted = [name for name in known if name in columns.schema.names]
     fixed = ["run_id", "seed", "label"]
-    values = columns.listed(list(dict.fromkeys((*fixed, *axes))))
+    values = columns.to_pydict(list(dict.fromkeys((*fixed, *axes))))
 
     def of(kind: Role) -> dict[str, list[Setting]]:
         return {name: values[name] for name in axes if roles.get(name, "knob") == kind}
@@ -95,7 +95,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         seeds=values["seed"],
         labels=values["label"],
         numbers={name: columns.numbers(name).values for name in wanted},
-        solref_rules=columns.words(_RULE).words if _RULE in columns.schema.names else (),
+        solref_rules=columns.strings(_RULE).categories if _RULE in columns.schema.names else (),
     )
 
 

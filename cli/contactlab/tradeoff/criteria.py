@@ -92,7 +92,7 @@ def _spread(store: Store) -> float | None:
 
 def _against(store: Store) -> str | None:
     """Return what errors are of; all runs of a sweep have one kind."""
-    return next(iter(store.columns.words("error_kind").words), None)
+    return next(iter(store.columns.strings("error_kind").categories), None)
 
 
 def _kind(name: str) -> Literal["discretisation", "modelling", "metric"]:
@@ -123,7 +123,7 @@ def _check_number(store: Store, name: str) -> None:
 
 def _is_measured(store: Store, name: str) -> bool:
     columns = store.columns
-    return name in columns.schema.names and bool(columns.numbers(name).given.any())
+    return name in columns.schema.names and bool(columns.numbers(name).valid.any())
 
 
 def _unit(store: Store, name: str) -> str:

@@ -31,7 +31,7 @@ def recommended_sweep(
     assert report.recommendation is not None
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     chosen = report.recommendation.configuration
-    first = 1 + max(store.columns.listed(["seed"])["seed"])
+    first = 1 + max(store.columns.to_pydict(["seed"])["seed"])
     knobs = {name: [value] for name, value in chosen.items() if name not in sweep.effects}
     blocks = _scenarios(store, report.scenarios)
     askable = {*store.manifest.sweep.metric_versions, *ERRORS}
@@ -76,7 +76,7 @@ def _lines(content: Mapping[str, object]) -> Iterator[str]:
 
 def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
     """Return the scenarios as axes that advance together, each of them once."""
-    columns = store.columns.listed(names)
+    columns = store.columns.to_pydict(names)
     rows = dict.fromkeys(zip(*columns.values(), strict=True))
     values: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
     return {

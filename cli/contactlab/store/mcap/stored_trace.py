@@ -29,7 +29,7 @@ _UNITS = {
     "iterations": "1",
     "iterations_most": "1",
     "momentum": "kg m/s",
-    "spin": "kg m^2/s",
+    "angular_momentum": "kg m^2/s",
 }
 
 
@@ -92,7 +92,7 @@ class StoredTrace:
         iterations: (N,) solver iterations, summed over contact islands.
         iterations_most: (N,) solver iterations of the busiest island.
         momentum: (N, 3) linear momentum [kg m/s], or None where it was not recorded.
-        spin: (N, 3) angular momentum [kg m^2/s], or None likewise.
+        angular_momentum: (N, 3) angular momentum [kg m^2/s], or None likewise.
         pairs: the graded contact pairs.
         record_json: the EvidenceRecord.
         metadata: the run's identity.
@@ -109,7 +109,7 @@ class StoredTrace:
     iterations: Integers
     iterations_most: Integers
     momentum: Floats | None
-    spin: Floats | None
+    angular_momentum: Floats | None
     pairs: tuple[StoredPair, ...]
     record_json: bytes
     metadata: Mapping[str, str]

@@ -93,7 +93,7 @@ def _step_arrays(step: NDArray[np.void], *, momentum: bool) -> dict[str, Any]:
         "iterations": step["solver_iterations"].astype(np.int32),
         "iterations_most": step["solver_iterations_most"].astype(np.int32),
         "momentum": step["linear_momentum"].copy() if momentum else None,
-        "spin": step["angular_momentum"].copy() if momentum else None,
+        "angular_momentum": step["angular_momentum"].copy() if momentum else None,
     }
 
 

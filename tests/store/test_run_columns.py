@@ -20,18 +20,18 @@ def test_columns_are_the_rows(store: Path) -> None:
     assert columns.axis_names == ("timestep",)
     numbers = columns.numbers("depth")
     assert numbers.values.tolist() == [row["depth"] for row in rows]
-    assert numbers.given.all()
+    assert numbers.valid.all()
     nothing = columns.numbers("gain")
     assert np.isnan(nothing.values).all()
-    assert not nothing.given.any()
-    codes, words = columns.words("label")
+    assert not nothing.valid.any()
+    codes, words = columns.strings("label")
     assert [words[code] for code in codes] == [row["label"] for row in rows]
-    assert columns.words("status_reason").codes.tolist() == [-1, -1, -1]
-    assert columns.keys("run_id").tolist() == [row["run_id"].encode() for row in rows]
+    assert columns.strings("status_reason").codes.tolist() == [-1, -1, -1]
+    assert columns.byte_strings("run_id").tolist() == [row["run_id"].encode() for row in rows]
     assert columns.identify([2, 0]) == [
         {name: rows[place][name] for name in ("run_id", "seed", "timestep")} for place in (2, 0)
     ]
-    assert columns.listed(["label", "index"]) == {
+    assert columns.to_pydict(["label", "index"]) == {
         name: [row[name] for row in rows] for name in ("label", "index")
     }
 
@@ -39,7 +39,7 @@ def test_columns_are_the_rows(store: Path) -> None:
 def test_truth_values_are_numbers(store: Path) -> None:
     columns = Store.open(store).columns
     assert columns.is_number("expectation_met")
-    assert not columns.numbers("expectation_met").given.any()
+    assert not columns.numbers("expectation_met").valid.any()
     assert not columns.is_number("label")
 
 
@@ -54,7 +54,7 @@ def test_word_sets_are_masks(
     journal = tmp_path / "rows"
     journal.write_text("".join(json.dumps(row) + "\n" for row in rows))
     write_table(journal, tmp_path / "runs.parquet", columns_of(records), shared_part(records[0]))
-    masks, words = RunColumns(tmp_path).word_sets("labels")
+    masks, words = RunColumns(tmp_path).string_sets("labels")
     found = [[word for bit, word in enumerate(words) if mask >> bit & 1] for mask in masks]
     assert [sorted(each) for each in found] == [sorted(each) for each in labels]
 
