@@ -1,12 +1,9 @@
 """Engines: from compiled models and start states to recorded trajectories."""
 
-from contactlab.engines.checks import run_checks
-from contactlab.engines.geometry import body_names, moving_bodies, poses, shapes
 from contactlab.engines.impulse import roll_out_by_impulse
 from contactlab.engines.integration import SampledStates, integrate_to
-from contactlab.engines.loose import loose_bodies, loose_energy
 from contactlab.engines.rollout import Buffers, Rollout, bytes_of_run, roll_out
-from contactlab.engines.speeds import pair_speeds
+from contactlab.engines.self_checks import run_checks
 from contactlab.engines.step_timing import (
     SEGMENTS,
     Segments,
@@ -24,20 +21,13 @@ __all__ = [
     "SampledStates",
     "Segments",
     "Work",
-    "body_names",
     "bytes_of_run",
     "count_work",
     "integrate_to",
-    "loose_bodies",
-    "loose_energy",
     "make_trace",
-    "moving_bodies",
-    "pair_speeds",
-    "poses",
     "roll_out",
     "roll_out_by_impulse",
     "run_checks",
-    "shapes",
     "time_segments",
     "time_steps",
     "trajectory_hash",

@@ -16,10 +16,10 @@ from contactlab.contact import (
     Floats,
     Form,
 )
-from contactlab.engines import body_names, moving_bodies, poses, shapes
 from contactlab.errors import StoreError
 from contactlab.scene import PreparedModel
 from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.view.drawn_shapes import body_names, moving_bodies, poses, shapes
 
 
 def read_motion(

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import pair_speeds
 from contactlab.scene import MonitoredPair, actuated_limbs
 from contactlab.schema import CheckReport, CheckResult, Measure
+from contactlab.studies.check.timestep_check import pair_speeds
 
 One = Callable[..., CheckResult]
 Checked = Callable[..., CheckReport]

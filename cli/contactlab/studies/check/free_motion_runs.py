@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.engines import loose_bodies, loose_energy
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner, Values
+from contactlab.studies.check.free_body_energy import free_body_energy, single_free_bodies
 
 _SAMPLE = 0.25
 """When trajectories are compared [s]: before a chaotic motion parts them for other reasons."""
@@ -207,13 +207,15 @@ def _motion(target: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotio
 def free_flying_bodies(target: CheckedModel) -> tuple[int, ...]:
     """Return the bodies that fly by themselves beside a mechanism; none if there is no other."""
     model = target.prepared.model
-    loose = loose_bodies(model)
+    loose = single_free_bodies(model)
     return loose if model.nv > 6 * len(loose) else ()
 
 
 def _apart(target: CheckedModel, tried: CheckRun) -> tuple[Floats, Floats]:
     trace = tried.trace
-    return loose_energy(target.prepared.model, free_flying_bodies(target), trace.qpos, trace.qvel)
+    return free_body_energy(
+        target.prepared.model, free_flying_bodies(target), trace.qpos, trace.qvel
+    )
 
 
 def _still(target: CheckedModel) -> dict[str, object]:

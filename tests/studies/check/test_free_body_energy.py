@@ -1,9 +1,9 @@
-"""The energy of loose bodies: theirs and the mechanism's are the whole, as the engine has it."""
+"""The energies of free bodies and of the mechanism add up to that of the whole model."""
 
 import mujoco
 import numpy as np
 
-from contactlab.engines import loose_bodies, loose_energy
+from contactlab.studies.check.free_body_energy import free_body_energy, single_free_bodies
 
 MODEL = """<mujoco>
   <option gravity="1 -2 -9"/>
@@ -20,13 +20,13 @@ MODEL = """<mujoco>
 </mujoco>"""
 
 
-def test_loose_bodies_have_nothing_that_moves_on_them() -> None:
+def test_a_single_free_body_carries_no_moving_body() -> None:
     model = mujoco.MjModel.from_xml_string(MODEL)
-    assert [model.body(each).name for each in loose_bodies(model)] == ["ball"]
+    assert [model.body(each).name for each in single_free_bodies(model)] == ["ball"]
 
 
 def test_without_the_body_the_rest_is_left() -> None:
-    """E(whole) - E(loose) is the engine's energy of the same model without the loose body."""
+    """E(whole) - E(free body) is MuJoCo's energy of the same model without the free body."""
     whole = mujoco.MjModel.from_xml_string(MODEL)
     spec = mujoco.MjSpec.from_string(MODEL)
     spec.delete(spec.body("ball"))
@@ -38,7 +38,7 @@ def test_without_the_body_the_rest_is_left() -> None:
             qpos[start : start + 4] /= np.linalg.norm(qpos[start : start + 4])
         qvel = generator.normal(size=whole.nv)
         energies = [_energy(model, qpos[-model.nq :], qvel[-model.nv :]) for model in (whole, rest)]
-        loose = loose_energy(whole, loose_bodies(whole), qpos[None], qvel[None])
+        loose = free_body_energy(whole, single_free_bodies(whole), qpos[None], qvel[None])
         left = energies[0] - np.concatenate(loose)
         # Sums of some tens of joules: rounding stays below 1e-12 of them.
         np.testing.assert_allclose(left, energies[1], atol=1e-11)

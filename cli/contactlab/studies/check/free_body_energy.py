@@ -1,4 +1,4 @@
-"""The energy of bodies that fly by themselves, apart from that of the mechanisms beside them."""
+"""The energy of single free bodies, which a mechanism beside them does not share."""
 
 from collections.abc import Sequence
 
@@ -10,25 +10,25 @@ from contactlab.contact import Floats, rotation_matrices
 _FREE_DOFS = 6
 
 
-def loose_bodies(model: mujoco.MjModel) -> tuple[int, ...]:
-    """Return the bodies on a free joint on which nothing hangs that moves."""
+def single_free_bodies(model: mujoco.MjModel) -> tuple[int, ...]:
+    """Return the bodies on a free joint that carry no other moving body."""
     joints = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
     trees = model.dof_treeid[model.jnt_dofadr[joints]]
     alone = model.tree_dofnum[trees] == _FREE_DOFS
     return tuple(model.jnt_bodyid[joints[alone]].tolist())
 
 
-def loose_energy(
+def free_body_energy(
     model: mujoco.MjModel, bodies: Sequence[int], qpos: Floats, qvel: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the kinetic and the potential energy of some loose bodies [J], (N,) each.
+    """Return the kinetic and the potential energy of some single free bodies [J], (N,) each.
 
-    With M the body's 6 x 6 inertia in its own axes, kinetic energy is that of its velocity in
-    these axes, as both do not change with the pose.
+    Kinetic energy is v' M v / 2 with the body's 6 x 6 inertia M and its velocity v along its own
+    axes, where M does not change with the pose.
 
     Args:
         model: the run's model.
-        bodies: loose bodies.
+        bodies: single free bodies.
         qpos: (N, nq) configurations.
         qvel: (N, nv) velocities.
     """
@@ -48,7 +48,7 @@ def loose_energy(
 
 
 def _inertia(model: mujoco.MjModel, place: int, dof: int) -> Floats:
-    """Return the 6 x 6 inertia of a free joint in the axes of its body: mass, then turning."""
+    """Return the 6 x 6 inertia of a free joint along its body's axes: linear, then angular."""
     data = mujoco.MjData(model)
     data.qpos[place : place + 7] = [0, 0, 0, 1, 0, 0, 0]
     mujoco.mj_forward(model, data)
@@ -61,5 +61,5 @@ def _inertia(model: mujoco.MjModel, place: int, dof: int) -> Floats:
 
 
 def _moment(inertia: Floats) -> Floats:
-    """Return mass times centre of mass [kg m], which ties linear to angular velocity."""
+    """Return mass times centre of mass [kg m], which couples linear and angular velocity."""
     return np.array([inertia[1, 5], inertia[2, 3], inertia[0, 4]])
