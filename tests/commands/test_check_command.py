@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from contactlab.schema import CheckReport, published
+from contactlab.schema import CheckReport, json_schemas
 
 Run = Callable[..., Any]
 
@@ -53,7 +53,7 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     assert (code, err) == (0, "")
     data = json.loads(out)
     assert data == json.loads((tmp_path / "out/check.json").read_text())
-    Draft202012Validator(published()["check.schema.json"]).validate(data)
+    Draft202012Validator(json_schemas()["check.schema.json"]).validate(data)
     report = CheckReport.model_validate(data)
     assert report.passed
     assert report.overrides == ("duration=0.3", "margin=0", "solref=0.005 1")
@@ -61,7 +61,7 @@ def test_a_model_that_passes_as_json(contactlab: Run, tmp_path: Path) -> None:
     assert list(verdicts) == ["timestep", "free_motion", "flat_contact", "hold", "repeat", "shells"]
     assert set(verdicts.values()) <= {"pass", "not applicable"}
     reference = json.loads((tmp_path / "out/reference.json").read_text())
-    Draft202012Validator(published()["reference.schema.json"]).validate(reference)
+    Draft202012Validator(json_schemas()["reference.schema.json"]).validate(reference)
 
 
 def test_the_evidence_stands_by_itself(contactlab: Run, tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from jsonschema import Draft7Validator, Draft202012Validator
 from pydantic import ValidationError
 
 from contactlab import resources
-from contactlab.schema import Sweep, drift, published, written
-from contactlab.schema.export import EMITTED, WRITTEN
+from contactlab.schema import Sweep, json_schemas, schema_drift, write_json_schemas
+from contactlab.schema.json_schemas import EMITTED, WRITTEN
 
 GOOD: dict[str, Any] = {
     "version": 1,
@@ -83,7 +83,7 @@ BAD: list[dict[str, Any]] = [
 
 
 def validator() -> Draft7Validator:
-    schema = published()["sweep.schema.json"]
+    schema = json_schemas()["sweep.schema.json"]
     Draft7Validator.check_schema(schema)
     return Draft7Validator(schema)
 
@@ -139,7 +139,7 @@ def parts(schema: object) -> Iterator[dict[str, Any]]:
 
 @pytest.mark.parametrize("name", sorted(WRITTEN))
 def test_schemas_of_files_that_people_write_are_draft_07(name: str) -> None:
-    schema = published()[name]
+    schema = json_schemas()[name]
     assert schema["$schema"] == "http://json-schema.org/draft-07/schema#"
     for part in parts(schema):
         assert not {"prefixItems", "$defs", "discriminator"} & set(part)
@@ -148,25 +148,25 @@ def test_schemas_of_files_that_people_write_are_draft_07(name: str) -> None:
 
 
 def test_every_key_of_a_sweep_file_is_described() -> None:
-    for part in parts(published()["sweep.schema.json"]):
+    for part in parts(json_schemas()["sweep.schema.json"]):
         for name, key in part.get("properties", {}).items():
             assert key.get("description"), name
 
 
 def test_drift_is_what_differs_from_the_models(tmp_path: Path) -> None:
-    assert drift(tmp_path) == list(published())
-    paths = written(tmp_path / "new")
-    assert [path.name for path in paths] == list(published())
-    assert drift(tmp_path / "new") == []
+    assert schema_drift(tmp_path) == list(json_schemas())
+    paths = write_json_schemas(tmp_path / "new")
+    assert [path.name for path in paths] == list(json_schemas())
+    assert schema_drift(tmp_path / "new") == []
     schema = json.loads(paths[0].read_text(encoding="utf-8"))
     paths[0].write_text(json.dumps(schema | {"title": "changed"}), encoding="utf-8")
-    assert drift(tmp_path / "new") == [paths[0].name]
+    assert schema_drift(tmp_path / "new") == [paths[0].name]
 
 
 @pytest.mark.parametrize("name", sorted(EMITTED))
 def test_schemas_of_files_that_contactlab_writes_are_sound(name: str) -> None:
-    Draft202012Validator.check_schema(published()[name])
+    Draft202012Validator.check_schema(json_schemas()[name])
 
 
 def test_the_published_schemas_are_those_of_the_models() -> None:
-    assert drift(resources.schemas()) == []
+    assert schema_drift(resources.schemas()) == []

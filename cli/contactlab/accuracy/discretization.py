@@ -11,7 +11,7 @@ from contactlab.contact import Floats
 from contactlab.engines import integrate_to
 from contactlab.measure import Discrepancy
 from contactlab.scene import ResolvedRun, Scene, with_reference_numerics
-from contactlab.schema import Accuracy, AccuracyAsk, ErrorKind, SolrefRule
+from contactlab.schema import Accuracy, AccuracyRequest, ErrorKind, SolrefRule
 
 Note = Mapping[str, Any]
 """What a pass finds of one run, in JSON's types; empty where the run does not go through."""
@@ -52,7 +52,9 @@ def families(runs: Mapping[str, ResolvedRun], scene: Scene) -> list[list[str]]:
     return list(found.values())
 
 
-def reference_steps(request: AccuracyAsk, runs: Mapping[str, ResolvedRun], scene: Scene) -> float:
+def reference_steps(
+    request: AccuracyRequest, runs: Mapping[str, ResolvedRun], scene: Scene
+) -> float:
     """Return how many force evaluations it takes to compare runs with their references."""
     return sum(
         _steps([runs[run_id] for run_id in family], request.refine)
@@ -68,7 +70,7 @@ def _steps(family: list[ResolvedRun], refine: int) -> float:
 
 
 def discretization_errors(
-    scene: Scene, family: Sequence[PlannedModel], request: AccuracyAsk, watch: Watch
+    scene: Scene, family: Sequence[PlannedModel], request: AccuracyRequest, watch: Watch
 ) -> list[Note]:
     """Return a note for each run of a family: every kind of error that the sweep may choose.
 
@@ -173,7 +175,10 @@ def _is_chaotic(
 
 
 def accuracies(
-    request: AccuracyAsk, scene: Scene, runs: Mapping[str, ResolvedRun], notes: Mapping[str, Note]
+    request: AccuracyRequest,
+    scene: Scene,
+    runs: Mapping[str, ResolvedRun],
+    notes: Mapping[str, Note],
 ) -> dict[str, Accuracy]:
     """Return the accuracy of every run, by run id.
 
@@ -193,7 +198,7 @@ def accuracies(
     }
 
 
-def _kind(request: AccuracyAsk, notes: Mapping[str, Note]) -> ErrorKind:
+def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
     """Return one kind of error for all runs, as different kinds cannot be compared."""
     if request.error != "auto":
         return request.error

@@ -25,7 +25,7 @@ from contactlab.scene import (
     prepare_without_sensors,
     silence_mujoco,
 )
-from contactlab.schema import Timing, TimingAsk
+from contactlab.schema import Timing, TimingRequest
 
 # CPU time of a run in a round, least and most, and of its single steps at most [s].
 MIN_SECONDS, MAX_SECONDS, STEP_SECONDS = 0.02, 0.1, 0.02
@@ -65,7 +65,7 @@ def _work_of(note: Note) -> Work:
     return Work(*counts, places=tuple(note["places"]), states=states)
 
 
-def timing_seconds(request: TimingAsk, steps: Sequence[int], per_step: float) -> float:
+def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float) -> float:
     """Return how long it takes to time runs, one after the other [s].
 
     Args:

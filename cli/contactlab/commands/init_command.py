@@ -19,7 +19,7 @@ def init(
     """Write a starter sweep file for a scene, with its schema beside it."""
     from contactlab.plan import SCHEMA_NAME, starter
     from contactlab.run import Scenes
-    from contactlab.schema import published
+    from contactlab.schema import json_schemas
     from contactlab.store import write_error
 
     text = starter(scene, Scenes(path.parent).vocabulary(scene))
@@ -27,7 +27,7 @@ def init(
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
-        published_text = json.dumps(published()["sweep.schema.json"], indent=2) + "\n"
+        published_text = json.dumps(json_schemas()["sweep.schema.json"], indent=2) + "\n"
         schema.write_text(published_text, encoding="utf-8")
     except FileExistsError as error:
         raise OutputError(f"{path} exists; choose another file with -o") from error

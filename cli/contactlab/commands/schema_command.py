@@ -17,28 +17,28 @@ def schema(
     check: Annotated[Path | None, typer.Option(help="Check a folder of them.")] = None,
 ) -> None:
     """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
-    from contactlab.schema import drift, published, written
+    from contactlab.schema import json_schemas, schema_drift, write_json_schemas
 
     if write is not None:
         from contactlab.store import write_error
 
         try:
-            names = [path.name for path in written(write)]
+            names = [path.name for path in write_json_schemas(write)]
         except OSError as error:
             raise write_error(write, error) from error
         say(f"wrote {', '.join(names)}")
     elif check is not None:
-        differs = drift(check)
+        differs = schema_drift(check)
         if differs:
             raise ExpectationError(
                 f"{check} is out of date: {', '.join(differs)}; write it anew with "
                 f"`contactlab schema --write {check}`"
             )
     elif name is None:
-        for each in published():
+        for each in json_schemas():
             typer.echo(each)
     else:
-        known = published()
+        known = json_schemas()
         found = known.get(name) or known.get(name + _SUFFIX)
         if found is None:
             names = [each.removesuffix(_SUFFIX) for each in known]

@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from contactlab.compare.policies import REMEASURED
 from contactlab.compare.wording import format_number, format_settings, plural, value_change
-from contactlab.schema import Check, ComparedStore, ComparisonReport, Outcome, RunPair
+from contactlab.schema import Check, CheckOutcome, ComparedStore, ComparisonReport, RunPair
 
-WORDS: dict[Outcome, str] = {
+WORDS: dict[CheckOutcome, str] = {
     "failed": "FAIL",
     "skipped": "SKIP",
     "warned": "WARN",
@@ -28,7 +28,7 @@ class ReportLine(NamedTuple):
         urgent: whether the job fails by it, or it is a warning.
     """
 
-    outcome: Outcome
+    outcome: CheckOutcome
     name: str
     found: str
     worst: str

@@ -7,7 +7,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.schema import Check, CheckKind, Level, Outcome, RunPair, Verdict
+from contactlab.schema import Check, CheckKind, CheckOutcome, Level, RunPair, Verdict
 
 Verdicts = NDArray[np.int8]
 
@@ -28,7 +28,7 @@ def worst_verdict(verdicts: Verdicts) -> Verdict:
     return NAMES[int(verdicts.max())] if len(verdicts) else "same"
 
 
-OUTCOMES: dict[Level, Outcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
+OUTCOMES: dict[Level, CheckOutcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
 MOST_SHOWN = 5
 
 
@@ -115,7 +115,7 @@ def skipped_check(subject: CheckSubject, reason: str) -> Check:
 
 def _outcome(
     subject: CheckSubject, counts: dict[Verdict, int], failing: int, judged: int
-) -> Outcome:
+) -> CheckOutcome:
     broken = counts.get("not comparable", 0)
     if broken or failing > subject.budget * judged:
         return OUTCOMES[subject.level]

@@ -18,7 +18,7 @@ from contactlab.plan.names import SweepContext, check_names
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, read_document
-from contactlab.schema import Condition, Expectation, Role, Sweep, Vocabulary, role, switches
+from contactlab.schema import Condition, Expectation, Role, Sweep, Vocabulary, axis_role, switches
 
 _NONE = Overrides()
 
@@ -274,7 +274,7 @@ def _warn_unmet(
 def _axes(sweep: Sweep, parts: SweepSections) -> tuple[SweptAxis, ...]:
     roles: dict[str, Role] = {}
     for axes in (sweep.axes, *sweep.zip):
-        roles |= {name: role(axis) for name, axis in axes.items()}
+        roles |= {name: axis_role(axis) for name, axis in axes.items()}
     return tuple(
         SweptAxis(name, roles.get(name, "knob"), tuple(values))
         for name, values in parts.values().items()

@@ -27,14 +27,14 @@ from contactlab.report.report_columns import (
 )
 from contactlab.report.report_data import ReportData
 from contactlab.report.vega_rendering import themed
-from contactlab.schema import Check, ComparePolicy, ComparisonReport, Outcome
+from contactlab.schema import Check, CheckOutcome, ComparePolicy, ComparisonReport
 from contactlab.store import Store
 from contactlab.tradeoff import COLOURS
 
 _WORSE, _BETTER, _SAME = 0, 1, 2
 _THIRD = 300, 260
 _DEPTH = "penetration_max"
-_TOLD: tuple[Outcome, ...] = ("failed", "warned", "noted")
+_TOLD: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
 Rows = NDArray[np.intp]
 Spec = dict[str, Any]
 

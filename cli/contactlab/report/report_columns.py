@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact import Floats
 from contactlab.measure import LABELS
-from contactlab.schema import Role, Sweep, role
+from contactlab.schema import Role, Sweep, axis_role
 from contactlab.store import MeasuredColumn, RunColumns, Store
 from contactlab.tradeoff import COLOURS, REST
 
@@ -105,7 +105,7 @@ def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes, Floats]:
 def _roles(store: Store) -> dict[str, Role]:
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     named = [*sweep.axes.items(), *(pair for block in sweep.zip for pair in block.items())]
-    return {**{name: role(axis) for name, axis in named}, SEED: "scenario"}
+    return {**{name: axis_role(axis) for name, axis in named}, SEED: "scenario"}
 
 
 def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:

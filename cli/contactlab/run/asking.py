@@ -6,7 +6,7 @@ from contactlab.plan import Overrides, read_sweep
 from contactlab.run.newer import lenient, trimmed
 from contactlab.run.sweep import Ask
 from contactlab.run.vocabulary import Scenes
-from contactlab.schema import rest
+from contactlab.schema import effects_base
 from contactlab.store import Address
 
 
@@ -45,7 +45,7 @@ def ask_for(  # noqa: PLR0913 - one argument an option
     possible = trimmed(read.plan)
     return Ask(
         plan=possible.plan,
-        scene=scenes.open(read.sweep.scene).with_effects(rest(read.sweep.effects)),
+        scene=scenes.open(read.sweep.scene).with_effects(effects_base(read.sweep.effects)),
         name=name,
         source=read.text,
         overrides=_given(options),

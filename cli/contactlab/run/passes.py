@@ -24,7 +24,7 @@ from contactlab.run.results import results_of
 from contactlab.run.roster import Roster
 from contactlab.run.stop import Stop
 from contactlab.scene import ResolvedRun, Scene
-from contactlab.schema import ERRORS, Accuracy, AccuracyAsk, Timing
+from contactlab.schema import ERRORS, Accuracy, AccuracyRequest, Timing
 from contactlab.store import Column, StoreWriter, as_ratios
 
 
@@ -123,7 +123,7 @@ def run_passes(session: Session) -> PassColumns:
     return PassColumns(values, columns)
 
 
-def _accuracies(session: Session, request: AccuracyAsk) -> dict[str, Accuracy]:
+def _accuracies(session: Session, request: AccuracyRequest) -> dict[str, Accuracy]:
     runs = {run.run_id: run for run, _ in session.repeatable}
     grouped = families(_resolved(session.repeatable), session.scene)
     jobs = [tuple(runs[run_id] for run_id in family) for family in grouped]

@@ -18,7 +18,7 @@ from contactlab.scene import (
     silence_mujoco,
     stored_scene,
 )
-from contactlab.schema import rest
+from contactlab.schema import effects_base
 from contactlab.store.objects import local_scene
 
 _MOST_MODELS = 64
@@ -49,7 +49,7 @@ class Preparer:
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
         scene = Scene(stored_scene(folder, task.scene_model, task.scene))
-        self.scene = scene.with_effects(rest(task.sweep.effects))
+        self.scene = scene.with_effects(effects_base(task.sweep.effects))
         self._marker = marker
         self._models: OrderedDict[str, PreparedModel] = OrderedDict()
 

@@ -16,7 +16,7 @@ from contactlab.scene import (
     silence_mujoco,
     stored_scene,
 )
-from contactlab.schema import EvidenceRecord, rest
+from contactlab.schema import EvidenceRecord, effects_base
 from contactlab.store import Store
 
 
@@ -84,7 +84,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
     record = store.record(run)
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
-    scene = Scene(source).with_effects(rest(identity.resolved.get("effects", {})))
+    scene = Scene(source).with_effects(effects_base(identity.resolved.get("effects", {})))
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
     resolved = scene.resolve(values, record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:

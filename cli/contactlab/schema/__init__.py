@@ -1,15 +1,6 @@
 """Files that people and programs exchange, as pydantic models with published JSON Schemas."""
 
-from contactlab.schema.accuracy import (
-    ERRORS,
-    Accuracy,
-    AccuracyAsk,
-    ErrorKind,
-    SolrefRule,
-    Timing,
-    TimingAsk,
-)
-from contactlab.schema.axes import (
+from contactlab.schema.axis_forms import (
     FORMS,
     MOST_VALUES,
     Axis,
@@ -21,10 +12,10 @@ from contactlab.schema.axes import (
     Role,
     Uniform,
     Values,
+    axis_role,
     is_sampled,
-    role,
 )
-from contactlab.schema.check import (
+from contactlab.schema.check_report import (
     Change,
     CheckName,
     CheckReport,
@@ -34,34 +25,7 @@ from contactlab.schema.check import (
     Reference,
     TaskKind,
 )
-from contactlab.schema.comparison import (
-    COMPARISON_VERSION,
-    Check,
-    CheckKind,
-    ComparedStore,
-    ComparisonReport,
-    Difference,
-    Outcome,
-    PairCounts,
-    RunPair,
-    Transition,
-    Verdict,
-)
-from contactlab.schema.effects import Effects, Rest, rest, switches
-from contactlab.schema.effects_report import (
-    EFFECTS_VERSION,
-    EffectFinding,
-    EffectsReport,
-    Interaction,
-    MetricChange,
-    Need,
-    Ratio,
-    SmallestSet,
-    Verification,
-)
-from contactlab.schema.export import drift, published, written
-from contactlab.schema.model import Model, Number, Positive, Tolerance, Value, Whole, Word, Words
-from contactlab.schema.policy import (
+from contactlab.schema.compare_policy import (
     AcceptedCheck,
     AllowedTransition,
     Better,
@@ -75,10 +39,38 @@ from contactlab.schema.policy import (
     Sameness,
     Statistic,
 )
-from contactlab.schema.record import (
+from contactlab.schema.comparison_report import (
+    COMPARISON_VERSION,
+    Check,
+    CheckKind,
+    CheckOutcome,
+    ComparedStore,
+    ComparisonReport,
+    Difference,
+    PairCounts,
+    RunPair,
+    Transition,
+    Verdict,
+)
+from contactlab.schema.effects_report import (
+    EFFECTS_VERSION,
+    EffectFinding,
+    EffectsReport,
+    Interaction,
+    MetricChange,
+    Need,
+    Ratio,
+    SmallestSet,
+    Verification,
+)
+from contactlab.schema.evidence import (
+    ERRORS,
     RECORD_VERSION,
+    STORE_VERSION,
+    Accuracy,
     Cost,
     Engine,
+    ErrorKind,
     EvidenceRecord,
     Host,
     InitialState,
@@ -86,9 +78,14 @@ from contactlab.schema.record import (
     PairRecord,
     Provenance,
     Setting,
+    SolrefRule,
+    StoreManifest,
+    SweepIdentity,
+    Timing,
     TraceFile,
 )
-from contactlab.schema.scene import (
+from contactlab.schema.json_schemas import json_schemas, schema_drift, write_json_schemas
+from contactlab.schema.scene_manifest import (
     ControlEntry,
     HoldEntry,
     InitialValue,
@@ -99,27 +96,42 @@ from contactlab.schema.scene import (
     StructureValue,
     Term,
 )
-from contactlab.schema.store import STORE_VERSION, StoreManifest, SweepIdentity
-from contactlab.schema.sweep import (
+from contactlab.schema.strict_model import (
+    Model,
+    Number,
+    Positive,
+    Tolerance,
+    Value,
+    Whole,
+    Word,
+    Words,
+)
+from contactlab.schema.sweep_schema import (
+    AccuracyRequest,
     Bounds,
     Condition,
+    Effects,
+    EffectsBase,
     Expectation,
+    IncludedRow,
     IncludeFile,
-    Row,
     Sample,
     Sweep,
+    TimingRequest,
+    effects_base,
+    switches,
 )
-from contactlab.schema.tradeoff import (
+from contactlab.schema.tradeoff_report import (
     TRADEOFF_VERSION,
     Blocker,
     Configuration,
+    ConfigurationOutcomes,
     ErrorMeasure,
     Floor,
     FrontPoint,
     Method,
     NextStep,
     Order,
-    Outcomes,
     Recommendation,
     Settings,
     TimeMeasure,
@@ -138,7 +150,7 @@ __all__ = [
     "TRADEOFF_VERSION",
     "AcceptedCheck",
     "Accuracy",
-    "AccuracyAsk",
+    "AccuracyRequest",
     "AllowedTransition",
     "Axis",
     "AxisSpec",
@@ -150,6 +162,7 @@ __all__ = [
     "Check",
     "CheckKind",
     "CheckName",
+    "CheckOutcome",
     "CheckReport",
     "CheckResult",
     "CheckVerdict",
@@ -158,11 +171,13 @@ __all__ = [
     "ComparisonReport",
     "Condition",
     "Configuration",
+    "ConfigurationOutcomes",
     "ControlEntry",
     "Cost",
     "Difference",
     "EffectFinding",
     "Effects",
+    "EffectsBase",
     "EffectsReport",
     "Engine",
     "ErrorKind",
@@ -174,6 +189,7 @@ __all__ = [
     "HoldEntry",
     "Host",
     "IncludeFile",
+    "IncludedRow",
     "InitialState",
     "InitialValue",
     "Interaction",
@@ -194,8 +210,6 @@ __all__ = [
     "Number",
     "OracleEntry",
     "Order",
-    "Outcome",
-    "Outcomes",
     "PairCounts",
     "PairEntry",
     "PairRecord",
@@ -209,9 +223,7 @@ __all__ = [
     "RecommendationRules",
     "Reference",
     "Require",
-    "Rest",
     "Role",
-    "Row",
     "RunPair",
     "Sameness",
     "Sample",
@@ -229,7 +241,7 @@ __all__ = [
     "Term",
     "TimeMeasure",
     "Timing",
-    "TimingAsk",
+    "TimingRequest",
     "Tolerance",
     "TraceFile",
     "TradeoffReport",
@@ -243,11 +255,11 @@ __all__ = [
     "Whole",
     "Word",
     "Words",
-    "drift",
+    "axis_role",
+    "effects_base",
     "is_sampled",
-    "published",
-    "rest",
-    "role",
+    "json_schemas",
+    "schema_drift",
     "switches",
-    "written",
+    "write_json_schemas",
 ]

@@ -1,11 +1,11 @@
-"""What `contactlab effects` finds: which effects a scene needs, and what each costs."""
+"""The report of `contactlab effects`: which effects a scene needs, and what each costs."""
 
 from typing import Literal
 
 from pydantic import Field
 
-from contactlab.schema.model import Model
-from contactlab.schema.record import Engine, Provenance, Setting
+from contactlab.schema.evidence import Engine, Provenance, Setting
+from contactlab.schema.strict_model import Model
 
 EFFECTS_VERSION = 1
 
@@ -13,7 +13,7 @@ Need = Literal["needed", "free", "unused", "absent", "saves", "idle"]
 
 
 class Ratio(Model):
-    """A ratio of CPU times, from runs timed in turns."""
+    """A ratio of CPU times, from interleaved runs."""
 
     ratio: float = Field(description="Median over matched pairs of runs.")
     low: float = Field(description="Least of the pairs.")
@@ -22,22 +22,22 @@ class Ratio(Model):
 
 
 class MetricChange(Model):
-    """How far one effect moves one metric, in the scenario where it moves most."""
+    """How much one effect changes one metric, in the scenario where it changes most."""
 
     metric: str
     unit: str
     change: float | None = Field(
-        description="Mean over matched pairs; null where it can be measured in one case only."
+        description="Mean over matched pairs; null where only one of the two can be measured."
     )
     tolerance: float
     times: float | None = Field(description="The change over the tolerance; null likewise.")
-    spread: float = Field(description="Range over seeds without the change: the scene's own.")
+    spread: float = Field(description="Range over seeds without the change.")
     scenario: dict[str, Setting]
     matters: bool = Field(description="Whether it is beyond both tolerance and spread.")
 
 
 class EffectFinding(Model):
-    """One effect: changed alone, around the base configuration."""
+    """One effect, changed alone from the base configuration."""
 
     effect: str
     kind: str
@@ -49,10 +49,10 @@ class EffectFinding(Model):
         "less time and changes nothing; idle: off, and on changes nothing."
     )
     reason: str
-    settings: dict[str, Setting] = Field(description="What was changed, as axes of a sweep.")
+    settings: dict[str, Setting] = Field(description="The changed settings, as axes of a sweep.")
     changes: tuple[MetricChange, ...] = Field(description="Largest first, in tolerances.")
     within_spread: tuple[str, ...] = Field(
-        description="Metrics beyond tolerance, but by less than the scene's own spread."
+        description="Metrics beyond tolerance, but within the spread over seeds."
     )
     labels: dict[str, int] = Field(description="Label changes, as `stable -> tunneling`, by runs.")
     cost: Ratio | None = Field(description="CPU time with the change over that without it.")
@@ -60,7 +60,7 @@ class EffectFinding(Model):
 
 
 class Interaction(Model):
-    """Two effects that are needed one by one, and left out together."""
+    """Two effects, left out together."""
 
     effects: tuple[str, str]
     free: bool = Field(description="Whether results stay within tolerance without both.")
@@ -71,11 +71,11 @@ class SmallestSet(Model):
     """The fewest effects that keep every result within tolerance."""
 
     on: tuple[str, ...]
-    off: tuple[str, ...] = Field(description="What the base configuration has beyond it.")
-    added: tuple[str, ...] = Field(description="What it has beyond the base configuration.")
-    settings: dict[str, Setting] = Field(description="What makes it, as axes of a sweep.")
-    mjcf: tuple[str, ...] = Field(description="What makes it, in the model.")
-    sweep: tuple[str, ...] = Field(description="What makes it, in a sweep file.")
+    off: tuple[str, ...] = Field(description="Effects of the base that it leaves out.")
+    added: tuple[str, ...] = Field(description="Effects that it adds to the base.")
+    settings: dict[str, Setting] = Field(description="Its settings, as axes of a sweep.")
+    mjcf: tuple[str, ...] = Field(description="Its lines of MJCF.")
+    sweep: tuple[str, ...] = Field(description="Its lines of a sweep file.")
 
 
 class Verification(Model):
@@ -95,13 +95,13 @@ class EffectsReport(Model):
     effects_version: Literal[1] = EFFECTS_VERSION
     scene: str
     scene_hash: str
-    source: str = Field(description="The scene, sweep or model as it was asked for.")
+    source: str = Field(description="The scene, sweep or model as given.")
     base: dict[str, Setting] = Field(description="Axes of the base configuration.")
     scenarios: tuple[dict[str, Setting], ...]
     seeds: tuple[int, ...]
     duration: float = Field(description="s")
     tolerances: dict[str, float] = Field(
-        description="Those of sweep or scene; if there are any, they and labels alone decide."
+        description="Those of the sweep or scene; if any, only they and labels decide."
     )
     engine: Engine
     provenance: Provenance

@@ -10,13 +10,13 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.schema import (
     Configuration,
+    ConfigurationOutcomes,
     ErrorMeasure,
-    Outcomes,
     Role,
     Setting,
     Sweep,
     TimeMeasure,
-    role,
+    axis_role,
 )
 from contactlab.store import Store
 
@@ -126,7 +126,7 @@ def _rows(columns: Mapping[str, Sequence[Setting]], count: int) -> Iterable[tupl
 
 def _roles(sweep: Sweep) -> dict[str, Role]:
     named = [*sweep.axes.items(), *(pair for block in sweep.zip for pair in block.items())]
-    return {name: role(axis) for name, axis in named}
+    return {name: axis_role(axis) for name, axis in named}
 
 
 _Z = 1.959963984540054
@@ -289,13 +289,15 @@ def _miss(name: str, worst: float | None, tolerance: float) -> str:
 
 def _outcomes(
     runs: StoredRuns, rows: list[int], tolerances: Mapping[str, float], labels: Mapping[str, int]
-) -> Outcomes:
+) -> ConfigurationOutcomes:
     good = np.array([runs.labels[row] == STABLE for row in rows])
     for name, limit in tolerances.items():
         # A comparison with NaN is false, as it should be.
         good &= _sizes(runs, rows, name) <= limit
     low, high = wilson(int(good.sum()), len(rows))
-    return Outcomes(runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels))
+    return ConfigurationOutcomes(
+        runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels)
+    )
 
 
 def errors(found: Sequence[Evaluated]) -> np.ndarray:

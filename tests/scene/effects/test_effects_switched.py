@@ -7,7 +7,7 @@ import pytest
 
 from contactlab.errors import SceneError
 from contactlab.scene import EFFECTS, FLAGS, FRICTIONS, PreparedModel, Scene
-from contactlab.schema import Sweep, rest, switches
+from contactlab.schema import Sweep, effects_base, switches
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., PreparedModel]
@@ -147,7 +147,7 @@ def test_a_sweep_says_it_in_a_word_or_by_name(
     given: object, base: str | None, named: dict[str, bool]
 ) -> None:
     sweep = Sweep.model_validate({"version": 1, "scene": "ball_drop", "effects": given})
-    assert (rest(sweep.effects), switches(sweep.effects)) == (base, named)
+    assert (effects_base(sweep.effects), switches(sweep.effects)) == (base, named)
     assert Sweep.model_validate(sweep.model_dump(mode="json")).effects == sweep.effects
 
 

@@ -7,15 +7,14 @@ from typing import cast
 
 from pydantic import BaseModel
 
-from contactlab.schema.check import CheckReport, Reference
-from contactlab.schema.comparison import ComparisonReport
+from contactlab.schema.check_report import CheckReport, Reference
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import ComparisonReport
 from contactlab.schema.effects_report import EffectsReport
-from contactlab.schema.policy import ComparePolicy
-from contactlab.schema.record import EvidenceRecord
-from contactlab.schema.scene import SceneManifest
-from contactlab.schema.store import StoreManifest
-from contactlab.schema.sweep import Sweep
-from contactlab.schema.tradeoff import TradeoffReport
+from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.tradeoff_report import TradeoffReport
 
 # Files that people write, for editors; a key without a value is left out of these.
 WRITTEN: Mapping[str, type[BaseModel]] = {
@@ -39,14 +38,14 @@ _DRAFT = "http://json-schema.org/draft-07/schema#"
 _NULL: Node = {"type": "null"}
 
 
-def published() -> dict[str, Node]:
+def json_schemas() -> dict[str, Node]:
     """Return the JSON Schema of every exchanged file, by file name."""
     written = {name: draft07(model.model_json_schema()) for name, model in WRITTEN.items()}
     emitted = {name: _described(model) for name, model in EMITTED.items()}
     return {**written, **emitted}
 
 
-def written(folder: Path) -> list[Path]:
+def write_json_schemas(folder: Path) -> list[Path]:
     """Write the published schemas into a folder; returns their paths."""
     folder.mkdir(parents=True, exist_ok=True)
     for name, text in _texts().items():
@@ -54,7 +53,7 @@ def written(folder: Path) -> list[Path]:
     return [folder / name for name in _texts()]
 
 
-def drift(folder: Path) -> list[str]:
+def schema_drift(folder: Path) -> list[str]:
     """Return the names of schemas in a folder that are missing or differ from the models."""
     return [name for name, text in _texts().items() if _read(folder / name) != text]
 
@@ -74,7 +73,7 @@ def _described(model: type[BaseModel]) -> Node:
 
 
 def _texts() -> dict[str, str]:
-    return {name: json.dumps(schema, indent=2) + "\n" for name, schema in published().items()}
+    return {name: json.dumps(schema, indent=2) + "\n" for name, schema in json_schemas().items()}
 
 
 def _read(path: Path) -> str | None:

@@ -1,17 +1,17 @@
-"""What `contactlab compare` finds: checks with their verdicts, as data."""
+"""The report of `contactlab compare`: checks with their verdicts."""
 
 from typing import Literal
 
 from pydantic import Field
 
-from contactlab.schema.model import Model
-from contactlab.schema.policy import Level
-from contactlab.schema.record import Setting
+from contactlab.schema.compare_policy import Level
+from contactlab.schema.evidence import Setting
+from contactlab.schema.strict_model import Model
 
 COMPARISON_VERSION = 1
 
 Verdict = Literal["better", "same", "worse", "changed", "missing", "not comparable"]
-Outcome = Literal["failed", "warned", "noted", "passed", "skipped"]
+CheckOutcome = Literal["failed", "warned", "noted", "passed", "skipped"]
 CheckKind = Literal["evidence", "runs", "labels", "metrics", "time", "recommendation"]
 
 
@@ -29,7 +29,7 @@ class ComparedStore(Model):
 
 
 class Difference(Model):
-    """Something that the stores do not have in common."""
+    """Something in which the stores differ."""
 
     what: str
     baseline: str
@@ -38,7 +38,7 @@ class Difference(Model):
 
 
 class RunPair(Model):
-    """Two runs that were compared, or one that has no other."""
+    """Two runs that were compared, or one without a counterpart."""
 
     baseline_run: str | None
     candidate_run: str | None
@@ -48,17 +48,17 @@ class RunPair(Model):
 
 
 class Check(Model):
-    """One thing that was judged; the same ones every time, whatever comes out."""
+    """One thing that was judged; the list of checks does not depend on their outcomes."""
 
     name: str
     kind: CheckKind
     group: str = Field(description="Axis values of its runs, such as cone=elliptic; or empty.")
     level: Level
-    outcome: Outcome = Field(description="What it means for the job.")
+    outcome: CheckOutcome = Field(description="What it means for the job.")
     verdict: Verdict = Field(description="What it means for the evidence.")
     runs: int = Field(description="Runs, or groups of them, that were judged.")
-    failing: int = Field(description="How many of these fall short.")
-    counts: dict[Verdict, int] = Field(description="How many have which verdict.")
+    failing: int = Field(description="How many of these fail.")
+    counts: dict[Verdict, int] = Field(description="How many have each verdict.")
     message: str = Field(description="What was found, in words.")
     unit: str = ""
     accepted: str | None = Field(default=None, description="Why the policy accepts it.")
@@ -75,18 +75,18 @@ class Transition(Model):
 
 
 class PairCounts(Model):
-    """How many runs there are, and what became of them."""
+    """How many runs there are, by how they were paired."""
 
     paired: int
     missing: int = Field(description="Only in the baseline.")
     new: int = Field(description="Only in the candidate.")
     bitwise_equal: int = Field(description="Every state of the trajectory is equal.")
-    knife_edge: int = Field(description="Set apart, since another label is 1e-6 away.")
-    knife_edge_flipped: int = Field(description="Of these, with another label now.")
+    knife_edge: int = Field(description="Set apart, since a start 1e-6 away changes the label.")
+    knife_edge_flipped: int = Field(description="Of these, those whose label changed.")
 
 
 class ComparisonReport(Model):
-    """What came of comparing two stores."""
+    """The comparison of two stores."""
 
     schema_version: Literal[1] = COMPARISON_VERSION
     verdict: Verdict
@@ -99,4 +99,4 @@ class ComparisonReport(Model):
     differences: tuple[Difference, ...]
     transitions: tuple[Transition, ...]
     checks: tuple[Check, ...]
-    advice: tuple[str, ...] = Field(description="Commands that lead on from here.")
+    advice: tuple[str, ...] = Field(description="Commands to run next.")

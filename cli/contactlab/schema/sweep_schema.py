@@ -1,14 +1,22 @@
-"""The sweep file: what to run, and what must come out."""
+"""The sweep file: what to run, and what is expected of it."""
 
-from typing import Annotated, Literal, Self
+from collections.abc import Mapping
+from typing import Annotated, Literal, Self, cast
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    WithJsonSchema,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.accuracy import AccuracyAsk, TimingAsk
-from contactlab.schema.axes import Axis
-from contactlab.schema.effects import Effects
-from contactlab.schema.model import (
+from contactlab.schema.axis_forms import Axis
+from contactlab.schema.strict_model import (
     Model,
     Number,
     Positive,
@@ -18,6 +26,63 @@ from contactlab.schema.model import (
     Word,
     Words,
 )
+
+EffectsBase = Literal["auto", "all"]
+_BASE = "base"
+_RESTS = ("auto", "all")
+
+
+def _spelled_out(value: object) -> object:
+    return {_BASE: value} if isinstance(value, str) else value
+
+
+def _checked(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBase]:
+    for name, each in value.items():
+        if (name == _BASE) == isinstance(each, bool):
+            wanted = "auto or all" if name == _BASE else "true or false"
+            raise PydanticCustomError(
+                "effects", "'{name}' takes {wanted}", {"name": name, "wanted": wanted}
+            )
+    return value
+
+
+_WORDS = {
+    "type": "string",
+    "enum": list(_RESTS),
+    "description": "auto: leave out what provably changes nothing; all: leave out nothing",
+}
+# `auto` and `all` alone are short for {base: auto} and {base: all}.
+Effects = Annotated[
+    dict[str, Annotated[bool, Field(strict=True)] | EffectsBase],
+    BeforeValidator(_spelled_out),
+    AfterValidator(_checked),
+    WithJsonSchema(
+        {
+            "anyOf": [
+                _WORDS,
+                {
+                    "type": "object",
+                    "properties": {_BASE: _WORDS},
+                    "additionalProperties": {
+                        "type": "boolean",
+                        "description": "whether an effect is on",
+                    },
+                },
+            ]
+        }
+    ),
+]
+
+
+def switches(effects: Mapping[str, bool | EffectsBase]) -> dict[str, bool]:
+    """Return the effects that are switched by name."""
+    return {name: bool(value) for name, value in effects.items() if name != _BASE}
+
+
+def effects_base(effects: Mapping[str, bool | EffectsBase]) -> EffectsBase | None:
+    """Return what holds for all other effects; None where nothing is said."""
+    return cast("EffectsBase | None", effects.get(_BASE))
+
 
 Seed = Annotated[Whole, Field(ge=0, lt=2**63)]
 
@@ -42,10 +107,10 @@ class Condition(Model):
 
 
 class Bounds(Model):
-    """Between what a metric must lie; ends belong to it."""
+    """The range that a metric must lie in, ends included."""
 
-    min: Number | None = Field(default=None, description="smallest value that is fine")
-    max: Number | None = Field(default=None, description="largest value that is fine")
+    min: Number | None = Field(default=None, description="smallest accepted value")
+    max: Number | None = Field(default=None, description="largest accepted value")
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -57,11 +122,11 @@ class Bounds(Model):
 
 
 class Expectation(Model):
-    """What must come out of the runs that a condition picks; makes a sweep a test."""
+    """The expected outcome of the runs that a condition selects; makes a sweep a test."""
 
     where: Condition = Field(
         default_factory=Condition,
-        description="axis values that pick the runs; all if left out",
+        description="axis values that select the runs; all runs if left out",
     )
     label: Words | None = Field(
         default=None, description="the label that such a run must get, or a list of allowed ones"
@@ -69,7 +134,7 @@ class Expectation(Model):
     metrics: dict[str, Bounds] = Field(
         default={}, description="metric name to {min, max}, both in the metric's own unit"
     )
-    reason: Word | None = Field(default=None, description="why this is expected, for the report")
+    reason: Word | None = Field(default=None, description="why it is expected, for the report")
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -89,12 +154,12 @@ class Sample(Model):
 
 
 class IncludeFile(Model):
-    """Added rows from a table."""
+    """Further rows, from a table."""
 
     file: Word = Field(description="CSV file beside the sweep file; its first line names the axes")
 
 
-Row = dict[str, Value]
+IncludedRow = dict[str, Value]
 
 
 def _include_form(data: object) -> str:
@@ -106,7 +171,7 @@ def _seeds_form(data: object) -> str:
 
 
 Include = Annotated[
-    Annotated[tuple[Row, ...], Tag("@rows")] | Annotated[IncludeFile, Tag("@file")],
+    Annotated[tuple[IncludedRow, ...], Tag("@rows")] | Annotated[IncludeFile, Tag("@file")],
     Discriminator(_include_form),
 ]
 Seeds = Annotated[
@@ -114,6 +179,30 @@ Seeds = Annotated[
     | Annotated[tuple[Seed, ...], Field(min_length=1), Tag("@list")],
     Discriminator(_seeds_form),
 ]
+
+
+class AccuracyRequest(Model):
+    """Discretisation errors: each run against its own model at a much finer timestep."""
+
+    error: Literal["auto", "trajectory", "local", "invariants"] = Field(
+        default="auto",
+        description="trajectory: distance at common times; local: the same, restarted from the "
+        "reference's states; invariants: energy and momenta, for chaotic scenes; auto: trajectory "
+        "unless a perturbed copy shows chaos",
+    )
+    refine: Annotated[Whole, Field(ge=2, le=1024)] = Field(
+        default=16,
+        description="smallest timestep of a run over that of the coarser reference; the finer "
+        "one takes half of that",
+    )
+
+
+class TimingRequest(Model):
+    """Times: every run once more, in isolation, interleaved with the others, not recorded."""
+
+    rounds: Annotated[Whole, Field(ge=3, le=1000)] = Field(
+        default=3, description="how often each run is timed"
+    )
 
 
 class Sweep(Model):
@@ -152,13 +241,13 @@ class Sweep(Model):
         "effect name to true or false, with `base: auto` or `base: all` for the others",
     )
     tolerances: dict[str, Tolerance] = Field(
-        default={}, description="metric name to what is accurate enough: a number, or 1%"
+        default={}, description="metric name to the largest acceptable value: a number, or 1%"
     )
     thresholds: dict[str, Number] = Field(
         default={}, description="label threshold name to a value other than the scene's"
     )
     expect: tuple[Expectation, ...] = Field(
-        default=(), description="what must come out; makes the sweep a test"
+        default=(), description="expected outcomes; makes the sweep a test"
     )
     trace: Annotated[str, Field(pattern=r"^(all|flagged|none|sample:[1-9][0-9]*)$")] = Field(
         default="all",
@@ -166,18 +255,18 @@ class Sweep(Model):
     )
     checks: Literal["all", "flagged", "none"] = Field(
         default="flagged",
-        description="runs that are checked in a second pass: all, those not stable, or none",
+        description="runs that a second pass checks: all, those not stable, or none",
     )
     knife_edge: Annotated[bool, Field(strict=True)] = Field(
         default=False,
-        description="whether to run each run once more from a start 1e-6 away, to see whether "
-        "its label survives",
+        description="whether to repeat each run from a start 1e-6 away, to see whether its "
+        "label stays",
     )
-    accuracy: AccuracyAsk | None = Field(
-        default=None, description="how far each run is from a reference; not asked if left out"
+    accuracy: AccuracyRequest | None = Field(
+        default=None, description="errors of each run against a reference; left out: not computed"
     )
-    timing: TimingAsk | None = Field(
-        default=None, description="what each run takes by itself; not asked if left out"
+    timing: TimingRequest | None = Field(
+        default=None, description="time of each run in isolation; left out: not measured"
     )
     latency_budget: Positive | None = Field(
         default=None, description="wall time a step may take [s]"

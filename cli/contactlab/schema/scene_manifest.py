@@ -1,18 +1,18 @@
-"""A scene's manifest: what is asked of its model."""
+"""The manifest of a scene: how its model is simulated and judged."""
 
 from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
-from contactlab.schema.effects import Effects
-from contactlab.schema.model import Model, Number, Word
+from contactlab.schema.strict_model import Model, Number, Word
+from contactlab.schema.sweep_schema import Effects
 
 # A number, or an expression over the scene's initial values.
 Term = Number | Word
 
 
 class InitialValue(Model):
-    """One thing the world chooses before a run, and where it goes in the start state."""
+    """One external condition of a run, and how it sets the start state."""
 
     default: float
     unit: str
@@ -26,7 +26,7 @@ class InitialValue(Model):
 
 
 class StructureValue(Model):
-    """One number of the MJCF that changes the model's structure, written before it is parsed."""
+    """One number of the MJCF that changes the model's structure, set before it is compiled."""
 
     default: float
     unit: str
@@ -45,10 +45,10 @@ class StructureValue(Model):
 
 
 class ControlEntry(Model):
-    """What a control, or a force on a body, does over time: straight lines between knots.
+    """A control, or a force on a body, over time: linear between knots.
 
-    Before the first knot it has the first value, after the last the last. Two knots of one time
-    are a jump, at which the later value holds.
+    It is constant before the first knot and after the last. Two knots at one time are a jump,
+    at which the later value holds.
     """
 
     at: tuple[Term, ...] = Field(
@@ -67,7 +67,7 @@ class ControlEntry(Model):
 
 
 class HoldEntry(Model):
-    """When, and by what, the scene's subject is held."""
+    """When the scene's subject is held, and by what."""
 
     start: Term = Field(alias="from", description="When it should be held from [s].")
     stop: Term = Field(alias="to", description="When it should be held to [s].")
@@ -77,7 +77,7 @@ class HoldEntry(Model):
 
 
 class PairEntry(Model):
-    """Graded contact pairs: two geoms, two bodies, or neighbours in a chain of geoms."""
+    """Monitored contact pairs: two geoms, two bodies, or neighbours in a chain of geoms."""
 
     geoms: tuple[str, str] | None = None
     bodies: tuple[str, str] | None = None
@@ -85,26 +85,29 @@ class PairEntry(Model):
         default=None, description="Geom names or patterns; each geom is paired with the next."
     )
     slots: int | None = Field(
-        default=None, ge=1, le=64, description="Contacts recorded; by the shapes if not given."
+        default=None,
+        ge=1,
+        le=64,
+        description="Contacts recorded per step; by the shapes if not given.",
     )
 
 
 class Perturbation(Model):
-    """What a seed changes in the start state: a uniform offset in [-scale, scale] for each."""
+    """How a seed perturbs the start state: a uniform offset in [-scale, scale] for each."""
 
     coordinates: tuple[str, ...]
     scale: float = Field(gt=0, description="m, rad, m/s or rad/s, as the coordinate has it.")
 
 
 class ExpectedModes(Model):
-    """Whether the graded pairs should stick or slide when first and last in contact."""
+    """Whether the monitored pairs should stick or slide when first and last in contact."""
 
     first: Literal["stick", "slide"] | None = None
     last: Literal["stick", "slide"] | None = None
 
 
 class OracleEntry(Model):
-    """The closed form that the scene is held against."""
+    """The closed form that the scene is measured against."""
 
     name: str
     tolerance: float = Field(gt=0)
@@ -112,7 +115,7 @@ class OracleEntry(Model):
 
 
 class SceneManifest(Model):
-    """What is asked of a scene's model (`scene.yaml` beside the MJCF)."""
+    """How a scene's model is simulated and judged (`scene.yaml` beside the MJCF)."""
 
     version: Literal[1]
     title: str
@@ -126,8 +129,8 @@ class SceneManifest(Model):
     structure: dict[str, StructureValue] = Field(default_factory=dict)
     control: dict[str, ControlEntry] = Field(
         default_factory=dict,
-        description="Coordinates ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz, to what they "
-        "do over time; expressions are over initial values.",
+        description="Coordinates ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz, to their "
+        "values over time; expressions are over initial values.",
     )
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None

@@ -1,11 +1,11 @@
-"""What accuracy costs in time: the answer of `contactlab tradeoff`."""
+"""The report of `contactlab tradeoff`: what accuracy costs in time."""
 
 from typing import Literal
 
 from pydantic import Field
 
-from contactlab.schema.model import Model
-from contactlab.schema.record import Setting
+from contactlab.schema.evidence import Setting
+from contactlab.schema.strict_model import Model
 
 TRADEOFF_VERSION = 1
 
@@ -13,7 +13,7 @@ Settings = dict[str, Setting]
 
 
 class ErrorMeasure(Model):
-    """What stands for accuracy."""
+    """The error that measures accuracy."""
 
     name: str = Field(description="The column of runs.parquet.")
     unit: str
@@ -21,27 +21,27 @@ class ErrorMeasure(Model):
     against: str | None = Field(
         description="Of a discretisation error: trajectory, local or invariants, as in a record."
     )
-    resolution: float = Field(description="Below it two errors are equal; in the error's unit.")
+    resolution: float = Field(description="Smaller differences count as none; in the error's unit.")
 
 
 class TimeMeasure(Model):
-    """What stands for cost: CPU seconds per simulated second, averaged over runs."""
+    """The time that measures cost: CPU seconds per simulated second, averaged over runs."""
 
     name: str = Field(description="The column of runs.parquet.")
     source: Literal["timing", "recording"] = Field(
-        description="A timing pass of its own, or the recorded runs themselves."
+        description="A separate timing pass, or the recorded runs themselves."
     )
     spread: float | None = Field(
         description="Median over configurations of median over minimum of the rounds, less 1."
     )
 
 
-class Outcomes(Model):
-    """How many runs of a configuration are as wanted: no failure label, every tolerance met."""
+class ConfigurationOutcomes(Model):
+    """How many runs of a configuration succeed: no failure label, every tolerance met."""
 
     runs: int
     good: int
-    low: float = Field(description="Lower end of the rate's 95 % interval after Wilson.")
+    low: float = Field(description="Lower end of the 95 % Wilson interval of the rate.")
     high: float = Field(description="Its upper end.")
     labels: dict[str, int] = Field(description="Runs by worst label.")
 
@@ -55,9 +55,11 @@ class Configuration(Model):
     real_time_factor: float | None = Field(description="Simulated over CPU time.")
     error: float | None = Field(description="Largest in any of its runs; null if one has none.")
     below_estimate: bool = Field(
-        description="The error is below what the reference itself may be off by: an upper bound."
+        description="The error is below the uncertainty of the reference: an upper bound."
     )
-    solref_clamped: bool = Field(description="The engine softened its contacts to suit the step.")
+    solref_clamped: bool = Field(
+        description="refsafe raised a solref time constant to 2 timesteps."
+    )
     step_p99: float | None = Field(description="99th percentile of a step's time, worst run [s].")
     feasible: bool
     reasons: tuple[str, ...] = Field(description="Why it is not feasible.")
@@ -65,11 +67,11 @@ class Configuration(Model):
     margins: dict[str, float | None] = Field(
         description="Tolerance over worst value; null if that is zero or was not measured."
     )
-    outcomes: Outcomes
+    outcomes: ConfigurationOutcomes
 
 
 class FrontPoint(Model):
-    """A configuration that no other beats in both time and error."""
+    """A point of the Pareto front: no configuration has both less time and less error."""
 
     configuration: Settings
     time: float
@@ -82,7 +84,7 @@ class Order(Model):
 
     slope: float | None = Field(description="Of log error against log timestep; null if none.")
     standard_error: float | None
-    points: int = Field(description="Timesteps that it was fitted to.")
+    points: int = Field(description="Timesteps that it was fitted over.")
     reason: str | None = Field(description="Why there is none.")
 
 
@@ -112,15 +114,15 @@ class Recommendation(Model):
     error: float | None
     real_time_factor: float
     equally_fast: tuple[Settings, ...] = Field(
-        description="Feasible configurations that time cannot tell from the cheapest."
+        description="Feasible configurations whose time does not measurably differ from its own."
     )
     run_id: str = Field(description="A run of it, for `contactlab show`.")
     mjcf: tuple[str, ...] = Field(description="Lines that set it in a model.")
-    other: Settings = Field(description="Knobs that MJCF has no option or default for.")
+    other: Settings = Field(description="Knobs that no MJCF option or default sets.")
 
 
 class NextStep(Model):
-    """What the next step of cost buys."""
+    """The next point of the front: what more time buys."""
 
     configuration: Settings
     time_ratio: float = Field(description="Its time over the recommendation's.")
@@ -130,12 +132,12 @@ class NextStep(Model):
 
 
 class Blocker(Model):
-    """What keeps configurations from being feasible."""
+    """A reason why configurations are not feasible."""
 
     name: str = Field(description="A tolerance's metric, or a label.")
     kind: Literal["tolerance", "label"]
     configurations: int
-    best: float | None = Field(description="Least worst value of the metric over configurations.")
+    best: float | None = Field(description="Smallest worst value over configurations.")
 
 
 class TradeoffReport(Model):
@@ -148,18 +150,20 @@ class TradeoffReport(Model):
     knobs: tuple[str, ...]
     scenarios: tuple[str, ...]
     idle: tuple[str, ...] = Field(description="Knobs that change no error by more than 1 %.")
-    cases: int = Field(description="Scenarios times seeds that a configuration is run in.")
+    cases: int = Field(description="Scenarios times seeds that each configuration is run for.")
     error: ErrorMeasure
     time: TimeMeasure
     tolerances: dict[str, float]
-    chaotic: bool = Field(description="Whether runs part from each other however they start.")
+    chaotic: bool = Field(
+        description="Whether runs are chaotic: their trajectories do not compare."
+    )
     configurations: tuple[Configuration, ...]
     front: tuple[FrontPoint, ...] = Field(description="Over feasible configurations.")
     unconstrained_front: tuple[FrontPoint, ...] = Field(description="Over all of them.")
     methods: tuple[Method, ...] = Field(description="With one value of each idle knob.")
     recommendation: Recommendation | None
     robust: Recommendation | None = Field(
-        description="The cheapest whose margins are all at least 1.25."
+        description="The cheapest configuration with all margins at least 1.25."
     )
     next_step: NextStep | None
     blockers: tuple[Blocker, ...] = Field(description="The most frequent first.")

@@ -1,4 +1,4 @@
-"""What all models of exchanged files share: closed, frozen, strict about numbers and words."""
+"""The base of all models of files: closed, frozen, strict about numbers and words."""
 
 import math
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ Word = Annotated[str, Field(strict=True, min_length=1)]
 
 
 class Model(BaseModel):
-    """A mapping with known keys only, which cannot change once it is read."""
+    """A mapping with known keys only, immutable once read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 def is_number(value: object) -> bool:
-    """Tell whether a value is a number, which True and False are not."""
+    """Return whether a value is a number; True and False are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
@@ -49,7 +49,7 @@ def _checked_value(value: object) -> object:
     raise PydanticCustomError("value", "takes numbers, words, true, false or lists of numbers")
 
 
-# What an axis may be set to, before its own parser makes it canonical.
+# A value of an axis as written, before its own parser makes it canonical.
 Value = Annotated[
     object,
     AfterValidator(_checked_value),

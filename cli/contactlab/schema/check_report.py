@@ -1,11 +1,11 @@
-"""What `contactlab check` finds of a model, and the reference that another engine must meet."""
+"""The report of `contactlab check`, and the reference that another engine must reproduce."""
 
 from typing import Literal
 
 from pydantic import Field
 
-from contactlab.schema.model import Model
-from contactlab.schema.record import Engine, Provenance, Setting
+from contactlab.schema.evidence import Engine, Provenance, Setting
+from contactlab.schema.strict_model import Model
 
 CHECK_VERSION = 1
 
@@ -15,35 +15,35 @@ TaskKind = Literal["manipulation", "locomotion"]
 
 
 class Measure(Model):
-    """One number that a check looked at."""
+    """One number that a check measured."""
 
     name: str
     of: str | None = Field(description="The pair, body or setting that it belongs to; null if all.")
     value: float | None = Field(description="Null where it could not be measured.")
     unit: str
-    limit: float | None = Field(description="What it is held against; null if it only informs.")
-    holds: bool | None = Field(description="Whether the limit is kept; null if it only informs.")
+    limit: float | None = Field(description="Its limit; null if it is only reported.")
+    holds: bool | None = Field(description="Whether the limit is met; null if it is only reported.")
 
 
 class Change(Model):
-    """What to change in the model, and what came of running the model with it."""
+    """A change of the model, and the outcome of running the model with it."""
 
     lines: tuple[str, ...] = Field(description="MJCF, ready to paste.")
     settings: dict[str, Setting] = Field(description="The same as axes of a sweep.")
-    cures: bool | None = Field(description="Whether it met the check when run; null if not run.")
-    shown: str = Field(description="What running it gave.")
+    cures: bool | None = Field(description="Whether the check then passed; null if it was not run.")
+    shown: str = Field(description="The outcome of running it.")
 
 
 class CheckResult(Model):
     """One check of a model."""
 
     name: CheckName
-    asks: str = Field(description="What is asked of the model.")
+    asks: str = Field(description="The question that it answers.")
     verdict: CheckVerdict
     reason: str
     measures: tuple[Measure, ...] = ()
     changes: tuple[Change, ...] = ()
-    notes: tuple[str, ...] = Field(default=(), description="What else should be known.")
+    notes: tuple[str, ...] = Field(default=(), description="Further remarks.")
     stores: tuple[str, ...] = Field(
         default=(), description="Its evidence: stores, relative to the folder of the check."
     )
@@ -53,7 +53,7 @@ class CheckReport(Model):
     """Every check of one model (`check.json`). Units are SI; each measure names its own."""
 
     check_version: Literal[1] = CHECK_VERSION
-    model: str = Field(description="As it was asked for.")
+    model: str = Field(description="The model as given.")
     scene: str
     scene_hash: str
     overrides: tuple[str, ...] = Field(description="--set, as given.")
@@ -68,7 +68,7 @@ class CheckReport(Model):
 
 
 class Reference(Model):
-    """One run of one environment, which a parallel engine must meet (`reference.json`)."""
+    """One run of one environment, which a parallel engine must reproduce (`reference.json`)."""
 
     check_version: Literal[1] = CHECK_VERSION
     scene: str
@@ -82,9 +82,9 @@ class Reference(Model):
     duration: float = Field(description="s")
     success: bool = Field(description="Whether the run is labelled stable.")
     label: str
-    metrics: dict[str, float] = Field(description="What must be met, by name of the metric.")
+    metrics: dict[str, float] = Field(description="Values to reproduce, by metric.")
     units: dict[str, str]
     tolerance: float = Field(description="Largest relative difference from each metric.")
     resolution: dict[str, float] = Field(
-        description="Differences below this are none, whatever their share."
+        description="Absolute differences below this count as none."
     )

@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self, cast
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.model import Model, Number, Positive, Value, Whole
+from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole
 
 Role = Literal["knob", "scenario"]
 MOST_VALUES = 1_000_000
@@ -16,11 +16,11 @@ Span = tuple[Number, Number]
 
 
 class Ranged(Model):
-    """What every written-out form of an axis carries beside its values."""
+    """Fields that every form of an axis has besides its values."""
 
     role: Role = Field(
         default="knob",
-        description="knob: something you may choose; scenario: something the world chooses",
+        description="knob: a setting that you may choose; scenario: an external condition",
     )
 
 
@@ -39,7 +39,7 @@ class Linspace(Ranged):
 
 
 class Logspace(Ranged):
-    """Values whose neighbours share one ratio."""
+    """Geometrically spaced values."""
 
     logspace: tuple[Positive, Positive, Count] = Field(
         description="[first, last, count]: values, not exponents; both ends included"
@@ -47,7 +47,7 @@ class Logspace(Ranged):
 
 
 class Range(Ranged):
-    """Values a fixed step apart."""
+    """Values at a fixed step."""
 
     range: tuple[Number, Number, Number] = Field(
         description="[first, last, step]: the last is included where the steps reach it"
@@ -71,7 +71,7 @@ def _ordered(low: float, high: float) -> None:
 
 
 class Uniform(Ranged):
-    """Sampled values, spread evenly."""
+    """Values sampled uniformly."""
 
     uniform: Span = Field(description="[low, high]: sampled; needs `sample`")
 
@@ -82,7 +82,7 @@ class Uniform(Ranged):
 
 
 class Loguniform(Ranged):
-    """Sampled values, their logarithms spread evenly."""
+    """Values sampled log-uniformly."""
 
     loguniform: tuple[Positive, Positive] = Field(
         description="[low, high], both positive: sampled by logarithm; needs `sample`"
@@ -132,11 +132,11 @@ Axis = Annotated[
 ]
 
 
-def role(axis: Axis) -> Role:
-    """Return what an axis is to the user: a knob unless it says otherwise."""
+def axis_role(axis: Axis) -> Role:
+    """Return the role of an axis: a knob unless it says otherwise."""
     return axis.role if isinstance(axis, Ranged) else "knob"
 
 
 def is_sampled(axis: Axis) -> bool:
-    """Tell whether the values of an axis are drawn, not listed."""
+    """Return whether the values of an axis are sampled, not listed."""
     return isinstance(axis, Uniform | Loguniform)

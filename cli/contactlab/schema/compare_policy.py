@@ -1,4 +1,4 @@
-"""The policy file of `contactlab compare`: what is worse, and what of it fails the job."""
+"""The policy file of `contactlab compare`: what counts as regressed, and what fails the job."""
 
 from datetime import date
 from typing import Annotated, Literal, Self
@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.model import Model, Tolerance, Whole, Word
+from contactlab.schema.strict_model import Model, Tolerance, Whole, Word
 
 Level = Literal["gate", "warn", "note"]
 Better = Literal["lower", "higher", "none"]
@@ -26,7 +26,7 @@ Sameness = Literal[
     "os",
 ]
 Count = Annotated[Whole, Field(ge=0)]
-LEVEL = "gate: fails; warn: is shown as a warning; note: is only told"
+LEVEL = "gate: fails the job; warn: a warning; note: reported only"
 
 
 class Require(Model):
@@ -34,12 +34,12 @@ class Require(Model):
 
     same: tuple[Sameness, ...] = Field(
         default=("scene_hash", "metric_versions", "thresholds"),
-        description="what must be the same, or what depends on it is not comparable; "
-        "a changed scene is only told when runs are matched by axes",
+        description="what must be the same; otherwise what depends on it is not comparable; "
+        "a changed scene is only reported when runs are matched by axes",
     )
     warn_if_different: tuple[Sameness, ...] = Field(
         default=("engine", "contactlab", "numpy", "cpu_model", "cpu_flags"),
-        description="what is told if it differs",
+        description="reported if different",
     )
 
 
@@ -48,19 +48,20 @@ class AllowedTransition(Model):
 
     from_: Word = Field(alias="from", description="worst label in the baseline")
     to: Word = Field(description="worst label in the candidate")
-    max: Count = Field(description="how many runs may do so")
-    reason: Word = Field(description="why it is fine")
-    until: date | None = Field(default=None, description="last day on which it is, YYYY-MM-DD")
+    max: Count = Field(description="how many runs may change so")
+    reason: Word = Field(description="why it is accepted")
+    until: date | None = Field(default=None, description="last accepted day, YYYY-MM-DD")
 
 
 class LabelRules(Model):
     """How labels are compared."""
 
     severity: tuple[Word, ...] | None = Field(
-        default=None, description="labels, worst first; the order that the stores tell if left out"
+        default=None,
+        description="labels, worst first; as stored if left out",
     )
     level: Level = Field(default="gate", description=f"of a new label; {LEVEL}")
-    by: tuple[Word, ...] = Field(default=(), description="axes; each of their values is judged")
+    by: tuple[Word, ...] = Field(default=(), description="axes; each value is judged separately")
     allow: tuple[AllowedTransition, ...] = Field(
         default=(), description="changes of the worst label that are accepted"
     )
@@ -74,16 +75,16 @@ class LabelRules(Model):
 
 
 class MetricRule(Model):
-    """How a metric is compared; what is left out is as a wider pattern or the defaults say."""
+    """How a metric is compared; keys left out come from a wider pattern or the defaults."""
 
     better: Better | None = Field(
-        default=None, description="lower, higher or none; as the store says if left out"
+        default=None, description="lower, higher or none; as stored with the metric if left out"
     )
     rel: Tolerance | None = Field(
-        default=None, description="share of the baseline's value that a change may have"
+        default=None, description="largest accepted change, relative to the baseline's value"
     )
     abs: Tolerance | None = Field(
-        default=None, description="what a change may have beside that, in the metric's unit"
+        default=None, description="accepted change besides that, in the metric's unit"
     )
     statistic: Statistic | None = Field(
         default=None,
@@ -91,10 +92,10 @@ class MetricRule(Model):
         "median ratio of the pairs",
     )
     by: tuple[Word, ...] | None = Field(
-        default=None, description="axes; each of their values is judged by itself"
+        default=None, description="axes; each of their values is judged separately"
     )
     budget: Tolerance | None = Field(
-        default=None, description="share of the runs that may be worse, with a warning"
+        default=None, description="share of the runs that may regress, with a warning"
     )
     level: Level | None = Field(default=None, description=LEVEL)
     needs_same: tuple[Sameness, ...] | None = Field(
@@ -103,21 +104,21 @@ class MetricRule(Model):
 
 
 class KnifeEdgeRules(Model):
-    """What is done about runs whose label another start 1e-6 away would change."""
+    """How runs are treated whose label changes from a start 1e-6 away."""
 
     exclude: Annotated[bool, Field(strict=True)] = Field(
-        default=True, description="whether they are counted apart and gate nothing"
+        default=True, description="whether they are counted and reported, never gated"
     )
     max_share: Tolerance = Field(
-        default=0.05, description="share of the runs, if not the baseline's, that may be such"
+        default=0.05, description="accepted share of such runs, if larger than the baseline's"
     )
-    level: Level = Field(default="warn", description=f"of more of them; {LEVEL}")
+    level: Level = Field(default="warn", description=f"beyond that share; {LEVEL}")
 
 
 class RecommendationRules(Model):
-    """What is done about a change of the recommended configuration."""
+    """How a change of the recommended configuration is treated."""
 
-    changed: Level = Field(default="warn", description=f"of another configuration; {LEVEL}")
+    changed: Level = Field(default="warn", description=f"of a changed recommendation; {LEVEL}")
 
 
 class AcceptedCheck(Model):
@@ -126,12 +127,12 @@ class AcceptedCheck(Model):
     check: Word = Field(description="the check's name")
     group: Word | None = Field(default=None, description="its group; all groups if left out")
     max: Count = Field(description="how many runs may fail it")
-    reason: Word = Field(description="why it is fine")
-    until: date | None = Field(default=None, description="last day on which it is, YYYY-MM-DD")
+    reason: Word = Field(description="why it is accepted")
+    until: date | None = Field(default=None, description="last accepted day, YYYY-MM-DD")
 
 
 class ComparePolicy(Model):
-    """What is worse, and what of it fails the job."""
+    """What counts as regressed, and what fails the job."""
 
     version: Literal[1] = Field(description="version of this file format: 1")
     match: Literal["id", "axes"] = Field(
@@ -144,7 +145,7 @@ class ComparePolicy(Model):
         description="metric name, or a pattern such as solver_*, to its rule; the closest one wins",
     )
     expectations: Level = Field(
-        default="gate", description=f"of runs that no longer are as expected; {LEVEL}"
+        default="gate", description=f"of runs that are no longer as expected; {LEVEL}"
     )
     missing_runs: Level = Field(
         default="gate", description=f"of runs that only the baseline has; {LEVEL}"
@@ -153,7 +154,7 @@ class ComparePolicy(Model):
         default="note", description=f"of runs that only the candidate has; {LEVEL}"
     )
     knife_edge: KnifeEdgeRules = Field(
-        default_factory=KnifeEdgeRules, description="runs that are set apart"
+        default_factory=KnifeEdgeRules, description="knife-edge runs"
     )
     recommendation: RecommendationRules = Field(
         default_factory=RecommendationRules, description="the recommended configuration"

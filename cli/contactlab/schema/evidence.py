@@ -1,0 +1,257 @@
+"""What a store holds: the record of each run, its accuracy and times, and the manifest."""
+
+from typing import Any, Literal
+
+from pydantic import Field
+
+from contactlab.schema.strict_model import Model
+
+# Errors that a sweep may give tolerances for, as for metrics, if it asks for accuracy.
+ERRORS = ("error_final", "error_mean", "error_peak")
+
+ErrorKind = Literal["trajectory", "local", "invariants"]
+SolrefRule = Literal["absolute", "tied"]
+
+
+class Accuracy(Model):
+    """Errors of a run against its reference; columns of the table have the same names.
+
+    Errors are in m, angles weighted by the length of their degree of freedom; where `error_kind`
+    is `invariants` they are ratios. They are null where the run or its reference failed.
+    """
+
+    error_final: float | None = Field(description="At the last common time.")
+    error_mean: float | None = Field(description="Mean over common times.")
+    error_peak: float | None = Field(description="Largest over common times.")
+    error_estimate: float | None = Field(
+        description="Largest distance of the two finest references, a bound on what each of the "
+        "errors may be off by."
+    )
+    error_final_estimate: float | None = Field(
+        description="Their distance at the end: a smaller `error_final` is not known."
+    )
+    error_mean_estimate: float | None = Field(
+        description="Their mean distance: a smaller `error_mean` is not known."
+    )
+    error_kind: ErrorKind
+    chaotic: bool | None = Field(
+        description="Whether a start 1e-8 away grows to the size of the errors; null if unknown."
+    )
+    reference_integrator: str | None
+    reference_timestep: float | None = Field(description="Of the finest reference [s].")
+    impacts: int | None = Field(description="How often contacts began or ended in the run.")
+    solref_rule: SolrefRule | None = Field(
+        description="Whether the time constant of solref is a multiple of the timestep, where "
+        "that varies; null where it does not."
+    )
+    solref_clamped: bool = Field(
+        description="Whether refsafe raised a time constant of solref to two timesteps."
+    )
+
+
+class Timing(Model):
+    """The cost of a run when nothing is recorded; columns of the table have the same names.
+
+    Times are null where the run failed.
+    """
+
+    time_min: float | None = Field(description="CPU s per simulated s, least of the rounds.")
+    time_median: float | None = Field(description="CPU s per simulated s, median of the rounds.")
+    step_p50: float | None = Field(description="CPU time of a single step, median [s].")
+    step_p99: float | None = Field(description="CPU time of a single step, 99th percentile [s].")
+    compile_time: float | None = Field(description="CPU time to compile the model [s].")
+    work_steps: float | None = Field(description="Steps per simulated second.")
+    work_iterations: float | None = Field(description="Solver iterations per simulated second.")
+    work_contacts: float | None = Field(
+        description="Contacts, summed over steps, per simulated second."
+    )
+    work_rows: float | None = Field(
+        description="Constraint rows, summed over steps, per simulated second."
+    )
+    timing_settings: str = Field(description="Hash of how times were measured.")
+
+
+RECORD_VERSION = 2
+
+Scalar = bool | int | float | str
+Setting = Scalar | tuple[float, ...] | None
+Status = Literal["ok", "stopped", "error", "crashed", "timeout"]
+
+
+class LabelEntry(Model):
+    """One label that applies to the run."""
+
+    label: str
+    reason: str
+    step: int | None = Field(description="The step at which it was first met.")
+
+
+class PairRecord(Model):
+    """The effective contact parameters of one monitored pair."""
+
+    condim: int
+    friction: tuple[float, ...] = Field(
+        min_length=5, max_length=5, description="Slide, slide [1]; torsion, roll, roll [m]."
+    )
+    solref: tuple[float, ...] = Field(min_length=2, max_length=2)
+    solimp: tuple[float, ...] = Field(min_length=5, max_length=5)
+    margin: float = Field(description="m")
+    gap: float = Field(description="m")
+
+
+class Engine(Model):
+    """The engine that computed the trajectory."""
+
+    name: str
+    version: str
+
+
+class InitialState(Model):
+    """The start state, exactly."""
+
+    qpos: tuple[float, ...]
+    qvel: tuple[float, ...]
+    ctrl: tuple[float, ...] = Field(
+        default=(), description="Control at the start; it stays, unless the scene drives it."
+    )
+    applied: tuple[float, ...] = Field(
+        default=(),
+        description="Force and torque on each body at the start [N, N m]; empty if none.",
+    )
+
+
+class Cost(Model):
+    """The cost of the run."""
+
+    cpu_s: float = Field(description="Thread CPU time of the stepping [s].")
+    cpu_per_sim_s: float = Field(description="CPU seconds per simulated second.")
+    latency_budget_s: float | None = Field(description="Wall time a step may take [s].")
+    latency_used: float | None = Field(
+        description="Mean CPU time of a step over the budget; above 1 the budget is exceeded."
+    )
+
+
+class TraceFile(Model):
+    """The run's MCAP file."""
+
+    file: str = Field(description="Path relative to the store.")
+    sha256: str
+    bytes: int
+    messages: dict[str, int] = Field(description="Messages by topic.")
+
+
+class Host(Model):
+    """The machine, as far as it can affect bits and times."""
+
+    cpu_model: str
+    cpu_flags: str = Field(description="Hash of the CPU's feature flags.")
+    cores: int
+    os: str
+
+
+class Provenance(Model):
+    """The versions and the machine that wrote the record."""
+
+    contactlab: str
+    git_revision: str | None
+    python: str
+    numpy: str
+    host: Host
+
+
+class EvidenceRecord(Model):
+    """Everything known about one run, except its trace. Units are SI; `units` names them."""
+
+    schema_version: Literal[2] = RECORD_VERSION
+    run_id: str
+    index: int = Field(description="The run's place in the plan.")
+    sweep: str
+    scene: str
+    scene_hash: str
+    engine: Engine
+    axes: dict[str, Setting] = Field(description="The swept values, as the sweep names them.")
+    settings: dict[str, Setting] = Field(description="Every resolved setting, defaults included.")
+    effects: dict[str, bool] = Field(description="Every effect, on or off.")
+    effect_reasons: dict[str, str] = Field(
+        default_factory=dict, description="Why each effect is on or off."
+    )
+    effects_missed: dict[str, str] = Field(
+        default_factory=dict,
+        description="Effects that are off although the motion called for them, and why.",
+    )
+    pairs: dict[str, PairRecord]
+    edited_geoms: tuple[str, ...] = Field(description="Geoms whose contact parameters were set.")
+    seed: int
+    initial: InitialState
+    duration: float
+    status: Status
+    status_reason: str | None
+    steps: int
+    steps_asked: int
+    warnings: dict[str, int] = Field(description="Engine warnings by name.")
+    metrics: dict[str, float | None]
+    metric_versions: dict[str, int]
+    units: dict[str, str]
+    label: str
+    labels: tuple[LabelEntry, ...] = Field(description="Every label that applies, worst first.")
+    expected: tuple[str, ...] | None
+    expectation_met: bool | None
+    expectation_reason: str | None
+    tolerances_met: bool | None
+    trajectory_hash: str | None = Field(
+        description="SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
+    )
+    knife_edge: bool | None = Field(
+        default=None, description="Whether a start 1e-6 away gives another label; null if unasked."
+    )
+    provenance: Provenance
+    cost: Cost | None = None
+    accuracy: Accuracy | None = Field(default=None, description="Null if the sweep asks for none.")
+    timing: Timing | None = Field(default=None, description="Null if the sweep asks for none.")
+    trace: TraceFile | None = None
+    started: str | None = Field(default=None, description="UTC, ISO 8601.")
+    finished: str | None = Field(default=None, description="UTC, ISO 8601.")
+
+
+STORE_VERSION = 2
+
+
+class SweepIdentity(Model):
+    """What a store's runs were asked to be; a resumed sweep must match it (`sweep.json`)."""
+
+    store_version: Literal[2] = STORE_VERSION
+    name: str
+    source: str = Field(description="The sweep file's text.")
+    overrides: tuple[str, ...] = Field(description="--set, --only and --limit, as given.")
+    resolved: dict[str, Any] = Field(description="The sweep with defaults filled in.")
+    scene: str
+    scene_hash: str
+    scene_model: str = Field(description="The model file, relative to scenes/<hash>.")
+    engine: Engine
+    metric_versions: dict[str, int]
+    runs_asked: int
+    lacking: dict[str, str] = Field(
+        default_factory=dict,
+        description="What this version of the engine cannot give, and so is null, with the reason.",
+    )
+    plan_hash: str = Field(description="Hash of every run id in plan order.")
+
+
+class StoreManifest(Model):
+    """What a finished store holds (`manifest.json`)."""
+
+    store_version: Literal[2] = STORE_VERSION
+    sweep: SweepIdentity
+    provenance: Provenance
+    runs: int
+    labels: dict[str, int]
+    statuses: dict[str, int]
+    traces: int
+    traces_left_out: bool = Field(
+        default=False,
+        description="Whether the traces that the records name were left out, as in a baseline.",
+    )
+    expectations: dict[str, int] = Field(description="Runs by outcome: met, unmet, none.")
+    files: dict[str, str] = Field(description="SHA-256 of every file but traces and this one.")
+    started: str
+    finished: str
