@@ -158,10 +158,10 @@ class Taker:
 def hand_out(file: Path) -> None:
     """Plan a sweep, pack all its jobs, and print what that took as JSON."""
     start = time.time()
-    from contactlab.run import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
 
     taker = Taker()
-    ask = ask_for(file, file.stem, file.with_suffix(""), folder=file.parent, workers=2)
+    ask = read_request(file, file.stem, file.with_suffix(""), folder=file.parent, workers=2)
     ask.__dict__["cluster"] = taker
     try:
         run_sweep(ask, _ignore, _ignore)

@@ -22,8 +22,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
-from contactlab.run import Ask, ask_for, run_sweep
-from contactlab.run.cluster import ray_cluster
+from contactlab.run import SweepRequest, ray_cluster, read_request, run_sweep
 
 ROUNDS, SEEDS, NODES = 3, 40, 3
 SWEEP = """
@@ -47,7 +46,7 @@ class Turn(NamedTuple):
     nodes: float
 
 
-def timed(ask: Ask) -> float:
+def timed(ask: SweepRequest) -> float:
     """Return how long a sweep into a new store takes [s]."""
     with tempfile.TemporaryDirectory() as folder:
         begin = time.perf_counter()
@@ -78,7 +77,7 @@ def cluster_of_none() -> Generator[Any]:
         cluster.shutdown()
 
 
-def turns(cluster: Any, ask: Ask) -> Iterator[tuple[int, Turn]]:  # noqa: ANN401 - Ray's own
+def turns(cluster: Any, ask: SweepRequest) -> Iterator[tuple[int, Turn]]:  # noqa: ANN401 - Ray's own
     """Yield what the sweep takes as nodes join; they leave at the end."""
     nodes: list[Any] = []
     for count in range(1, NODES + 1):
@@ -112,7 +111,7 @@ def _spread(values: list[float]) -> str:
 def main(rounds: int, seeds: int) -> None:
     """Take the rounds and print the table."""
     text = SWEEP.format(seeds=seeds)
-    ask = ask_for(text, "nodes", Path("store"), folder=Path(), workers=1)
+    ask = read_request(text, "nodes", Path("store"), folder=Path(), workers=1)
     timed(ask)
     found: dict[int, list[Turn]] = {}
     with cluster_of_none() as cluster:

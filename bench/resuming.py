@@ -48,15 +48,15 @@ def main() -> None:
 
 def make_journal(file: Path) -> None:
     """Begin a sweep, and make up the rows of all its runs."""
-    from contactlab.run import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
-    from contactlab.run.roster import Roster  # noqa: PLC0415
+    from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run.planned_runs import RunIndex  # noqa: PLC0415
 
-    ask = ask_for(file, file.stem, _store_of(file), folder=file.parent, workers=0)
+    ask = read_request(file, file.stem, _store_of(file), folder=file.parent, workers=0)
     with contextlib.suppress(EnoughError):
         run_sweep(ask, lambda *_: None, _enough)
     journal = _store_of(file) / "journal.jsonl"
     rows = journal.read_bytes().splitlines(keepends=True)
-    ids = [run.run_id for run, _ in Roster(ask.plan, ask.scene).runs()]
+    ids = [run.run_id for run, _ in RunIndex(ask.plan, ask.scene).runs()]
     late = np.random.default_rng(0).uniform(0, _LATE, len(ids))
     with journal.open("wb") as made_up:
         for place in np.argsort(np.arange(len(ids)) + late).tolist():
@@ -77,13 +77,13 @@ def resume(file: Path) -> None:
     times = [(time.time(), 0.0, 0)]
     from contactlab.commands.show_command import print_summary  # noqa: PLC0415
     from contactlab.commands.terminal import Format  # noqa: PLC0415 - imports are measured
-    from contactlab.run import ask_for, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
 
     def take(*_: object) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
         times.append((time.time(), time.process_time(), peak))
 
-    ask = ask_for(file, file.stem, _store_of(file), folder=file.parent, workers=0)
+    ask = read_request(file, file.stem, _store_of(file), folder=file.parent, workers=0)
     manifest = run_sweep(ask, take, lambda _: None)
     take()
     with contextlib.redirect_stdout(io.StringIO()):

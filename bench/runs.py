@@ -6,7 +6,7 @@ from bench.plain import PlainRun
 
 from contactlab import resources
 from contactlab.plan import read_sweep
-from contactlab.run import Scenes
+from contactlab.run import SceneLoader
 
 
 def plain_runs(sweep: Path) -> list[PlainRun]:
@@ -15,7 +15,7 @@ def plain_runs(sweep: Path) -> list[PlainRun]:
     Restitution is all that it may change in the model, and the number of boxes all in its
     structure.
     """
-    scenes = Scenes(sweep.parent)
+    scenes = SceneLoader(sweep.parent)
     read = read_sweep(sweep, scenes.vocabulary)
     scene = scenes.open(read.sweep.scene)
     resolved = [

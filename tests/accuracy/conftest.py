@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.plan import read_sweep
-from contactlab.run import Ask, Scenes, run_sweep
+from contactlab.run import SceneLoader, SweepRequest, run_sweep
 
 BALL = """
 version: 1
@@ -30,10 +30,10 @@ class Sweeper:
     def run(self, text: str, name: str = "store", workers: int = 0) -> None:
         run_sweep(self.ask(text, name, workers), begin=lambda *_: None, progress=lambda _: None)
 
-    def ask(self, text: str, name: str = "store", workers: int = 0) -> Ask:
-        scenes = Scenes(self.folder)
+    def ask(self, text: str, name: str = "store", workers: int = 0) -> SweepRequest:
+        scenes = SceneLoader(self.folder)
         read = read_sweep(text, scenes.vocabulary)
-        return Ask(
+        return SweepRequest(
             plan=read.plan,
             scene=scenes.open(read.sweep.scene),
             name="small",

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from contactlab.resources import scene_folder
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.store import Store
 
 Run = Callable[..., Any]
@@ -65,7 +65,7 @@ axes: {spin: [SPIN]}
 
 def swept(folder: Path, name: str, text: str) -> Path:
     """Write a store of a sweep beside a folder's scenes."""
-    ask = ask_for(text, "tried", folder / name, folder=folder, workers=0)
+    ask = read_request(text, "tried", folder / name, folder=folder, workers=0)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return folder / name
 

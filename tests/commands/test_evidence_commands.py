@@ -12,11 +12,11 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.run import Start
+from contactlab.run import PreparedReplay
 from contactlab.store import Store
 
 Run = Callable[..., Any]
-replaying = importlib.import_module("contactlab.run.replay")
+replaying = importlib.import_module("contactlab.run.stored_runs")
 
 
 @pytest.fixture
@@ -117,7 +117,7 @@ def test_replay_finds_the_first_difference(
     touched = int(opened.trace(opened.record(run_id)).pairs[0].steps[0])
     prepare = replaying.prepare
 
-    def prepare_softer(store: Store, run: str) -> Start:
+    def prepare_softer(store: Store, run: str) -> PreparedReplay:
         start = prepare(store, run)
         start.prepared.model.geom_solref[:] *= 2
         return start
@@ -162,7 +162,7 @@ def test_replay_of_a_run_that_was_not_simulated(
     lost = record.model_copy(update={"trajectory_hash": None, "trace": None, "steps": 0})
     prepare = replaying.prepare
 
-    def prepare_lost(store: Store, run: str) -> Start:
+    def prepare_lost(store: Store, run: str) -> PreparedReplay:
         return replace(prepare(store, run), record=lost)
 
     monkeypatch.setattr(replaying, "prepare", prepare_lost)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.store import Store
 
 Run = Callable[..., Any]
@@ -20,7 +20,7 @@ SWEEP = "{version: 1, scene: ball_drop, duration: 0.3, axes: {drop_height: [0.02
 def store(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, str]:
     """A store of one run, and the run's id."""
     folder = tmp_path_factory.mktemp("rendered")
-    ask = ask_for(SWEEP, "small", folder / "store", folder=folder, workers=0)
+    ask = read_request(SWEEP, "small", folder / "store", folder=folder, workers=0)
     run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
     [run] = Store.open(ask.store).table["run_id"].to_pylist()
     return str(ask.store), run

@@ -91,7 +91,7 @@ def test_other_threads_hear_nothing() -> None:
 WRITING = """
 import io, os, signal, sys
 from contactlab.commands.stopping import stop_on_signals
-from contactlab.run.stop import Stop
+from contactlab.run.tasks import Stop
 
 class Interrupted(io.RawIOBase):
     def writable(self):

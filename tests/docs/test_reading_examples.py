@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.store import Store
 
 TEXT = (Path(__file__).parents[2] / "docs/evidence.md").read_text(encoding="utf-8")
@@ -24,7 +24,7 @@ axes: {timestep: [2.0e-3, 2.0e-2], drop_height: [0.02, 0.3]}
 @pytest.fixture(scope="module")
 def store(tmp_path_factory: pytest.TempPathFactory) -> Store:
     folder = tmp_path_factory.mktemp("examples")
-    ask = ask_for(SWEEP, "bounce", folder / "results/bounce", folder=folder, workers=0)
+    ask = read_request(SWEEP, "bounce", folder / "results/bounce", folder=folder, workers=0)
     run_sweep(ask, begin=lambda _total, _done: None, progress=lambda _: None)
     return Store.open(ask.store)
 

@@ -12,7 +12,7 @@ from contactlab.contact import PairSeries, Trace
 from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.measure import assess
 from contactlab.plan import Overrides
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.scene import PreparedModel, Scene, make_setup
 
 Rows = list[dict[str, Any]]
@@ -70,6 +70,8 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Rows]:
 
 def _run(sweep: Path, store: Path) -> Rows:
     overrides = Overrides(("trace=none",), ())
-    ask = ask_for(sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides)
+    ask = read_request(
+        sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides
+    )
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return pq.read_table(store / "runs.parquet").to_pylist()

@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 
 from contactlab import resources
 from contactlab.engines import Buffers, make_trace, roll_out
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.scene import Scene
 from contactlab.store import Store
 
@@ -26,7 +26,7 @@ axes: {{opening: [0.09], solref: ["0.005 1"]}}
 
 def swept(folder: Path, scene: str) -> dict[str, Any]:
     text = SWEEP.format(scene=scene)
-    ask = ask_for(text, "store", folder / "store", folder=folder, workers=0)
+    ask = read_request(text, "store", folder / "store", folder=folder, workers=0)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     (row,) = pq.read_table(folder / "store" / "runs.parquet").to_pylist()
     return row

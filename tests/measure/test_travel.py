@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.store import Store
 
 _SWEEP = "version: 1\nscene: m.xml\nduration: {}\ntrace: none\n"
@@ -13,7 +13,7 @@ _SWEEP = "version: 1\nscene: m.xml\nduration: {}\ntrace: none\n"
 
 def _measured(folder: Path, model: str, duration: float) -> dict[str, float | None]:
     (folder / "m.xml").write_text(model)
-    ask = ask_for(_SWEEP.format(duration), "t", folder / "s", folder=folder, workers=0)
+    ask = read_request(_SWEEP.format(duration), "t", folder / "s", folder=folder, workers=0)
     run_sweep(ask, lambda *_: None, lambda _: None)
     store = Store.open(folder / "s")
     return store.record(store.table["run_id"][0].as_py()).metrics
@@ -39,7 +39,7 @@ def test_a_spinning_ball_turns_by_its_speed_times_time(tmp_path: Path) -> None:
         "version: 1\ntitle: t\ndescription: d\nduration: 0.5\nkeyframe: spin\n"
     )
     text = "version: 1\nscene: ./s\ntrace: none\n"
-    ask = ask_for(text, "t", tmp_path / "store", folder=tmp_path, workers=0)
+    ask = read_request(text, "t", tmp_path / "store", folder=tmp_path, workers=0)
     run_sweep(ask, lambda *_: None, lambda _: None)
     store = Store.open(tmp_path / "store")
     metrics = store.record(store.table["run_id"][0].as_py()).metrics

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.report import write_page
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.store import Store
 
 BOUNCE = """
@@ -84,7 +84,7 @@ CHROMIUM = Path("/usr/bin/chromium")
 
 def run(text: str, folder: Path, name: str = "tried") -> Store:
     """Run a sweep, given as text, into a store."""
-    ask = ask_for(text, name, folder / "store", folder=folder, workers=0)
+    ask = read_request(text, name, folder / "store", folder=folder, workers=0)
     run_sweep(ask, lambda _total, _done: None, lambda _: None)
     return Store.open(ask.store)
 

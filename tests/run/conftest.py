@@ -16,7 +16,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.plan import read_sweep
-from contactlab.run import Ask, Finished, Scenes, run_sweep
+from contactlab.run import Finished, SceneLoader, SweepRequest, run_sweep
 from contactlab.schema import StoreManifest
 
 BALL = """
@@ -91,10 +91,10 @@ class Sweeper:
             progress=progress,
         )
 
-    def ask(self, text: str, name: str = "store", workers: int = 0) -> Ask:
-        scenes = Scenes(self.folder)
+    def ask(self, text: str, name: str = "store", workers: int = 0) -> SweepRequest:
+        scenes = SceneLoader(self.folder)
         read = read_sweep(text, scenes.vocabulary)
-        return Ask(
+        return SweepRequest(
             plan=read.plan,
             scene=scenes.open(read.sweep.scene),
             name="small",

@@ -15,7 +15,7 @@ from typing import Any
 
 from contactlab.engines import rollout
 from contactlab.engines.stepping import Batch
-from contactlab.run.preparing import Preparer
+from contactlab.run.run_preparation import Preparer
 from contactlab.run.worker import Worker
 
 FAR = 50_000_000

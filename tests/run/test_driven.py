@@ -9,8 +9,8 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import SceneError
-from contactlab.run import ask_for, run_sweep
-from contactlab.run.replay import replay
+from contactlab.run import read_request, run_sweep
+from contactlab.run.stored_runs import replay
 from contactlab.store import Store
 
 SWEEP = """\
@@ -26,7 +26,7 @@ def swept(
     folder: Path, name: str, scene: str = "grasp_mug", workers: int = 0
 ) -> list[dict[str, Any]]:
     text = SWEEP.format(scene=scene)
-    ask = ask_for(text, name, folder / name, folder=folder, workers=workers)
+    ask = read_request(text, name, folder / name, folder=folder, workers=workers)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return pq.read_table(folder / name / "runs.parquet").to_pylist()
 
@@ -70,7 +70,7 @@ def test_a_programme_that_goes_back_in_time_is_said_before_anything_runs(tmp_pat
     text = text.replace("at: [0, close_time]", "at: [0.1, close_time]")
     (copy / "scene.yaml").write_text(text)
     sweep = SWEEP.format(scene="./copy").replace("0.15", "0.05")
-    ask = ask_for(sweep, "store", tmp_path / "store", folder=tmp_path, workers=0)
+    ask = read_request(sweep, "store", tmp_path / "store", folder=tmp_path, workers=0)
     with pytest.raises(SceneError, match=r"copy/scene.yaml: control grip.ctrl: times must not"):
         run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     assert not (tmp_path / "store").exists()

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from contactlab.engines import bytes_of_run
-from contactlab.run.jobs import JOB_BYTES
+from contactlab.run.planned_runs import JOB_BYTES
 from contactlab.store import verify
 
 # The last timestep makes runs of 300,000 steps.

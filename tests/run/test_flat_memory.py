@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run.job import Job
+from contactlab.run.tasks import Job
 from contactlab.run.worker import Worker
 
 SWEEP = """

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.scene import Scene
 
 SWEEP = """\
@@ -21,7 +21,7 @@ axes: {{restitution: [0.6], timestep: [2.0e-3]}}
 
 def swept(folder: Path, asked: str) -> list[dict[str, Any]]:
     text = SWEEP.format(asked=asked)
-    ask = ask_for(text, asked, folder / asked, folder=folder, workers=0)
+    ask = read_request(text, asked, folder / asked, folder=folder, workers=0)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return pq.read_table(folder / asked / "runs.parquet").to_pylist()
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.schema import EvidenceRecord
 from contactlab.store import Store
 
@@ -18,7 +18,7 @@ def recorded(tmp_path: Path) -> Recorded:
 
     def run(text: str) -> list[EvidenceRecord]:
         store = tmp_path / "store"
-        ask = ask_for(text, "t", store, folder=tmp_path, workers=0, fresh=True)
+        ask = read_request(text, "t", store, folder=tmp_path, workers=0, fresh=True)
         run_sweep(ask, lambda *_: None, lambda _: None)
         opened = Store.open(store)
         return [opened.record(run) for run in opened.table["run_id"].to_pylist()]

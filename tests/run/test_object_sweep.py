@@ -13,8 +13,7 @@ import pytest
 
 from contactlab.errors import OutputError
 from contactlab.run import run_sweep
-from contactlab.run.job import Job, Result, Task
-from contactlab.run.stop import Stop
+from contactlab.run.tasks import Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 from contactlab.store import Address, ObjectAddress, parse_address, verify
 from contactlab.store.objects import ObjectClient, connect

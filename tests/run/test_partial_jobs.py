@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.errors import StoppedError
 from contactlab.run import Finished, Stop, run_sweep, worker
-from contactlab.run.job import Job, Task
+from contactlab.run.tasks import Job, Task
 from contactlab.run.worker import Worker
 
 ONE_JOB = """

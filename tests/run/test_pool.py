@@ -11,12 +11,12 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import Finished, Stop, pool
-from contactlab.run.job import Job, Lost, PlannedRun
-from contactlab.run.slot import Slot
+from contactlab.run import Finished, Stop, worker_pool
+from contactlab.run.tasks import Crashed, Job, PlannedRun
+from contactlab.run.worker_process import WorkerHandle
 from contactlab.store import verify
 
-INNER: Any = pool
+INNER: Any = worker_pool
 FIRST: Job = (PlannedRun(0, "first", {}, 0),)
 SECOND: Job = (PlannedRun(1, "second", {}, 0),)
 
@@ -116,7 +116,7 @@ def slot(tmp_path: Path) -> tuple[Any, Any]:
     """A worker on its first job, and the worker's end of the pipe."""
     ours, theirs = multiprocessing.Pipe()
     process: Any = DeadProcess()
-    return Slot(process, ours, tmp_path / "marker", FIRST), theirs
+    return WorkerHandle(process, ours, tmp_path / "marker", FIRST), theirs
 
 
 def results(slots: list[Any], queue: Any) -> list[Any]:
@@ -133,7 +133,7 @@ def test_a_worker_that_dies_between_jobs_loses_the_next(slot: tuple[Any, Any]) -
     queue = iter([SECOND])
     assert results(slots, queue) == [["done"]]
     assert results(slots, queue) == [
-        Lost(SECOND, "the worker was ended by SIGKILL", timed_out=False)
+        Crashed(SECOND, "the worker was ended by SIGKILL", timed_out=False)
     ]
     assert slots == []
 
@@ -143,7 +143,7 @@ def test_a_worker_that_dies_in_mid_message_loses_its_job(slot: tuple[Any, Any]) 
     os.write(theirs.fileno(), (1000).to_bytes(4, "big") + b"only the beginning")
     theirs.close()
     assert results([worker], iter(())) == [
-        Lost(FIRST, "the worker was ended by SIGKILL", timed_out=False)
+        Crashed(FIRST, "the worker was ended by SIGKILL", timed_out=False)
     ]
 
 

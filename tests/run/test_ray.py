@@ -46,13 +46,13 @@ if "forkserver" in " ".join(sys.orig_argv):
 NEWER = """
 import sys
 if any(each.endswith("contactlab") for each in sys.orig_argv):
-    import contactlab.run.cluster.connecting as connecting
+    import contactlab.run.ray_connection as connecting
     enter = connecting._connect
 
     def entering(address, workers):
         enter(address, workers)
-        from contactlab.run.cluster import terms
-        terms.version = lambda name: "9.9"
+        from contactlab.run import ray_executor
+        ray_executor.version = lambda name: "9.9"
 
     connecting._connect = entering
 """

@@ -21,9 +21,10 @@ from ray.exceptions import (
 
 from contactlab.errors import ClusterError, OutputError
 from contactlab.run import Stop
-from contactlab.run.cluster import flight, node
-from contactlab.run.cluster.flight import MOST_LOSSES, Flight
-from contactlab.run.job import Job, Lost, PlannedRun
+from contactlab.run import ray_executor as flight
+from contactlab.run import ray_node as node
+from contactlab.run.ray_executor import MAX_LOSSES, InFlight
+from contactlab.run.tasks import Crashed, Job, PlannedRun
 
 GONE = [NodeDiedError("gone"), RaySystemError("gone"), WorkerCrashedError()]
 
@@ -78,14 +79,14 @@ def fly(monkeypatch: pytest.MonkeyPatch) -> Fly:
     def made(count: int, room: int = 4, **answers: list[Any]) -> tuple[MadeUp, Any, Stop]:
         cluster, stop = MadeUp({name[1:]: each for name, each in answers.items()}), Stop()
         monkeypatch.setattr(flight, "ray", cluster)
-        results = Flight(cluster.send, iter(jobs(count)), lambda: room, stop).results()
+        results = InFlight(cluster.send, iter(jobs(count)), lambda: room, stop).results()
         return cluster, results, stop
 
     return made
 
 
 @given(
-    losses=st.lists(st.integers(0, MOST_LOSSES - 1), max_size=12),
+    losses=st.lists(st.integers(0, MAX_LOSSES - 1), max_size=12),
     room=st.integers(1, 5),
     kind=st.sampled_from(GONE),
 )
@@ -95,7 +96,7 @@ def test_jobs_whose_nodes_are_lost_come_back_once(
     with pytest.MonkeyPatch.context() as patch:
         cluster = MadeUp({str(index): [kind] * lost for index, lost in enumerate(losses)})
         patch.setattr(flight, "ray", cluster)
-        results = Flight(cluster.send, iter(jobs(len(losses))), lambda: room, Stop()).results()
+        results = InFlight(cluster.send, iter(jobs(len(losses))), lambda: room, Stop()).results()
         assert sorted(results, key=str) == sorted([[str(i)] for i in range(len(losses))], key=str)
     assert len(cluster.sent) == len(losses) + sum(losses)
     assert cluster.most <= room
@@ -104,16 +105,16 @@ def test_jobs_whose_nodes_are_lost_come_back_once(
 
 @pytest.mark.parametrize("kind", GONE)
 def test_a_job_that_loses_every_node_is_lost(fly: Fly, kind: Exception) -> None:
-    _, results, _ = fly(2, _1=[kind] * MOST_LOSSES)
-    by_kind = {isinstance(each, Lost): each for each in results}
-    reason = f"its node was lost {MOST_LOSSES} times: {type(kind).__name__}"
-    assert by_kind == {False: ["0"], True: Lost(jobs(2)[1], reason, timed_out=False)}
+    _, results, _ = fly(2, _1=[kind] * MAX_LOSSES)
+    by_kind = {isinstance(each, Crashed): each for each in results}
+    reason = f"its node was lost {MAX_LOSSES} times: {type(kind).__name__}"
+    assert by_kind == {False: ["0"], True: Crashed(jobs(2)[1], reason, timed_out=False)}
 
 
 def test_a_worker_without_memory_loses_its_job(fly: Fly) -> None:
     _, results, _ = fly(1, _0=[OutOfMemoryError("")])
     reason = "out of memory: the cluster ended the worker"
-    assert list(results) == [Lost(jobs(1)[0], reason, timed_out=False)]
+    assert list(results) == [Crashed(jobs(1)[0], reason, timed_out=False)]
 
 
 def test_jobs_are_taken_as_there_is_room(fly: Fly) -> None:
@@ -152,7 +153,7 @@ def test_a_refusal_and_a_failure_end_the_sweep(fly: Fly, answer: Any, kind: Any)
 
 
 @pytest.fixture
-def terms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> node.Terms:
+def terms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> node.NodeRequirements:
     """What a node must have, which this one has."""
     monkeypatch.setattr("ray.util.get_node_ip_address", lambda: "10.0.0.7")
     scene, sign = tmp_path / "store/scenes/1", tmp_path / "store/traces/1.tmp"
@@ -160,28 +161,32 @@ def terms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> node.Terms:
     sign.parent.mkdir()
     sign.touch()
     (scene / "scene.xml").write_text("<mujoco/>")
-    return node.Terms("1", {"mujoco": version("mujoco")}, sign, scene, node.digest(scene))
+    return node.NodeRequirements(
+        "1", {"mujoco": version("mujoco")}, sign, scene, node.digest(scene)
+    )
 
 
-def test_a_node_that_has_all_is_fit(terms: node.Terms) -> None:
+def test_a_node_that_has_all_is_fit(terms: node.NodeRequirements) -> None:
     assert node.refusal(terms) is None
 
 
-def other_version(terms: node.Terms) -> node.Terms:
-    return node.Terms("1", {"mujoco": "1.0"}, terms.sign, terms.scene, terms.scene_hash)
+def other_version(terms: node.NodeRequirements) -> node.NodeRequirements:
+    return node.NodeRequirements(
+        "1", {"mujoco": "1.0"}, terms.sentinel, terms.scene, terms.scene_hash
+    )
 
 
-def not_installed(terms: node.Terms) -> node.Terms:
-    return node.Terms(terms.token, {"contactlab-of-tomorrow": "1.0"})
+def not_installed(terms: node.NodeRequirements) -> node.NodeRequirements:
+    return node.NodeRequirements(terms.token, {"contactlab-of-tomorrow": "1.0"})
 
 
-def not_seen(terms: node.Terms) -> node.Terms:
-    assert terms.sign is not None
-    terms.sign.unlink()
+def not_seen(terms: node.NodeRequirements) -> node.NodeRequirements:
+    assert terms.sentinel is not None
+    terms.sentinel.unlink()
     return terms
 
 
-def changed(terms: node.Terms) -> node.Terms:
+def changed(terms: node.NodeRequirements) -> node.NodeRequirements:
     assert terms.scene is not None
     (terms.scene / "scene.xml").write_text("<mujoco />")
     return terms
@@ -196,7 +201,9 @@ def changed(terms: node.Terms) -> node.Terms:
         (changed, "reads other files in "),
     ],
 )
-def test_a_node_that_lacks_something_says_so(terms: node.Terms, change: Any, says: str) -> None:
+def test_a_node_that_lacks_something_says_so(
+    terms: node.NodeRequirements, change: Any, says: str
+) -> None:
     refused = node.refusal(change(terms))
     assert refused is not None
     assert refused.startswith("node ")

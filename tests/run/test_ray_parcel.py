@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.run.cluster import kept, parcel
-from contactlab.run.job import Lost, PlannedRun, Task
+from contactlab.run import ray_worker
+from contactlab.run.tasks import Crashed, PlannedRun, Task
 from contactlab.scene import stored_scene
 from contactlab.store import ObjectAddress
 
@@ -38,14 +38,14 @@ def parcel_of_worker(taken: list[Task]) -> Any:
 
 
 def test_nodes_that_see_the_store_read_the_scene_there(task: Task, tmp_path: Path) -> None:
-    assert parcel.unpacked(parcel.packed(task), tmp_path / "node") == task
+    assert ray_worker.unpack_bundle(ray_worker.pack_bundle(task), tmp_path / "node") == task
     assert not (tmp_path / "node").exists()
 
 
 def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path: Path) -> None:
     far = replace(task, store=ObjectAddress("s3", "bucket", "prefix"))
-    sent = parcel.packed(far)
-    there = parcel.unpacked(sent, tmp_path / "node")
+    sent = ray_worker.pack_bundle(far)
+    there = ray_worker.unpack_bundle(sent, tmp_path / "node")
     assert there == replace(far, scene_folder=there.scene_folder)
     assert tmp_path / "node" in there.scene_folder.parents
     hashes = {
@@ -53,22 +53,22 @@ def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path:
         for folder in (task.scene_folder, there.scene_folder)
     }
     assert len(hashes) == 1
-    assert parcel.unpacked(sent, tmp_path / "node") == there
+    assert ray_worker.unpack_bundle(sent, tmp_path / "node") == there
 
 
 def test_folders_go_with_their_processes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("contactlab.run.cluster.parcel.gettempdir", lambda: str(tmp_path))
+    monkeypatch.setattr("contactlab.run.ray_worker.gettempdir", lambda: str(tmp_path))
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    first = parcel.own_folder()
+    first = ray_worker.own_folder()
     gone = Path(str(first).replace(f"-{os.getpid()}-", f"-{NO_PROCESS}-"))
     (gone / "scene").mkdir(parents=True)
     elsewhere = tmp_path / f"contactlab-of-another-{NO_PROCESS}-x"
     elsewhere.mkdir()
-    second = parcel.own_folder()
+    second = ray_worker.own_folder()
     assert set(tmp_path.iterdir()) == {first, second, elsewhere}
 
 
-INNER: Any = kept
+INNER: Any = ray_worker
 
 
 @pytest.fixture
@@ -78,18 +78,20 @@ def process(task: Task) -> Iterator[Any]:
     def run(runs: int, sweep: str = "one") -> Any:
         values = {"timestep": 1e-3, "drop_height": 0.02}
         job = tuple(PlannedRun(index, f"{index:016x}", values, 0) for index in range(runs))
-        return kept.run_kept(sweep, lambda: parcel.packed(task), pickle.dumps(job))
+        return ray_worker.run_on_worker(
+            sweep, lambda: ray_worker.pack_bundle(task), pickle.dumps(job)
+        )
 
     yield run
-    for worker in INNER._kept.values():
-        worker.end()
-    INNER._kept.clear()
+    for worker in INNER._workers.values():
+        worker.kill()
+    INNER._workers.clear()
 
 
 def number(token: str) -> int:
     """Return the number of the process that is kept."""
-    (slot,) = INNER._kept[token]._slots
-    return slot.process.pid
+    (worker,) = INNER._workers[token]._workers
+    return worker.process.pid
 
 
 def test_a_worker_is_kept_between_jobs_of_one_sweep(process: Any) -> None:
@@ -98,7 +100,7 @@ def test_a_worker_is_kept_between_jobs_of_one_sweep(process: Any) -> None:
     assert len(process(1)) == 1
     assert number("one") == first
     assert len(process(1, "another")) == 1
-    assert list(INNER._kept) == ["another"]
+    assert list(INNER._workers) == ["another"]
     with pytest.raises(ProcessLookupError):
         os.kill(first, 0)
 
@@ -107,7 +109,7 @@ def test_a_worker_that_dies_loses_its_job_and_is_replaced(process: Any) -> None:
     process(1)
     os.kill(number("one"), signal.SIGKILL)
     lost = process(1)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, Crashed)
     assert (lost.reason, lost.timed_out) == ("the worker was ended by SIGKILL", False)
     assert len(process(1)) == 1
 
@@ -126,4 +128,4 @@ def test_a_job_that_is_called_back_ends_early(
     monkeypatch.setattr(pickle, "loads", called_back)
     assert 1 <= len(process(2000)) < 2000
     assert signal.getsignal(signal.SIGINT) is before
-    assert INNER._kept["one"]._slots == []
+    assert INNER._workers["one"]._workers == []

@@ -5,11 +5,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from contactlab.run import ask_for, run_sweep
-from contactlab.run.remeasuring import MOST_STEPS, segments_of
+from contactlab.run import read_request, run_sweep
+from contactlab.run.retiming import MOST_STEPS, segments_of
 from contactlab.store import Store
 
-SERVE = "from contactlab.run.remeasuring import main; main()"
+SERVE = "from contactlab.run.retiming import main; main()"
 SWEEP = """\
 version: 1
 scene: ball_drop
@@ -20,7 +20,7 @@ axes: {timestep: [1.0e-3, 2.0e-3]}
 
 
 def test_it_times_runs_and_says_what_it_cannot(tmp_path: Path) -> None:
-    ask = ask_for(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
+    ask = read_request(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     ids = store.table["run_id"].to_pylist()
@@ -41,7 +41,7 @@ def test_it_times_runs_and_says_what_it_cannot(tmp_path: Path) -> None:
 
 
 def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
-    ask = ask_for(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
+    ask = read_request(SWEEP, "tried", tmp_path / "store", folder=tmp_path, workers=0)
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     record = next(store.records())

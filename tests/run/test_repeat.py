@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import jobs
+from contactlab.run import planned_runs
 
 
 @pytest.mark.parametrize("workers", [1, 2])
@@ -22,7 +22,7 @@ def test_portions_change_nothing(
     sweeper.run(sweep_text, "usual")
     usual = sweeper.outcome("usual")
     for most in (1, 3):
-        monkeypatch.setattr(jobs, "MOST_RUNS", most)
+        monkeypatch.setattr(planned_runs, "MAX_RUNS", most)
         sweeper.run(sweep_text, f"by{most}")
         assert sweeper.outcome(f"by{most}") == usual
 
@@ -31,7 +31,7 @@ def test_the_memory_bound_changes_nothing(
     sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sweeper.run(ball, "usual")
-    monkeypatch.setattr(jobs, "JOB_BYTES", 1)
+    monkeypatch.setattr(planned_runs, "JOB_BYTES", 1)
     sweeper.run(ball, "one by one")
     assert sweeper.outcome("one by one") == sweeper.outcome("usual")
 

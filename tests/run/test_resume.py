@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import Finished, jobs
+from contactlab.run import Finished, planned_runs
 from contactlab.store import store_writer, verify
 
 RUNS = 18
@@ -33,7 +33,7 @@ def stop_after(portions: int) -> Callable[[Sequence[Finished]], None]:
 @pytest.fixture
 def whole(sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch) -> Any:
     """What comes of the sweep if nothing stops it; portions are of 2 runs."""
-    monkeypatch.setattr(jobs, "MOST_RUNS", 2)
+    monkeypatch.setattr(planned_runs, "MAX_RUNS", 2)
     sweeper.run(ball, "whole")
     return sweeper.outcome("whole")
 

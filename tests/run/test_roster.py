@@ -14,14 +14,13 @@ from hypothesis import strategies as st
 from contactlab.engines import bytes_of_run
 from contactlab.errors import SceneError
 from contactlab.plan import Overrides, Plan, read_sweep
-from contactlab.run import Scenes, forecast
-from contactlab.run.job import PlannedRun
-from contactlab.run.jobs import JOB_BYTES, MOST_RUNS, pack
-from contactlab.run.roster import Roster
+from contactlab.run import SceneLoader, forecast
+from contactlab.run.planned_runs import JOB_BYTES, MAX_RUNS, RunIndex, pack_jobs
+from contactlab.run.tasks import PlannedRun
 from contactlab.scene import ResolvedRun, Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
-SCENES = Scenes(None)
+SCENES = SceneLoader(None)
 TIMESTEPS = [1e-3, 2e-3, 4e-3]
 # Of these some are the model's own values, and some of them equal others.
 AXES: dict[str, list[object]] = {
@@ -75,7 +74,7 @@ def test_a_roster_is_the_list_of_its_runs(
 ) -> None:
     plan, scene = drawn
     expected = planned(plan, scene)
-    roster = Roster(plan, scene)
+    roster = RunIndex(plan, scene)
     assert len(roster) == len(expected)
     assert list(roster.runs()) == expected
     ids = [run.run_id for run, _ in expected]
@@ -90,7 +89,7 @@ def test_a_roster_is_the_list_of_its_runs(
 
 def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, workers: int) -> None:
     """Check that every run is in one job, in order within each, and that jobs are bounded."""
-    jobs = list(pack(iter(left), len(left), scene, workers))
+    jobs = list(pack_jobs(iter(left), len(left), scene, workers))
     resolved = {run.run_id: each for run, each in left}
     assert Counter(run for job in jobs for run in map(_id, job)) == Counter(resolved.keys())
     for job in jobs:
@@ -99,7 +98,7 @@ def _check_jobs(left: list[tuple[PlannedRun, ResolvedRun]], scene: Scene, worker
         assert len({(*run.structure.values(), run.steps) for run in each}) == 1
         size = bytes_of_run(scene.base_of(each[0]).model, each[0].steps)
         assert len(job) == 1 or len(job) * size <= JOB_BYTES
-        assert len(job) <= max(1, min(MOST_RUNS, len(left) // (4 * max(1, workers))))
+        assert len(job) <= max(1, min(MAX_RUNS, len(left) // (4 * max(1, workers))))
 
 
 def _id(run: PlannedRun) -> str:
@@ -140,7 +139,7 @@ def test_a_plan_takes_little_memory(large: tuple[Plan, Scene]) -> None:
     plan, scene = large
     assert plan.count == 100_000
     tracemalloc.start()
-    roster = Roster(plan, scene)
+    roster = RunIndex(plan, scene)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     # A run is 8 bytes of id, held twice while bytes are made of what grew by an eighth at most,
@@ -152,7 +151,7 @@ def test_a_plan_takes_little_memory(large: tuple[Plan, Scene]) -> None:
 
 def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) -> None:
     plan, scene = large
-    roster, taken = Roster(plan, scene), 0
+    roster, taken = RunIndex(plan, scene), 0
 
     def counted() -> Iterator[tuple[PlannedRun, ResolvedRun]]:
         nonlocal taken
@@ -160,10 +159,10 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
             taken += 1
             yield each
 
-    jobs = pack(counted(), len(roster), scene, 2)
+    jobs = pack_jobs(counted(), len(roster), scene, 2)
     done = sum(len(next(jobs)) for _ in range(10))
     # One group waits for each of the ten step counts.
-    assert taken - done < 10 * MOST_RUNS
+    assert taken - done < 10 * MAX_RUNS
 
 
 @pytest.fixture
@@ -180,11 +179,11 @@ def checked(monkeypatch: pytest.MonkeyPatch) -> list[ResolvedRun]:
     return seen
 
 
-def timed(times: list[float]) -> Roster:
+def timed(times: list[float]) -> RunIndex:
     axes = {"lift_time": times, "timestep": TIMESTEPS, "shape": [1, 2]}
     sweep = {"version": 1, "scene": "grasp_mug", "seeds": 5, "axes": axes}
     plan = read_sweep(json.dumps(sweep), SCENES.vocabulary).plan
-    return Roster(plan, SCENES.open("grasp_mug"))
+    return RunIndex(plan, SCENES.open("grasp_mug"))
 
 
 def test_what_depends_on_time_is_checked_once_a_start(checked: list[ResolvedRun]) -> None:

@@ -12,7 +12,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.plan import read_sweep
-from contactlab.run import Ask, Scenes, run_sweep
+from contactlab.run import SceneLoader, SweepRequest, run_sweep
 from contactlab.store import Store
 
 Rows = list[dict[str, Any]]
@@ -34,9 +34,9 @@ def rows_of(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Rows]:
 
 def _run(name: str, store: Path) -> Rows:
     path = resources.sweep_file(name)
-    scenes = Scenes(path.parent)
+    scenes = SceneLoader(path.parent)
     read = read_sweep(path, scenes.vocabulary)
-    ask = Ask(
+    ask = SweepRequest(
         plan=read.plan,
         scene=scenes.open(read.sweep.scene),
         name=name,

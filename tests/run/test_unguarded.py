@@ -7,16 +7,16 @@ from pathlib import Path
 # A script without the usual guard: whoever imports it, runs it.
 SCRIPT = """
 from pathlib import Path
-from contactlab.run import Ask, Scenes, run_sweep
+from contactlab.run import SweepRequest, SceneLoader, run_sweep
 from contactlab.plan import read_sweep
 
 folder = Path(__file__).parent
 with (folder / "began").open("a") as log:
     print("once more", file=log)
 text = (folder / "small.yaml").read_text()
-scenes = Scenes(folder)
+scenes = SceneLoader(folder)
 read = read_sweep(text, scenes.vocabulary)
-ask = Ask(read.plan, scenes.open(read.sweep.scene), "small", text, (), folder / "store", 2)
+ask = SweepRequest(read.plan, scenes.open(read.sweep.scene), "small", text, (), folder / "store", 2)
 manifest = run_sweep(ask, lambda *_: None, lambda _: None)
 print(manifest.runs)
 """

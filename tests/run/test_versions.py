@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import EngineError
-from contactlab.run import find_engine, installing, without_option
+from contactlab.run import find_interpreter, mujoco_environment, without_option
 from contactlab.store import Store
 
 HERE = version("mujoco")
@@ -70,7 +70,7 @@ def run(*arguments: str, folder: Path) -> "subprocess.CompletedProcess[str]":
 
 def test_uv_makes_the_environment(notes: Path) -> None:
     told: list[str] = []
-    found = find_engine(OTHER, told.append)
+    found = find_interpreter(OTHER, told.append)
     assert found is not None
     assert found.mujoco == OTHER
     assert found.python.is_file()
@@ -88,8 +88,8 @@ def test_uv_makes_the_environment(notes: Path) -> None:
 
 
 def test_it_is_made_once(notes: Path, cache: Path) -> None:
-    first = find_engine(OTHER, lambda _: None)
-    again = find_engine(OTHER, lambda _: pytest.fail("said that it is made again"))
+    first = find_interpreter(OTHER, lambda _: None)
+    again = find_interpreter(OTHER, lambda _: pytest.fail("said that it is made again"))
     assert again == first
     assert len(notes.read_text().splitlines()) == 2
     assert not list(cache.glob("new-*"))
@@ -98,7 +98,7 @@ def test_it_is_made_once(notes: Path, cache: Path) -> None:
 def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    made, installed = installing.commands(tmp_path, "3.9.0", ["numpy==2.2.0"])
+    made, installed = mujoco_environment.commands(tmp_path, "3.9.0", ["numpy==2.2.0"])
     assert made == [sys.executable, "-m", "venv", str(tmp_path)]
     assert installed[:4] == [str(tmp_path / "bin" / "python"), "-m", "pip", "install"]
     assert installed[-2:] == ["mujoco==3.9.0", "numpy==2.2.0"]
@@ -107,7 +107,7 @@ def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_uv_as_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
-    made, _ = installing.commands(tmp_path, "3.9.0", [])
+    made, _ = mujoco_environment.commands(tmp_path, "3.9.0", [])
     assert made[:4] == [sys.executable, "-m", "uv", "venv"]
 
 
@@ -136,7 +136,7 @@ def test_a_store_that_is_named_stays_so(tmp_path: Path) -> None:
 
 
 def test_the_engine_of_this_process_needs_no_other(notes: Path) -> None:
-    assert find_engine(HERE, lambda _: None) is None
+    assert find_interpreter(HERE, lambda _: None) is None
     assert not notes.exists()
 
 
@@ -159,7 +159,7 @@ def test_what_cannot_be_installed(
 ) -> None:
     monkeypatch.setenv("FAILS", said)
     with pytest.raises(EngineError) as caught:
-        find_engine(OTHER, lambda _: None)
+        find_interpreter(OTHER, lambda _: None)
     assert message in str(caught.value)
     assert said.splitlines()[-1] in str(caught.value)
     assert "--mujoco the path of a Python" in str(caught.value)
@@ -179,7 +179,7 @@ def test_what_cannot_be_installed(
 )
 def test_what_is_no_engine(asked: str, message: str, cache: Path) -> None:
     with pytest.raises(EngineError, match=message):
-        find_engine(asked, lambda _: None)
+        find_interpreter(asked, lambda _: None)
     assert not cache.exists()
 
 
@@ -196,13 +196,13 @@ def test_a_python_without_mujoco(cache: Path, tmp_path: Path) -> None:
     bare.write_text(f'#!/bin/sh\nexec "{Path(sys.executable).resolve()}" -S "$@"\n')
     bare.chmod(0o755)
     with pytest.raises(EngineError, match="No module named 'mujoco'") as caught:
-        find_engine(str(bare), lambda _: None)
+        find_interpreter(str(bare), lambda _: None)
     assert "it needs: mujoco" in str(caught.value)
     assert cache.exists()
 
 
 def test_a_python_that_is_given(cache: Path) -> None:
-    found = find_engine(sys.executable, lambda _: None)
+    found = find_interpreter(sys.executable, lambda _: None)
     assert found is not None
     assert (found.python, found.mujoco) == (Path(sys.executable), HERE)
     assert list(cache.glob("mujoco-*")) == []

@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.errors import SweepFileError
 from contactlab.plan import Overrides
-from contactlab.run import Ask, ask_for
+from contactlab.run import SweepRequest, read_request
 from contactlab.scene import FLAGS, PARAMETERS, Scene, mujoco_versions
 from contactlab.scene.mujoco_versions import NEW_FEATURES, NewFeature, why_unsupported
 
@@ -22,9 +22,9 @@ def version(monkeypatch: pytest.MonkeyPatch) -> Callable[[str], None]:
     return lambda number: monkeypatch.setattr(mujoco_versions, "VERSION", number)
 
 
-def ask(text: str, *assign: str, partly: bool = False) -> Ask:
+def ask(text: str, *assign: str, partly: bool = False) -> SweepRequest:
     options = Overrides(assign, (), None)
-    return ask_for(
+    return read_request(
         text, "s", Path("nowhere"), folder=Path(), workers=0, overrides=options, partly=partly
     )
 

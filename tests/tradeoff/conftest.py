@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.schema import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store import Store
 from contactlab.tradeoff import analyse
@@ -81,7 +81,7 @@ def written(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Store]:
 
     def run(text: str = SWEEP) -> Store:
         folder = tmp_path_factory.mktemp("tradeoff")
-        ask = ask_for(text, "tried", folder / "store", folder=folder, workers=0)
+        ask = read_request(text, "tried", folder / "store", folder=folder, workers=0)
         run_sweep(ask, lambda _total, _done: None, lambda _: None)
         return Store.open(ask.store)
 

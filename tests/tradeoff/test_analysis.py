@@ -9,7 +9,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import StoreError, SweepFileError
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
 from contactlab.tradeoff import Criteria, analyse, recommended_sweep
@@ -100,7 +100,7 @@ def test_the_rerun_is_the_configuration_in_the_same_scenarios_from_fresh_seeds(
 ) -> None:
     assert report.recommendation is not None
     text = recommended_sweep(store, report, tmp_path, seeds=3)
-    ask = ask_for(text, "rerun", tmp_path / "rerun", folder=tmp_path, workers=0)
+    ask = read_request(text, "rerun", tmp_path / "rerun", folder=tmp_path, workers=0)
     manifest = run_sweep(ask, lambda _total, _done: None, lambda _: None)
     assert manifest.runs == 3 * 3
     assert manifest.expectations == {"met": 9}
@@ -118,7 +118,7 @@ def test_the_rerun_of_a_tolerance_that_is_too_strict_fails(
 ) -> None:
     strict = report.model_copy(update={"tolerances": {"oracle_error": 1e-15}})
     text = recommended_sweep(store, strict, tmp_path, seeds=1)
-    ask = ask_for(text, "rerun", tmp_path / "rerun", folder=tmp_path, workers=0)
+    ask = read_request(text, "rerun", tmp_path / "rerun", folder=tmp_path, workers=0)
     manifest = run_sweep(ask, lambda _total, _done: None, lambda _: None)
     assert manifest.expectations == {"unmet": 3}
 
@@ -133,5 +133,5 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
     own = analyse(found, Criteria(error="energy_drift"))
     text = recommended_sweep(found, own, found.path.parent, seeds=1)
     assert f'scene: "./{found.path.name}/scenes/' in text
-    ask = ask_for(text, "again", tmp_path / "again", folder=found.path.parent, workers=0)
+    ask = read_request(text, "again", tmp_path / "again", folder=found.path.parent, workers=0)
     assert run_sweep(ask, lambda _total, _done: None, lambda _: None).runs == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from contactlab import resources
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
 from contactlab.tradeoff import analyse, recommended_sweep
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.slow
 
 def run(source: Path | str, store: Path) -> Store:
     folder = source.parent if isinstance(source, Path) else store.parent
-    ask = ask_for(source, store.name, store, folder=folder, workers=2)
+    ask = read_request(source, store.name, store, folder=folder, workers=2)
     run_sweep(ask, lambda _total, _done: None, lambda _: None)
     return Store.open(store)
 

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactlab import resources
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 
 pytestmark = pytest.mark.slow
 
@@ -13,7 +13,7 @@ pytestmark = pytest.mark.slow
 @pytest.mark.parametrize("name", ["grip", "plate", "ball", "disk"])
 def test_everything_stated_comes_out(tmp_path: Path, name: str) -> None:
     path = resources.sweep_file(f"timestep-claim-{name}")
-    ask = ask_for(path, path.stem, tmp_path / "store", folder=path.parent, workers=2)
+    ask = read_request(path, path.stem, tmp_path / "store", folder=path.parent, workers=2)
     manifest = run_sweep(ask, lambda _total, _done: None, lambda _: None)
     assert manifest.expectations.get("unmet", 0) == 0
     assert manifest.expectations["met"] >= 20

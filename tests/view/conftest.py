@@ -10,8 +10,8 @@ import pytest
 
 from contactlab.contact import BodyMotion, BodyShape, ContactForces, Form, Trace
 from contactlab.plan import read_sweep
-from contactlab.run import Ask, Scenes, prepare, run_sweep
-from contactlab.run.replay import Start
+from contactlab.run import SceneLoader, SweepRequest, prepare_replay, run_sweep
+from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
 
@@ -28,7 +28,7 @@ class Drawn(NamedTuple):
 
     store: Store
     run: str
-    start: Start
+    start: PreparedReplay
     trace: StoredTrace
 
     @property
@@ -42,9 +42,9 @@ def make_store(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Stor
 
     def make(name: str) -> Store:
         if not (folder / name).exists():
-            scenes = Scenes(folder)
+            scenes = SceneLoader(folder)
             read = read_sweep(SWEEPS[name], scenes.vocabulary)
-            ask = Ask(
+            ask = SweepRequest(
                 plan=read.plan,
                 scene=scenes.open(read.sweep.scene),
                 name=name,
@@ -64,7 +64,7 @@ def drawn(make_store: Callable[[str], Store]) -> Callable[[str], Drawn]:
     def pick(name: str) -> Drawn:
         store = make_store(name)
         [run] = store.table["run_id"].to_pylist()
-        start = prepare(store, run)
+        start = prepare_replay(store, run)
         return Drawn(store, run, start, store.trace(start.record))
 
     return pick

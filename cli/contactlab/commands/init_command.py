@@ -18,11 +18,11 @@ def init(
 ) -> None:
     """Write a starter sweep file for a scene, with its schema beside it."""
     from contactlab.plan import SCHEMA_NAME, starter
-    from contactlab.run import Scenes
+    from contactlab.run import SceneLoader
     from contactlab.schema import json_schemas
     from contactlab.store import write_error
 
-    text = starter(scene, Scenes(path.parent).vocabulary(scene))
+    text = starter(scene, SceneLoader(path.parent).vocabulary(scene))
     schema = path.parent / SCHEMA_NAME
     try:
         with path.open("x", encoding="utf-8") as file:

@@ -34,9 +34,9 @@ def _list_scenes(output: Format) -> None:
 
 
 def _list_axes(name: str, output: Format) -> None:
-    from contactlab.run import Scenes
+    from contactlab.run import SceneLoader
 
-    scene = Scenes(None).open(name)
+    scene = SceneLoader(None).open(name)
     specs = [scene.catalogue.find(each) for each in scene.catalogue.names]
     rows = [
         (each.name, each.unit, each.description, ", ".join(each.choices)) for each in specs if each
@@ -52,12 +52,12 @@ def sweeps(output: FormatOption = Format.text) -> None:
     """List the shipped sweeps."""
     from contactlab import resources
     from contactlab.plan import read_sweep
-    from contactlab.run import Scenes
+    from contactlab.run import SceneLoader
 
     rows: list[tuple[str, str, int, str]] = []
     for name in resources.sweep_names():
         path = resources.sweep_file(name)
-        read = read_sweep(path, Scenes(path.parent).vocabulary)
+        read = read_sweep(path, SceneLoader(path.parent).vocabulary)
         rows.append((name, read.sweep.scene, read.plan.count, read.sweep.description or ""))
     keys = ("sweep", "scene", "runs", "description")
     if output is Format.json:

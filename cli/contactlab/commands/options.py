@@ -13,7 +13,7 @@ import typer
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.run import Ask
+    from contactlab.run import SweepRequest
     from contactlab.store import Address
 else:
     # What people write; the parser makes an address of it. To know its type here, as typer wants
@@ -91,13 +91,13 @@ def check_executor(executor: ExecutorName, address: str | None, workers: int | N
 
 @contextmanager
 def executing(
-    ask: "Ask", executor: ExecutorName, address: str | None, workers: int | None
-) -> Generator["Ask"]:
+    ask: "SweepRequest", executor: ExecutorName, address: str | None, workers: int | None
+) -> Generator["SweepRequest"]:
     """Yield what to run with where to run it; a cluster is left at the end."""
     if executor is ExecutorName.local:
         yield ask
         return
-    from contactlab.run.cluster import ray_cluster
+    from contactlab.run import ray_cluster
 
     with ray_cluster(address, ask.workers if address is None else workers) as cluster:
         yield replace(ask, cluster=cluster)

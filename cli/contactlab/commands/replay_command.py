@@ -10,7 +10,7 @@ from contactlab.commands.terminal import Format, FormatOption, print_json
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.run import Replay
+    from contactlab.run import ReplayResult
 
 
 def replay(
@@ -21,7 +21,7 @@ def replay(
     output: FormatOption = Format.text,
 ) -> None:
     """Run a stored run again and say whether every state is equal, bit for bit."""
-    from contactlab.run import prepare
+    from contactlab.run import prepare_replay
     from contactlab.run import replay as run_again
     from contactlab.store import Store
 
@@ -29,7 +29,7 @@ def replay(
     if view:
         from contactlab.view import view as open_viewer
 
-        start = prepare(opened, run)
+        start = prepare_replay(opened, run)
         open_viewer(start.prepared.model, start.state)
         return
     result = run_again(opened, run)
@@ -41,7 +41,7 @@ def replay(
         raise ExpectationError("the trajectory is not the stored one")
 
 
-def _verdict(result: "Replay") -> str:
+def _verdict(result: "ReplayResult") -> str:
     if result.equal:
         return f"run {result.run_id}: bitwise equal ({result.hash})"
     if result.stored_hash is None:

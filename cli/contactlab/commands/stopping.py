@@ -91,13 +91,13 @@ def rerun_with_mujoco(asked: str | None, store: Path | None) -> None:
     """
     if asked is None:
         return
-    from contactlab.run import find_engine, run_on, without_option
+    from contactlab.run import exec_with, find_interpreter, without_option
 
-    other = find_engine(asked, say)
+    other = find_interpreter(asked, say)
     if other is None:
         return
     target = ["-o", f"{store}-{other.mujoco}"] if store else []
-    run_on(other, [*without_option(sys.argv[1:], "--mujoco"), *target])
+    exec_with(other, [*without_option(sys.argv[1:], "--mujoco"), *target])
 
 
 @contextmanager

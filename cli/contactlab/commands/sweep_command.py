@@ -67,13 +67,13 @@ def sweep(  # noqa: PLR0913 - one argument an option
     """Run a sweep into a store; the same command resumes one that was interrupted."""
     from contactlab.commands.show_command import print_plan, print_summary
     from contactlab.plan import Overrides
-    from contactlab.run import ask_for, forecast, run_sweep
+    from contactlab.run import forecast, read_request, run_sweep
 
     check_executor(executor, address, workers)
     path = sweep_path(name)
     rerun_with_mujoco(mujoco, None if store else RESULTS / path.stem)
     target = store or RESULTS / path.stem
-    ask = ask_for(
+    ask = read_request(
         path,
         path.stem,
         target,

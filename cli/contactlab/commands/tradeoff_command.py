@@ -13,7 +13,7 @@ from contactlab.commands.terminal import Format, FormatOption, print_json, print
 from contactlab.errors import ExpectationError, OutputError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.run import Ask
+    from contactlab.run import SweepRequest
     from contactlab.schema import (
         Configuration,
         FrontPoint,
@@ -145,14 +145,14 @@ def _run(path: Path, target: Address | None, workers: int, question: "Criteria")
     return ask.store
 
 
-def _ask(path: Path, store: Address, workers: int, question: "Criteria") -> "Ask":
+def _ask(path: Path, store: Address, workers: int, question: "Criteria") -> "SweepRequest":
     """Return what to run: the sweep, with errors and times measured even if it does not ask."""
     from contactlab.plan import Overrides
-    from contactlab.run import ask_for
+    from contactlab.run import read_request
 
-    plain = ask_for(path, path.stem, store, folder=path.parent, workers=workers)
+    plain = read_request(path, path.stem, store, folder=path.parent, workers=workers)
     added = _added(plain.plan.sweep, question)
-    return ask_for(
+    return read_request(
         path,
         path.stem,
         store,

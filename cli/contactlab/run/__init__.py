@@ -1,29 +1,29 @@
 """From a planned sweep to a store: jobs, workers, records, replays."""
 
-from contactlab.run.asking import ask_for
-from contactlab.run.environment import find_engine, run_on, without_option
 from contactlab.run.forecast import Forecast, forecast
-from contactlab.run.job import Finished
-from contactlab.run.remeasuring import timing_process
-from contactlab.run.replay import Replay, Start, prepare, replay
-from contactlab.run.stop import Stop
-from contactlab.run.sweep import Ask, run_sweep
-from contactlab.run.vocabulary import Scenes
+from contactlab.run.mujoco_environment import exec_with, find_interpreter, without_option
+from contactlab.run.ray_connection import ray_cluster
+from contactlab.run.retiming import timing_process
+from contactlab.run.stored_runs import PreparedReplay, ReplayResult, prepare_replay, replay
+from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import Finished, Stop
 
 __all__ = [
-    "Ask",
     "Finished",
     "Forecast",
-    "Replay",
-    "Scenes",
-    "Start",
+    "PreparedReplay",
+    "ReplayResult",
+    "SceneLoader",
     "Stop",
-    "ask_for",
-    "find_engine",
+    "SweepRequest",
+    "exec_with",
+    "find_interpreter",
     "forecast",
-    "prepare",
+    "prepare_replay",
+    "ray_cluster",
+    "read_request",
     "replay",
-    "run_on",
     "run_sweep",
     "timing_process",
     "without_option",

@@ -12,7 +12,7 @@ from contactlab.accuracy import raises_solref, reference_steps, timing_seconds
 from contactlab.contact import stiffness_damping
 from contactlab.engines import Buffers, bytes_of_run, roll_out
 from contactlab.plan import Plan
-from contactlab.run.roster import Roster
+from contactlab.run.planned_runs import RunIndex
 from contactlab.scene import ResolvedRun, RowGroup, Scene, has_batch, silence_mujoco
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
@@ -70,7 +70,7 @@ class _Sums:
 
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     """Return what a sweep will take, from a few hundred steps of a few of its runs."""
-    roster = Roster(plan, scene)
+    roster = RunIndex(plan, scene)
     sums, sweep = _summed(roster, scene), plan.sweep
     per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
     share = sums.steps / max(1, workers)
@@ -99,7 +99,7 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     )
 
 
-def _summed(roster: Roster, scene: Scene) -> _Sums:
+def _summed(roster: RunIndex, scene: Scene) -> _Sums:
     sums, bytes_of = _Sums(), cache(partial(_bytes_of, scene))
     stride, runs = max(1, len(roster) // _SAMPLES), 0
     for row, count in roster.rows():

@@ -4,8 +4,8 @@ import json
 from collections.abc import Iterable, Mapping
 
 from contactlab.accuracy import Note, count_works, discretization_errors
-from contactlab.run.job import Finished, Job, Purpose
-from contactlab.run.preparing import Preparer
+from contactlab.run.run_preparation import Preparer
+from contactlab.run.tasks import Finished, Job, Purpose
 
 _LABELS: Mapping[Purpose, str] = {
     "record": "recorded",

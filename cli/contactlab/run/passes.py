@@ -6,23 +6,22 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from contactlab.accuracy import InterleavedTimer, Note, accuracies, families, timings
-from contactlab.run.expectation import within
-from contactlab.run.job import (
+from contactlab.run.pass_jobs import note, noted
+from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
+from contactlab.run.run_verdicts import within_tolerances
+from contactlab.run.tasks import (
     IMPULSE,
-    Begin,
+    BeginCallback,
+    Crashed,
     Executor,
     Finished,
     Job,
-    Lost,
-    Progress,
+    ProgressCallback,
     Purpose,
+    Stop,
     Task,
+    results_of,
 )
-from contactlab.run.jobs import Planned, pack
-from contactlab.run.pass_jobs import note, noted
-from contactlab.run.results import results_of
-from contactlab.run.roster import Roster
-from contactlab.run.stop import Stop
 from contactlab.scene import ResolvedRun, Scene
 from contactlab.schema import ERRORS, Accuracy, AccuracyRequest, Timing
 from contactlab.store import Column, StoreWriter, as_ratios
@@ -58,11 +57,11 @@ class Session:
     task: Task
     scene: Scene
     store: StoreWriter
-    roster: Roster
+    roster: RunIndex
     executor: Executor
     stop: Stop
-    begin: Begin
-    progress: Progress
+    begin: BeginCallback
+    progress: ProgressCallback
 
     @cached_property
     def outcomes(self) -> dict[str, Outcome]:
@@ -72,7 +71,7 @@ class Session:
         others = tolerances.keys() - set(ERRORS)
         return {
             row["run_id"]: Outcome(
-                row["status"], within(tolerances, {name: row[name] for name in others})
+                row["status"], within_tolerances(tolerances, {name: row[name] for name in others})
             )
             for row in self.store.rows()
         }
@@ -138,7 +137,7 @@ def _resolved(planned: Planned) -> dict[str, ResolvedRun]:
 def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     """Return the columns of a run's accuracy, and whether it still meets every tolerance."""
     row = accuracy.model_dump()
-    errors = within(session.task.sweep.tolerances, {name: row[name] for name in ERRORS})
+    errors = within_tolerances(session.task.sweep.tolerances, {name: row[name] for name in ERRORS})
     others = session.outcomes[run_id].tolerances_met
     known = [met for met in (errors, others) if met is not None]
     return {**row, "tolerances_met": all(known) if known else None}
@@ -146,7 +145,7 @@ def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
 
 def _timings(session: Session, rounds: int) -> dict[str, Timing]:
     runs = session.repeatable
-    jobs = list(pack(runs, len(runs), session.scene, session.executor.workers))
+    jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
     times = _timed(session, rounds, work)
     return timings(_resolved(session.planned), rounds, work, times)
@@ -160,7 +159,7 @@ def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str
     session.begin(runs, runs - sum(map(len, rest)))
     task = replace(session.task, purpose=purpose)
     for result in results_of(task, rest, session.executor, session.stop):
-        lost = isinstance(result, Lost)
+        lost = isinstance(result, Crashed)
         each = [note(purpose, run.run_id, {}) for run in result.job] if lost else result
         session.store.note([one.row for one in each])
         session.progress(each)

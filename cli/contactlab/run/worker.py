@@ -1,13 +1,15 @@
 """Run a job: models, rollouts, metrics, labels, traces, records."""
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 from pydantic_core import to_json
 
-from contactlab.contact import SelfChecks, Trace
+from contactlab.contact import SelfChecks, Setup, Trace
 from contactlab.engines import (
     Buffers,
     Rollout,
@@ -17,16 +19,94 @@ from contactlab.engines import (
     run_checks,
     trajectory_hash,
 )
-from contactlab.run.groups import Group, measured_groups
-from contactlab.run.job import IMPULSE, Finished, Job, PlannedRun, Task
-from contactlab.run.missed import missed_effects
+from contactlab.measure import Assessment, assess
+from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
 from contactlab.run.pass_jobs import errors_of, work_of
-from contactlab.run.preparing import GivenUpError, Preparer, Proceed, always
-from contactlab.run.record import Outcome, RecordMaker, RunPlan
+from contactlab.run.run_preparation import AbandonedError, Preparer, Proceed, always
+from contactlab.run.run_verdicts import missing_effects
+from contactlab.run.tasks import IMPULSE, Finished, Job, PlannedRun, Task
 from contactlab.scene import InitialStates, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store import TraceSink, record_to_row
 from contactlab.store.mcap import TraceExtras
+
+CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
+
+
+@dataclass(frozen=True)
+class MeasuredGroup:
+    """Runs, and the arrays and measurements that hold them.
+
+    Attributes:
+        places: their places in the job.
+        rows: their places in the arrays and measurements.
+        trace: the arrays.
+        assessment: metrics and labels.
+    """
+
+    places: Sequence[int]
+    rows: Sequence[int]
+    trace: Trace
+    assessment: Assessment
+
+
+def measured_groups(
+    trace: Trace, setup: Setup, rollout: Rollout, rule: str, check: CheckRuns
+) -> Iterator[MeasuredGroup]:
+    """Yield every run of a job in one group.
+
+    Args:
+        trace: the job's arrays.
+        setup: what is known of its runs.
+        rollout: what the engine returned.
+        rule: which whole runs get a second pass: all, flagged or none.
+        check: makes the second pass over the runs at some places of the job.
+    """
+    trace = _without_momentum(trace, setup)
+    whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
+    if whole:
+        picked = trace.pick(whole), setup.pick(whole)
+        yield from _checked(whole, *picked, rule, check)
+    for place in sorted(set(range(trace.runs)) - set(whole)):
+        cut, alone = trace.pick([place], rollout.steps[place]), setup.pick([place])
+        yield MeasuredGroup([place], [0], cut, assess(cut, alone))
+
+
+def _checked(
+    places: Sequence[int], trace: Trace, setup: Setup, rule: str, check: CheckRuns
+) -> Iterator[MeasuredGroup]:
+    """Yield whole runs as measured, and those that the rule asks for once more, with checks.
+
+    Of the latter some are missing if the second pass is cut short.
+    """
+    assessment = assess(trace, setup)
+    suspects = [row for row in range(trace.runs) if _asks(rule, assessment, row)]
+    others = sorted(set(range(trace.runs)) - set(suspects))
+    yield MeasuredGroup([places[row] for row in others], others, trace, assessment)
+    if suspects:
+        picked = trace.pick(suspects)
+        checks = check([places[row] for row in suspects], picked)
+        done = range(checks.runs)
+        checked, known = picked.pick(done), setup.pick([suspects[row] for row in done])
+        again = assess(checked, known, checks)
+        yield MeasuredGroup([places[suspects[row]] for row in done], done, checked, again)
+
+
+def _asks(rule: str, assessment: Assessment, row: int) -> bool:
+    return rule == "all" or (rule == "flagged" and assessment.labels[row][0].label != "stable")
+
+
+def _without_momentum(trace: Trace, setup: Setup) -> Trace:
+    """Mark the momenta of runs with gravity as not measured, run by run."""
+    falling = np.asarray(setup.gravity.any(axis=1))[:, None, None]
+    if trace.momentum is None or trace.angular_momentum is None or not falling.any():
+        return trace
+    return replace(
+        trace,
+        momentum=np.where(falling, np.nan, trace.momentum),
+        angular_momentum=np.where(falling, np.nan, trace.angular_momentum),
+    )
+
 
 # How long a job's second pass lasts before it looks whether to stop [s].
 _GRACE = 1.0
@@ -51,7 +131,7 @@ class Worker:
         """Do what the task is for with a job of runs, or with a part of them if it should stop."""
         if not self._proceed():
             return []
-        with suppress(GivenUpError):
+        with suppress(AbandonedError):
             return self._do(job)
         return []
 
@@ -74,7 +154,7 @@ class Worker:
             for row, place in zip(group.rows, group.places, strict=True):
                 if self._task.sweep.knife_edge and place not in labels:
                     continue
-                outcome = Outcome(
+                outcome = RunOutcome(
                     plan=plans[place],
                     assessment=group.assessment,
                     row=row,
@@ -91,7 +171,7 @@ class Worker:
 
     def _measure(
         self, plans: Sequence[RunPlan], starts: InitialStates, buffers: Buffers, proceed: Proceed
-    ) -> tuple[Rollout, Iterator[Group]]:
+    ) -> tuple[Rollout, Iterator[MeasuredGroup]]:
         """Simulate runs from the given starts, and measure and label them; the first if told so."""
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
@@ -140,8 +220,8 @@ class Worker:
         (plan,) = self._preparer.plans((run,))
         return _finished(self._records.lost(plan, label))
 
-    def _finish(self, outcome: Outcome, group: Group) -> Finished:
-        missed = missed_effects(group.trace, outcome.row, outcome.plan.prepared)
+    def _finish(self, outcome: RunOutcome, group: MeasuredGroup) -> Finished:
+        missed = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
         record = self._records.make(outcome).model_copy(update={"effects_missed": missed})
         if self._keeps_trace(outcome.plan.run, record):
             trace = self._write_trace(record, outcome, group)
@@ -156,7 +236,9 @@ class Worker:
             return run.index * wanted % self._task.runs < wanted
         return rule == "all" or (rule == "flagged" and record.label != "stable")
 
-    def _write_trace(self, record: EvidenceRecord, outcome: Outcome, group: Group) -> TraceFile:
+    def _write_trace(
+        self, record: EvidenceRecord, outcome: RunOutcome, group: MeasuredGroup
+    ) -> TraceFile:
         """Write a run's trace; its record there has neither cost nor clock, so that it repeats."""
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),

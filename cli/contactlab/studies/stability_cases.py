@@ -9,10 +9,9 @@ from typing import Any
 
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
-from contactlab.run.asking import ask_for
-from contactlab.run.job import Progress
-from contactlab.run.stop import Stop
-from contactlab.run.sweep import run_sweep
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import ProgressCallback, Stop
 from contactlab.scene import is_menagerie, menagerie_name
 from contactlab.store import Store
 
@@ -90,7 +89,7 @@ def run_case(
     results: Path,
     workers: int,
     begin: Callable[[int, int], None],
-    progress: Progress,
+    progress: ProgressCallback,
     stop: Stop | None = None,
 ) -> CaseResult:
     """Run one case into a store of its own; one that was interrupted goes on.
@@ -109,7 +108,7 @@ def run_case(
     store = results / case.name
     started = time.monotonic()
     fresh = (store / "manifest.json").is_file()
-    ask = ask_for(
+    ask = read_request(
         case.source,
         case.name,
         store,

@@ -12,7 +12,7 @@ from av.video.stream import VideoStream
 from PIL import Image, ImageDraw, ImageFont
 
 from contactlab.contact import BodyMotion, Floats
-from contactlab.run.replay import Start
+from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store import atomic_write
 from contactlab.view.drawn_motion import frame_times, nearest
 from contactlab.view.mujoco_pictures import Picture, draw_pictures
@@ -33,7 +33,7 @@ class RunPictures:
         look: how pictures are taken.
     """
 
-    start: Start
+    start: PreparedReplay
     motion: BodyMotion
     qpos: Floats
     look: PictureOptions

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from contactlab.contact import BodyMotion
 from contactlab.errors import optional
-from contactlab.run.replay import Start, prepare
+from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
 from contactlab.view.drawn_motion import read_motion
@@ -43,7 +43,7 @@ def render(store: Store, run: str, target: Path, look: PictureOptions | None = N
     """
     look = look or PictureOptions()
     check_options(target, look)
-    start = prepare(store, run)
+    start = prepare_replay(store, run)
     trace = store.trace(start.record)
     check_times(look, trace.time)
     if target.suffix.lower() in VIEWERS:
@@ -51,7 +51,7 @@ def render(store: Store, run: str, target: Path, look: PictureOptions | None = N
     return _draw(start, trace, target, look)
 
 
-def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> BodyMotion:
+def _export(store: Store, start: PreparedReplay, trace: StoredTrace, target: Path) -> BodyMotion:
     motion = read_motion(start.prepared, trace, _RATE)
     if target.suffix.lower() == ".rrd":
         export_rrd(target, trace, motion)
@@ -62,7 +62,9 @@ def _export(store: Store, start: Start, trace: StoredTrace, target: Path) -> Bod
     return motion
 
 
-def _draw(start: Start, trace: StoredTrace, target: Path, look: PictureOptions) -> BodyMotion:
+def _draw(
+    start: PreparedReplay, trace: StoredTrace, target: Path, look: PictureOptions
+) -> BodyMotion:
     with optional("view", target.suffix):
         from contactlab.view.film import RunPictures  # noqa: PLC0415 - an extra
     rate = FILMS.get(target.suffix.lower(), _RATE) / (look.speed or 1.0)

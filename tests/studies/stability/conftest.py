@@ -11,7 +11,7 @@ import pytest
 
 from contactlab import resources
 from contactlab.plan import Overrides
-from contactlab.run import ask_for, run_sweep
+from contactlab.run import read_request, run_sweep
 
 # What a version of the engine changes is for `compare` to say; here it is held to one.
 MAJOR = 4
@@ -24,7 +24,9 @@ FOLDER = resources.sweeps() / "stability"
 def swept(sweep: Path, store: Path, *only: str) -> Rows:
     """Run a sweep in this process, without traces, and return its table."""
     overrides = Overrides(("trace=none",), only)
-    ask = ask_for(sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides)
+    ask = read_request(
+        sweep, sweep.stem, store, folder=sweep.parent, workers=0, overrides=overrides
+    )
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     return pq.read_table(store / "runs.parquet").to_pylist()
 

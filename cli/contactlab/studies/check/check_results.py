@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from contactlab.run.record import as_written
+from contactlab.run.evidence_record import as_written
 from contactlab.scene import PARAMETERS
 from contactlab.schema import Change, CheckName, CheckResult, Measure
 from contactlab.studies.check.checked_model import CheckedModel, Values

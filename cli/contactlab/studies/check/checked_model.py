@@ -11,11 +11,10 @@ from typing import Any
 from contactlab.engines import bytes_of_run
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.plan import Overrides, read_sweep
-from contactlab.run.job import IMPULSE, Begin, Progress
-from contactlab.run.jobs import RUN_BYTES
-from contactlab.run.stop import Stop
-from contactlab.run.sweep import Ask, run_sweep
-from contactlab.run.vocabulary import Scenes
+from contactlab.run.planned_runs import RUN_BYTES
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.run.sweep_runner import SweepRequest, run_sweep
+from contactlab.run.tasks import IMPULSE, BeginCallback, ProgressCallback, Stop
 from contactlab.scene import (
     PARAMETERS,
     QPOS0,
@@ -34,7 +33,7 @@ _KEYS = {"version", "scene", "axes", "duration"}
 
 
 def read_options(
-    scenes: Scenes, reference: str, assign: Sequence[str]
+    scenes: SceneLoader, reference: str, assign: Sequence[str]
 ) -> tuple[Mapping[str, object], float | None]:
     """Return the values of axes and the duration [s], None if it is not set.
 
@@ -89,7 +88,7 @@ class CheckedModel:
     """
 
     reference: str
-    scenes: Scenes
+    scenes: SceneLoader
     given: tuple[str, ...]
     values: Mapping[str, object]
     duration: float
@@ -165,7 +164,7 @@ def open_model(reference: str, assign: Sequence[str]) -> CheckedModel:
         SceneError: there is no such scene, or it does not compile.
         SweepFileError: an option is wrong; all that are, are named.
     """
-    scenes = Scenes(Path())
+    scenes = SceneLoader(Path())
     scene = scenes.open(reference)
     values, duration = read_options(scenes, reference, assign)
     _check_timestep(scene, values)
@@ -241,8 +240,8 @@ class CheckRunner:
     target: CheckedModel
     folder: Path
     workers: int
-    begin: Begin
-    progress: Progress
+    begin: BeginCallback
+    progress: ProgressCallback
     stop: Stop | None = None
     _stores: dict[str, None] = field(default_factory=dict[str, None])
 
@@ -296,7 +295,7 @@ class CheckRunner:
         scenes = self.target.scenes
         read = read_sweep(text, scenes.vocabulary)
         scene = scenes.open(reference)
-        ask = Ask(
+        ask = SweepRequest(
             plan=read.plan,
             scene=scene,
             name=name,

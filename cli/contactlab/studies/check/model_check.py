@@ -6,9 +6,8 @@ from pathlib import Path
 from typing import cast, get_args
 
 from contactlab.errors import SweepFileError, did_you_mean
-from contactlab.run.job import Begin, Progress
-from contactlab.run.provenance import engine, provenance
-from contactlab.run.stop import Stop
+from contactlab.run.evidence_record import engine, provenance
+from contactlab.run.tasks import BeginCallback, ProgressCallback, Stop
 from contactlab.schema import Change, CheckName, CheckReport, CheckResult, Measure, TaskKind
 from contactlab.store import atomic_write, write_error
 from contactlab.studies.check.checked_model import CheckRunner, open_model
@@ -45,7 +44,7 @@ class CheckRequest:
 
 
 def check_model(
-    ask: CheckRequest, begin: Begin, progress: Progress, stop: Stop | None = None
+    ask: CheckRequest, begin: BeginCallback, progress: ProgressCallback, stop: Stop | None = None
 ) -> CheckReport:
     """Check a model; write `check.json`, `check.md` and `reference.json` beside the stores.
 

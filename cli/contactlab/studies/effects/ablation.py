@@ -5,10 +5,8 @@ from dataclasses import dataclass, field
 from itertools import combinations
 from pathlib import Path
 
-from contactlab.run.job import Progress
-from contactlab.run.provenance import engine, provenance
-from contactlab.run.record import as_written
-from contactlab.run.stop import Stop
+from contactlab.run.evidence_record import as_written, engine, provenance
+from contactlab.run.tasks import ProgressCallback, Stop
 from contactlab.scene import EFFECTS
 from contactlab.schema import (
     EffectFinding,
@@ -153,7 +151,7 @@ class Ablation:
     folder: Path
     workers: int
     begin: Callable[[int, int], None]
-    progress: Progress
+    progress: ProgressCallback
     rounds: int | None = 3
     stop: Stop | None = None
 

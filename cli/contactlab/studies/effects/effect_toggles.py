@@ -7,11 +7,10 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from contactlab.run.asking import ask_for
-from contactlab.run.job import Progress
-from contactlab.run.record import as_written
-from contactlab.run.stop import Stop
-from contactlab.run.sweep import run_sweep
+from contactlab.run.evidence_record import as_written
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import ProgressCallback, Stop
 from contactlab.scene import EFFECTS, FLAGS, EffectState
 from contactlab.store import Store
 from contactlab.studies.effects.effects_request import EffectsRequest, Values
@@ -210,7 +209,7 @@ class TrialRunner:
     folder: Path
     workers: int
     begin: Callable[[int, int], None]
-    progress: Progress
+    progress: ProgressCallback
     rounds: int | None
     stop: Stop | None = None
     stores: list[str] = field(default_factory=list[str])
@@ -252,7 +251,7 @@ class TrialRunner:
         }
 
     def _run(self, name: str, text: str) -> None:
-        asked = ask_for(
+        asked = read_request(
             text,
             name,
             self.folder / name,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from contactlab.errors import SweepFileError
 from contactlab.plan import Overrides, Plan, read_sweep
-from contactlab.run.vocabulary import Scenes
+from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene import Scene
 
 Values = Mapping[str, object]
@@ -33,7 +33,7 @@ class EffectsRequest:
     """
 
     source: str
-    scenes: Scenes
+    scenes: SceneLoader
     reference: str
     base: Values
     scenarios: tuple[Values, ...]
@@ -67,7 +67,7 @@ def ask(source: str, assign: Sequence[str], seeds: int, folder: Path) -> Effects
     """
     path = Path(source)
     is_sweep = path.suffix in _SWEEPS
-    scenes = Scenes(path.parent if is_sweep else folder)
+    scenes = SceneLoader(path.parent if is_sweep else folder)
     text = json.dumps({"version": 1, "scene": source})
     read = read_sweep(path if is_sweep else text, scenes.vocabulary)
     reference, sweep = read.sweep.scene, read.sweep
@@ -88,7 +88,7 @@ def ask(source: str, assign: Sequence[str], seeds: int, folder: Path) -> Effects
     )
 
 
-def _options(scenes: Scenes, reference: str, assign: Sequence[str]) -> Values:
+def _options(scenes: SceneLoader, reference: str, assign: Sequence[str]) -> Values:
     text = json.dumps({"version": 1, "scene": reference})
     plan = read_sweep(text, scenes.vocabulary, Overrides(assign)).plan
     given = plan.sweep.model_dump(exclude_defaults=True).keys() - {"version", "scene", "axes"}

@@ -8,7 +8,7 @@ from statistics import fmean, median
 from types import MappingProxyType
 
 from contactlab.measure import METRICS
-from contactlab.run.record import as_written
+from contactlab.run.evidence_record import as_written
 from contactlab.schema import MetricChange, Ratio
 from contactlab.studies.effects.effect_toggles import Row, TrialOutcome
 from contactlab.studies.effects.effects_request import EffectsRequest, Values

@@ -16,7 +16,7 @@ from typing import IO, Any
 
 from contactlab.engines import Segments, count_work, time_segments
 from contactlab.errors import ContactlabError, PolicyError, StoreError
-from contactlab.run.replay import stored_run
+from contactlab.run.stored_runs import stored_run
 from contactlab.scene import compile_without_sensors, prepare_without_sensors, silence_mujoco
 from contactlab.store import Store
 

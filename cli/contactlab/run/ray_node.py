@@ -1,6 +1,7 @@
-"""What a node does; it is sent there whole, since a node may have another contactlab, or none.
+"""What a node of a Ray cluster runs first: checks of whether it fits, then jobs.
 
-So nothing else of contactlab is loaded before the node is known to fit.
+This module is sent to nodes by value, since a node may have another contactlab, or none. So
+nothing else of contactlab is imported before the node is known to fit.
 """
 
 import hashlib
@@ -14,26 +15,26 @@ from typing import Any
 
 import ray
 
-# Sweeps that this process was found fit for.
-_fit: set[str] = set()
+# Tokens of the sweeps whose requirements this process meets.
+_accepted: set[str] = set()
 
 
 @dataclass(frozen=True)
-class Terms:
+class NodeRequirements:
     """What a node must have to run jobs of a sweep.
 
     Attributes:
-        token: what tells this sweep from others.
+        token: what identifies this sweep.
         versions: of packages, by name.
-        sign: a file that the sweep made in the store's folder, which nodes must see, and be able
-            to write beside; None if the store is no folder.
+        sentinel: a file that the sweep made in the store's folder, which nodes must see, and be
+            able to write beside; None if the store is no folder.
         scene: the store's copy of the scene; None if the store is no folder.
         scene_hash: of its files.
     """
 
     token: str
     versions: Mapping[str, str]
-    sign: Path | None = None
+    sentinel: Path | None = None
     scene: Path | None = None
     scene_hash: str = ""
 
@@ -47,43 +48,43 @@ def digest(folder: Path) -> str:
     return found.hexdigest()
 
 
-def refusal(terms: Terms) -> str | None:
+def refusal(requirements: NodeRequirements) -> str | None:
     """Return why jobs cannot be run here, in words; None if they can."""
-    unfit = _unfit(terms)
-    return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {unfit}" if unfit else None
+    reason = _wrong_version(requirements) or _wrong_files(requirements)
+    return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {reason}" if reason else None
 
 
 def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN401 - see below
     """Run a job.
 
     Args:
-        token: what tells its sweep from others.
-        shared: references to the terms and to what jobs have in common, followed where needed.
+        token: what identifies its sweep.
+        shared: references to the requirements and to the task's bundle; fetched where needed.
         job: the pickled runs.
 
     Returns:
-        Its result, the failure that ended it, or why this node refuses it, in words.
+        Its result, the exception that ended it, or why this node refuses it, in words.
     """
-    terms, parcel = shared
-    if token not in _fit:
-        refused = refusal(ray.get(terms))
+    requirements, bundle = shared
+    if token not in _accepted:
+        refused = refusal(ray.get(requirements))
         if refused is not None:
             return refused
-        _fit.add(token)
-    from contactlab.run.cluster.kept import run_kept  # noqa: PLC0415 - see the top
+        _accepted.add(token)
+    from contactlab.run.ray_worker import run_on_worker  # noqa: PLC0415 - see the top
 
-    return run_kept(token, lambda: ray.get(parcel), job)
+    return run_on_worker(token, lambda: ray.get(bundle), job)
 
 
-def _unfit(terms: Terms) -> str | None:
-    for name, ours in terms.versions.items():
+def _wrong_version(requirements: NodeRequirements) -> str | None:
+    for name, ours in requirements.versions.items():
         theirs = _installed(name)
         if theirs != f"{name} {ours}":
             return (
                 f"has {theirs}, but the sweep was started with {name} {ours}; "
                 "install the same versions on every node"
             )
-    return _blind(terms)
+    return None
 
 
 def _installed(name: str) -> str:
@@ -93,17 +94,18 @@ def _installed(name: str) -> str:
         return f"no {name}"
 
 
-def _blind(terms: Terms) -> str | None:
-    if terms.sign is None or terms.scene is None:
+def _wrong_files(requirements: NodeRequirements) -> str | None:
+    sentinel, scene = requirements.sentinel, requirements.scene
+    if sentinel is None or scene is None:
         return None
-    store = terms.sign.parent.parent
-    if not terms.sign.exists():
+    store = sentinel.parent.parent
+    if not sentinel.exists():
         return (
             f"does not see the store {store}; write it with -o to a folder that all nodes share, "
             "or to an object store: -o s3://BUCKET/PREFIX"
         )
-    if not os.access(terms.sign.parent, os.W_OK):
+    if not os.access(sentinel.parent, os.W_OK):
         return f"cannot write to the store {store}; let its user, {os.getuid()}, write there"
-    if digest(terms.scene) != terms.scene_hash:
-        return f"reads other files in {terms.scene} than the sweep; let all nodes share one copy"
+    if digest(scene) != requirements.scene_hash:
+        return f"reads other files in {scene} than the sweep; let all nodes share one copy"
     return None

@@ -1,14 +1,57 @@
 """What goes to a worker and what comes back; all of it pickles."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
+from multiprocessing import Pipe
 from pathlib import Path
 from typing import Literal, Protocol
 
+from contactlab.errors import StoppedError
 from contactlab.plan import Match
-from contactlab.run.stop import Stop
 from contactlab.schema import Engine, Expectation, Provenance, Sweep
 from contactlab.store import Address
+
+
+class Stop:
+    """Set once, from a signal handler or another thread; then runs in flight end and no more begin.
+
+    It can be waited for beside pipes, since it has a `fileno`.
+    """
+
+    def __init__(self) -> None:
+        self._reader, self._writer = Pipe(duplex=False)
+        self._wished = self._heeded = False
+
+    @property
+    def is_set(self) -> bool:
+        """Whether to stop."""
+        return self._wished
+
+    @property
+    def is_heeded(self) -> bool:
+        """Whether runs are under way that end by themselves once it is set."""
+        return self._heeded
+
+    def set(self) -> None:
+        """Wish to stop; safe in a signal handler."""
+        if not self._wished:
+            self._wished = True
+            self._writer.send_bytes(b"stop")
+
+    @contextmanager
+    def heeded(self) -> Generator[None]:
+        """Say that it is looked at for as long as this lasts."""
+        self._heeded = True
+        try:
+            yield
+        finally:
+            self._heeded = False
+
+    def fileno(self) -> int:
+        """Return what becomes readable when it is set."""
+        return self._reader.fileno()
+
 
 Purpose = Literal["record", "errors", "work", "times"]
 
@@ -85,7 +128,7 @@ class Finished:
 
 
 @dataclass(frozen=True, slots=True)
-class Lost:
+class Crashed:
     """A job whose worker died.
 
     Attributes:
@@ -99,7 +142,7 @@ class Lost:
     timed_out: bool
 
 
-Result = list[Finished] | Lost
+Result = list[Finished] | Crashed
 
 
 class Executor(Protocol):
@@ -123,5 +166,17 @@ class Executor(Protocol):
 
 
 # Told how many runs there are and how many of them are done already; then of runs as they finish.
-Begin = Callable[[int, int], None]
-Progress = Callable[[Sequence[Finished]], None]
+BeginCallback = Callable[[int, int], None]
+ProgressCallback = Callable[[Sequence[Finished]], None]
+
+
+def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) -> Iterator[Result]:
+    """Yield the results of jobs as they come.
+
+    Raises:
+        StoppedError: the sweep was wished to stop; what was in flight then has been yielded.
+    """
+    with stop.heeded():
+        yield from executor.run(task, jobs, stop)
+    if stop.is_set:
+        raise StoppedError("interrupted; the same command goes on where it stopped")

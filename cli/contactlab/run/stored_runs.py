@@ -6,7 +6,7 @@ import numpy as np
 
 from contactlab.engines import Buffers, Rollout, roll_out, roll_out_by_impulse, trajectory_hash
 from contactlab.errors import StoreError
-from contactlab.run.job import IMPULSE
+from contactlab.run.tasks import IMPULSE
 from contactlab.scene import (
     CompiledScene,
     InitialStates,
@@ -21,7 +21,7 @@ from contactlab.store import Store
 
 
 @dataclass(frozen=True)
-class Replay:
+class ReplayResult:
     """What came of running a stored run again.
 
     Attributes:
@@ -45,7 +45,7 @@ class Replay:
 
 
 @dataclass(frozen=True)
-class Start:
+class PreparedReplay:
     """A stored run, ready to be simulated again."""
 
     record: EvidenceRecord
@@ -61,7 +61,7 @@ class Start:
         return roll_out([self.prepared.model], self.state, steps, Buffers())
 
 
-def prepare(store: Store, run: str) -> Start:
+def prepare_replay(store: Store, run: str) -> PreparedReplay:
     """Return a stored run's model and start state, made from the store's own files.
 
     Raises:
@@ -72,7 +72,7 @@ def prepare(store: Store, run: str) -> Start:
     starts = scene.starts([resolved])
     prepared = scene.prepare(resolved, starts)
     state = _stored_start(record, prepared, starts)
-    return Start(record, scene.base_of(resolved), prepared, state)
+    return PreparedReplay(record, scene.base_of(resolved), prepared, state)
 
 
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:
@@ -95,16 +95,16 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
     return record, scene, resolved
 
 
-def replay(store: Store, run: str) -> Replay:
+def replay(store: Store, run: str) -> ReplayResult:
     """Simulate a stored run again and say whether it is the same, or where it first differs."""
     silence_mujoco()
-    start = prepare(store, run)
+    start = prepare_replay(store, run)
     record = start.record
     rollout = start.roll_out()
     found = trajectory_hash(rollout, 0)
     equal = found == record.trajectory_hash
     step, difference = (None, None) if equal else _first_difference(store, record, rollout)
-    return Replay(
+    return ReplayResult(
         run_id=record.run_id,
         equal=equal,
         stored_hash=record.trajectory_hash,

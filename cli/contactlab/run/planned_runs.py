@@ -2,23 +2,24 @@
 
 import hashlib
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
 
-from contactlab.errors import SceneError
+from contactlab.engines import bytes_of_run
+from contactlab.errors import SceneError, SweepFileError
 from contactlab.plan import Plan
-from contactlab.run.job import PlannedRun
-from contactlab.scene import ID_BYTES, ResolvedRow, ResolvedRun, RowGroup, Scene
+from contactlab.run.tasks import Job, PlannedRun
+from contactlab.scene import ID_BYTES, CompiledScene, ResolvedRow, ResolvedRun, RowGroup, Scene
 
 _ID = np.dtype(">u8")
 _DIGITS = 2 * ID_BYTES
 # Start states that are remembered as checked.
-_MOST_CHECKED = 1 << 12
+_MAX_CHECKED = 1 << 12
 
 
-class Roster:
+class RunIndex:
     """The distinct runs of a plan, in its order; of runs that are equal, the first counts.
 
     Attributes:
@@ -100,5 +101,78 @@ class _Check:
         if not self._scene.is_timed or (start := row.start) in self._fine:
             return
         self._scene.check(row.resolved(0))
-        if len(self._fine) < _MOST_CHECKED:
+        if len(self._fine) < _MAX_CHECKED:
             self._fine.add(start)
+
+
+MAX_RUNS = 32
+# A job's records; with its temporary arrays a worker needs about three times as much.
+JOB_BYTES = 32 << 20
+RUN_BYTES = 1 << 30
+# A worker's models; one with meshes may take tens of MiB.
+MODEL_BYTES = 256 << 20
+_MAX_OPEN = 64
+
+Key = tuple[object, ...]
+Planned = Sequence[tuple[PlannedRun, ResolvedRun]]
+
+
+def pack_jobs(
+    runs: Iterable[tuple[PlannedRun, ResolvedRun]], count: int, scene: Scene, workers: int
+) -> Iterator[Job]:
+    """Yield jobs, each bounded by `MOST_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
+
+    Runs are taken as they are needed: some hundred more than what is yielded. Towards the end jobs
+    become smaller, so that no worker is left with a large one while the others have none.
+
+    Args:
+        runs: what is left to do.
+        count: how many runs these are.
+        scene: theirs.
+        workers: jobs stay small enough that each worker gets several.
+
+    Raises:
+        SweepFileError: a run would record more than 1 GiB.
+    """
+    most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
+    shares = 2 * workers if workers > 1 else 1
+    waiting: dict[Key, list[PlannedRun]] = {}
+    bounds: dict[Key, int] = {}
+    for taken, (run, resolved) in enumerate(runs):
+        key = _key(resolved)
+        bound = bounds.get(key)
+        if bound is None:
+            bound = bounds[key] = _max_runs(scene, resolved, most)
+        group = waiting.setdefault(key, [])
+        group.append(run)
+        if len(group) >= min(bound, max(1, (count - taken) // shares)):
+            yield tuple(waiting.pop(key))
+        elif len(waiting) > _MAX_OPEN:
+            yield tuple(waiting.pop(next(iter(waiting))))
+    yield from (tuple(group) for group in waiting.values())
+
+
+def _key(resolved: ResolvedRun) -> Key:
+    return (
+        *resolved.structure.items(),
+        resolved.steps,
+        resolved.settings["engine"],
+        resolved.flags.get("sleep"),
+        resolved.without,
+    )
+
+
+def _max_runs(scene: Scene, resolved: ResolvedRun, most: int) -> int:
+    base = scene.base_of(resolved)
+    size = bytes_of_run(base.model, resolved.steps)
+    if size > RUN_BYTES:
+        raise SweepFileError(
+            f"a run of {resolved.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
+            "the bound is 1 GiB. Shorten `duration` or grade fewer pairs"
+        )
+    return max(1, min(most, JOB_BYTES // size, max_models(base)))
+
+
+def max_models(base: CompiledScene) -> int:
+    """Return how many models like this one a worker may hold; at least one."""
+    return max(1, MODEL_BYTES // base.size)

@@ -7,9 +7,9 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from contactlab.run.job import Job, Task
-from contactlab.run.jobs import most_models
-from contactlab.run.record import RunPlan
+from contactlab.run.evidence_record import RunPlan
+from contactlab.run.planned_runs import max_models
+from contactlab.run.tasks import Job, Task
 from contactlab.scene import (
     InitialStates,
     PreparedModel,
@@ -21,7 +21,7 @@ from contactlab.scene import (
 from contactlab.schema import effects_base
 from contactlab.store.objects import local_scene
 
-_MOST_MODELS = 64
+_MAX_MODELS = 64
 Proceed = Callable[[], bool]
 
 
@@ -30,7 +30,7 @@ def always() -> bool:
     return True
 
 
-class GivenUpError(Exception):
+class AbandonedError(Exception):
     """What was under way is not worth ending, since the sweep should stop."""
 
 
@@ -69,7 +69,7 @@ class Preparer:
         key = self.scene.model_key(run, start)
         if key not in self._models:
             self._models[key] = self.scene.prepare(run, start)
-            most = min(_MOST_MODELS, most_models(self.scene.base_of(run)))
+            most = min(_MAX_MODELS, max_models(self.scene.base_of(run)))
             while len(self._models) > most:
                 self._models.popitem(last=False)
         self._models.move_to_end(key)
@@ -98,12 +98,12 @@ class Preparer:
         """Do the same, and give up before the next run where the sweep should stop.
 
         Raises:
-            GivenUpError: it should.
+            AbandonedError: it should.
         """
 
         def watch() -> None:
             if not self.proceed():
-                raise GivenUpError
+                raise AbandonedError
             start_clock()
 
         with self.watchdog() as start_clock:

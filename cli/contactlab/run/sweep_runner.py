@@ -1,25 +1,30 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from contactlab.errors import SweepFileError
 from contactlab.measure import CHECKS, LABELS, METRICS, Metric
-from contactlab.plan import Plan
-from contactlab.run.job import Begin, Executor, Progress, Task
-from contactlab.run.jobs import pack
-from contactlab.run.lost import run_all
+from contactlab.run.evidence_record import UNITS, VERSIONS, as_written, engine, provenance
 from contactlab.run.passes import Session, run_passes
-from contactlab.run.pool import LocalPool
-from contactlab.run.provenance import engine, provenance
-from contactlab.run.record import UNITS, VERSIONS, as_written
-from contactlab.run.roster import Roster
-from contactlab.run.stop import Stop
+from contactlab.run.planned_runs import RunIndex, pack_jobs
+from contactlab.run.sweep_request import SweepRequest
+from contactlab.run.tasks import (
+    BeginCallback,
+    Crashed,
+    Executor,
+    Finished,
+    Job,
+    ProgressCallback,
+    Stop,
+    Task,
+    results_of,
+)
+from contactlab.run.worker import Worker
+from contactlab.run.worker_pool import LocalPool
 from contactlab.scene import EFFECTS, Scene, null_fields
-from contactlab.schema import RECORD_VERSION, StoreManifest, SweepIdentity
+from contactlab.schema import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
 from contactlab.store import (
-    Address,
     Column,
     StoreWriter,
     absolute_address,
@@ -30,44 +35,8 @@ from contactlab.store import (
 )
 
 
-@dataclass(frozen=True)
-class Ask:
-    """A sweep to run.
-
-    Attributes:
-        plan: its runs.
-        scene: its scene.
-        name: the sweep's name.
-        source: the sweep file's text.
-        overrides: options that changed it, as given.
-        store: where the store is written.
-        workers: processes; 0 for none but this one.
-        fresh: whether to replace a store that is there.
-        left_out: why runs are left out of the plan that only newer engines can do.
-        cluster: where runs are computed, if not by worker processes of this machine.
-        retry_failed: whether stored runs that failed are run again.
-    """
-
-    plan: Plan
-    scene: Scene
-    name: str
-    source: str
-    overrides: tuple[str, ...]
-    store: Address
-    workers: int
-    fresh: bool = False
-    left_out: tuple[str, ...] = ()
-    cluster: Executor | None = None
-    retry_failed: bool = False
-
-    @property
-    def executor(self) -> Executor:
-        """Where runs are computed."""
-        return self.cluster or LocalPool(self.workers)
-
-
 def run_sweep(
-    ask: Ask, begin: Begin, progress: Progress, stop: Stop | None = None
+    ask: SweepRequest, begin: BeginCallback, progress: ProgressCallback, stop: Stop | None = None
 ) -> StoreManifest:
     """Run what is not stored yet and publish the store.
 
@@ -83,7 +52,7 @@ def run_sweep(
         StoreError: the store is another sweep's.
         StoppedError: it was told to stop; the store is resumable.
     """
-    roster = Roster(ask.plan, ask.scene)
+    roster = RunIndex(ask.plan, ask.scene)
     if not len(roster):
         raise SweepFileError(f"sweep '{ask.name}' has no runs; see `--plan`")
     columns = _columns(ask, roster)
@@ -101,29 +70,29 @@ def run_sweep(
             scene=ask.scene,
             store=store,
             roster=roster,
-            executor=ask.executor,
+            executor=ask.cluster or LocalPool(ask.workers),
             stop=stop or Stop(),
             begin=begin,
             progress=progress,
         )
-        _run_rest(session)
+        _run_remaining(session)
         found = run_passes(session)
         columns = [*columns, *found.columns]
         return store.finish(columns, _shared(ask), session.task.provenance, found.values)
 
 
-def _run_rest(session: Session) -> None:
+def _run_remaining(session: Session) -> None:
     roster, store, executor = session.roster, session.store, session.executor
     done = roster.count(store.done)
     session.begin(len(roster), done)
     rest = roster.runs(store.done)
-    jobs = pack(rest, len(roster) - done, session.scene, executor.workers)
-    for finished in run_all(session.task, jobs, executor, session.stop):
+    jobs = pack_jobs(rest, len(roster) - done, session.scene, executor.workers)
+    for finished in run_all_jobs(session.task, jobs, executor, session.stop):
         store.append([each.row for each in finished])
         session.progress(finished)
 
 
-def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
+def _task(ask: SweepRequest, store: StoreWriter, runs: int) -> Task:
     return Task(
         sweep=ask.plan.sweep,
         expected=ask.plan.expected,
@@ -138,7 +107,7 @@ def _task(ask: Ask, store: StoreWriter, runs: int) -> Task:
     )
 
 
-def _identity(ask: Ask, roster: Roster) -> SweepIdentity:
+def _identity(ask: SweepRequest, roster: RunIndex) -> SweepIdentity:
     manifest = ask.scene.source.manifest
     return SweepIdentity(
         name=ask.name,
@@ -156,7 +125,7 @@ def _identity(ask: Ask, roster: Roster) -> SweepIdentity:
     )
 
 
-def _shared(ask: Ask) -> Mapping[str, Any]:
+def _shared(ask: SweepRequest) -> Mapping[str, Any]:
     return {
         "schema_version": RECORD_VERSION,
         "sweep": ask.name,
@@ -166,7 +135,7 @@ def _shared(ask: Ask) -> Mapping[str, Any]:
     }
 
 
-def _columns(ask: Ask, roster: Roster) -> list[Column]:
+def _columns(ask: SweepRequest, roster: RunIndex) -> list[Column]:
     """Return the columns of axes, typed by their values, of metrics, settings and effects."""
     values: dict[str, Sequence[object]] = {}
     settings: dict[str, object] = {}
@@ -200,3 +169,41 @@ def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:
             f"axis '{name}' mixes single numbers with lists of them; write all as lists"
         )
     return axis_column(name, written, spec.unit, spec.description)
+
+
+def run_all_jobs(
+    task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop
+) -> Iterator[list[Finished]]:
+    """Yield what comes of every job, once for each run.
+
+    A job that is lost is run again, run by run. A run that then runs out of time is the culprit, or
+    one that is lost twice by itself: once may be chance, as when others need the memory.
+
+    Raises:
+        StoppedError: the sweep was wished to stop; lost jobs are left for another time.
+    """
+    lost: list[Job] = []
+    for result in results_of(task, jobs, executor, stop):
+        if isinstance(result, Crashed):
+            lost.append(result.job)
+        else:
+            yield result
+    for last in (False, True):
+        if not lost:
+            return
+        recorder = Worker(task, None)
+        alone, lost = [(run,) for job in lost for run in job], []
+        for result in results_of(task, alone, executor, stop):
+            if not isinstance(result, Crashed):
+                yield result
+            elif last or result.timed_out:
+                yield [_record_crash(task, recorder, result)]
+            else:
+                lost.append(result.job)
+
+
+def _record_crash(task: Task, recorder: Worker, lost: Crashed) -> Finished:
+    (run,) = lost.job
+    label = "timeout" if lost.timed_out else "crashed"
+    reason = f"over {task.sweep.timeout:g} s: {lost.reason}" if lost.timed_out else lost.reason
+    return recorder.lost(run, LabelEntry(label=label, reason=reason, step=None))

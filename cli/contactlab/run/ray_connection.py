@@ -11,22 +11,22 @@ from contextlib import contextmanager
 from typing import Any
 
 from contactlab.errors import ClusterError, optional
-from contactlab.run.job import Executor
+from contactlab.run.tasks import Executor
 
-# The report of usage is off, and would go nowhere: turning it off still leaves a look-up.
+# Usage statistics are off, and would go nowhere: turning them off still leaves a look-up.
 _ENVIRONMENT = {
     "RAY_USAGE_STATS_ENABLED": "0",
     "RAY_USAGE_STATS_REPORT_URL": "http://127.0.0.1:9/",
     # Nodes run what is installed there; no environment is packed and sent by `uv run`.
     "RAY_ENABLE_UV_RUN_RUNTIME_ENV": "0",
-    # What Ray tells of nodes and workers it would print among the results.
+    # Ray would print messages about nodes and workers among the results.
     "RAY_DEDUP_LOGS_SKIP_REGEX": ".*",
     # Silences a warning about graphics cards.
     "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0",
 }
 # How long a cluster may take to open a connection, and to answer [s].
-_KNOCK, _PATIENCE = 5.0, 20.0
-# Of the store of results in flight; a journal line takes a few kB.
+_CONNECT_TIMEOUT, _ANSWER_TIMEOUT = 5.0, 20.0
+# Of the object store, for results in flight; a journal line takes a few kB.
 _RESULT_BYTES = 100 << 20
 
 
@@ -48,7 +48,7 @@ def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]
         os.environ.setdefault(name, value)
     with optional("ray", "running on a cluster"):
         import ray  # noqa: PLC0415 - an extra, which reads the environment first
-    from contactlab.run.cluster.executor import RayExecutor  # noqa: PLC0415 - as above
+    from contactlab.run.ray_executor import RayExecutor  # noqa: PLC0415 - as above
 
     before = signal.getsignal(signal.SIGTERM)
     try:
@@ -93,12 +93,12 @@ def _check_address(address: str) -> None:
     command = [sys.executable, "-m", "ray.scripts.scripts", "health-check", *given]
     try:
         done = subprocess.run(  # noqa: S603
-            command, capture_output=True, text=True, timeout=_PATIENCE, check=False
+            command, capture_output=True, text=True, timeout=_ANSWER_TIMEOUT, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise ClusterError(
-            f"no Ray cluster answers at {address} within {_PATIENCE:g} s; is it HOST:PORT of its "
-            "head, and is it up?"
+            f"no Ray cluster answers at {address} within {_ANSWER_TIMEOUT:g} s; is it HOST:PORT of "
+            "its head, and is it up?"
         ) from error
     if done.returncode:
         raise ClusterError(f"no Ray cluster at {address}: {_why(done.stderr)}")
@@ -109,7 +109,7 @@ def _check_port(address: str) -> None:
     if not host or not port.isdecimal():
         raise ClusterError(f"{address}: write HOST:PORT of the cluster's head, or auto")
     try:
-        socket.create_connection((host.strip("[]"), int(port)), timeout=_KNOCK).close()
+        socket.create_connection((host.strip("[]"), int(port)), timeout=_CONNECT_TIMEOUT).close()
     except (OSError, OverflowError) as error:
         raise ClusterError(f"no Ray cluster at {address}: {error}") from error
 

@@ -1,17 +1,33 @@
 """Put together the EvidenceRecord of a run."""
 
+import hashlib
 import math
+import os
+import platform
+import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from functools import cache
 from importlib.metadata import version
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from contactlab.measure import METRICS, Assessment
-from contactlab.run.expectation import judge, within
-from contactlab.run.job import IMPULSE, PlannedRun, Task
+from contactlab.run.run_verdicts import judge, within_tolerances
+from contactlab.run.tasks import IMPULSE, PlannedRun, Task
 from contactlab.scene import InitialStates, PreparedModel, ResolvedRun
-from contactlab.schema import Cost, Engine, EvidenceRecord, InitialState, LabelEntry
+from contactlab.schema import (
+    Cost,
+    Engine,
+    EvidenceRecord,
+    Host,
+    InitialState,
+    LabelEntry,
+    Provenance,
+)
 
 UNITS = {metric.name: metric.unit for metric in METRICS.values()}
 VERSIONS = {metric.name: metric.version for metric in METRICS.values()}
@@ -35,7 +51,7 @@ class RunPlan:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RunOutcome:
     """All that came of one run.
 
     Attributes:
@@ -74,7 +90,7 @@ class RecordMaker:
         """Return the time, UTC, as records have it."""
         return datetime.now(UTC).isoformat(timespec="milliseconds")
 
-    def make(self, outcome: Outcome) -> EvidenceRecord:
+    def make(self, outcome: RunOutcome) -> EvidenceRecord:
         """Return a run's record without cost and clock: equal runs have equal records."""
         metrics = {
             name: _finite(values[outcome.row])
@@ -142,7 +158,7 @@ class RecordMaker:
             expected=verdict.expected,
             expectation_met=verdict.met,
             expectation_reason=verdict.reason,
-            tolerances_met=within(sweep.tolerances, metrics),
+            tolerances_met=within_tolerances(sweep.tolerances, metrics),
             provenance=self._task.provenance,
             **rest,
         )
@@ -152,7 +168,7 @@ class RecordMaker:
             return Engine(name=IMPULSE, version=version("contactlab"))
         return self._task.engine
 
-    def with_cost(self, record: EvidenceRecord, outcome: Outcome) -> EvidenceRecord:
+    def with_cost(self, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
         """Return a record with what the run took, and when."""
         clock = {"started": outcome.started, "finished": self.now()}
         if math.isnan(outcome.cpu):
@@ -168,7 +184,7 @@ class RecordMaker:
         return record.model_copy(update={"cost": cost, **clock})
 
 
-def _is_knife_edge(outcome: Outcome) -> bool | None:
+def _is_knife_edge(outcome: RunOutcome) -> bool | None:
     if outcome.twin_label is None:
         return None
     return outcome.twin_label != outcome.assessment.labels[outcome.row][0].label
@@ -197,7 +213,7 @@ def _short(number: object) -> str:
     return f"{number:g}" if float(f"{number:g}") == number else repr(number)
 
 
-def _labels(outcome: Outcome) -> tuple[LabelEntry, ...]:
+def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
     found = tuple(
         LabelEntry(label=label, reason=reason, step=step)
         for label, reason, step in outcome.assessment.labels[outcome.row]
@@ -207,13 +223,13 @@ def _labels(outcome: Outcome) -> tuple[LabelEntry, ...]:
     return (LabelEntry(label="invalid", reason=outcome.error, step=0), *found)
 
 
-def _status(outcome: Outcome) -> str:
+def _status(outcome: RunOutcome) -> str:
     if outcome.error is not None:
         return "error"
     return "ok" if outcome.steps == outcome.plan.resolved.steps else "stopped"
 
 
-def _status_reason(outcome: Outcome) -> str | None:
+def _status_reason(outcome: RunOutcome) -> str | None:
     if outcome.error is not None:
         return outcome.error
     if outcome.steps == outcome.plan.resolved.steps:
@@ -224,3 +240,55 @@ def _status_reason(outcome: Outcome) -> str | None:
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
+
+
+_CPUINFO = Path("/proc/cpuinfo")
+
+
+@cache
+def engine() -> Engine:
+    """Return the engine and its version, without loading it."""
+    return Engine(name="mujoco", version=version("mujoco"))
+
+
+def provenance() -> Provenance:
+    """Return what will write the records, with the revision of the folder's git repository."""
+    return Provenance(
+        contactlab=version("contactlab"),
+        git_revision=_revision(),
+        python=platform.python_version(),
+        numpy=np.__version__,
+        host=_host(),
+    )
+
+
+def _host() -> Host:
+    info = _cpu_info()
+    flags = " ".join(sorted(info.get("flags", "").split()))
+    return Host(
+        cpu_model=info.get("model name", platform.processor() or platform.machine()),
+        cpu_flags=hashlib.sha256(flags.encode()).hexdigest()[:16],
+        cores=os.cpu_count() or 1,
+        os=f"{platform.system()} {platform.release()}",
+    )
+
+
+def _cpu_info() -> dict[str, str]:
+    """Return the first processor's entries; none where the system has no such file."""
+    if not _CPUINFO.is_file():
+        return {}
+    first = _CPUINFO.read_text(encoding="utf-8").split("\n\n")[0]
+    pairs = (line.partition(":") for line in first.splitlines())
+    return {name.strip(): value.strip() for name, _, value in pairs}
+
+
+def _revision() -> str | None:
+    """Return the commit of the working directory, with `+` if files differ from it."""
+    command = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
+    try:
+        done = subprocess.run(  # noqa: S603
+            command, capture_output=True, text=True, check=True, timeout=10
+        )
+    except (OSError, subprocess.SubprocessError):
+        return None
+    return done.stdout.strip()

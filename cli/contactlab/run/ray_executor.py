@@ -1,0 +1,217 @@
+"""Runs jobs as tasks of a Ray cluster; each counts once, whatever happens to the nodes."""
+
+import pickle
+import secrets
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from itertools import takewhile
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import ray
+from ray import cloudpickle
+from ray.exceptions import (
+    NodeDiedError,
+    ObjectLostError,
+    OutOfMemoryError,
+    RayError,
+    RaySystemError,
+    RayTaskError,
+    TaskCancelledError,
+    WorkerCrashedError,
+)
+from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
+
+from contactlab.errors import ClusterError
+from contactlab.run import ray_node
+from contactlab.run.ray_node import NodeRequirements
+from contactlab.run.ray_worker import pack_bundle
+from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
+from contactlab.store import TEMPORARY_SUFFIX, TRACES
+
+MAX_LOSSES = 3
+"""How often a job may lose its node before it is taken to be the cause."""
+_LOST = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
+# How long a request to stop may go unnoticed, how long processes may take to end, and nodes to
+# answer; those that take longer are asked before their first job [s].
+_STOP_INTERVAL, _END_TIMEOUT, _ANSWER_TIMEOUT = 0.5, 10.0, 60.0
+
+
+@dataclass(frozen=True)
+class RayExecutor:
+    """The cluster that this process is connected to.
+
+    Attributes:
+        max_jobs: how many jobs may be on it at once; None for two for each CPU, so that none idles.
+    """
+
+    max_jobs: int | None = None
+
+    @property
+    def workers(self) -> int:
+        """How many jobs run at once; CPUs may come and go."""
+        cpus = max(1, int(ray.cluster_resources().get("CPU", 0)))
+        return min(cpus, self.max_jobs or cpus)
+
+    def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
+        """Yield the results of jobs as they come; see `Executor`.
+
+        Raises:
+            ClusterError: a node cannot run them.
+        """
+        cloudpickle.register_pickle_by_value(ray_node)
+        with published_requirements(task) as requirements:
+            check_nodes(requirements)
+            # In a list, a reference is fetched only by processes that do not have it yet.
+            shared = [ray.put(requirements), ray.put(pack_bundle(task))]
+            remote: Any = ray.remote(num_cpus=1, max_retries=0)(ray_node.run_job)
+
+            def send(job: Job) -> Any:  # noqa: ANN401 - a reference, which Ray types so
+                return remote.remote(requirements.token, shared, pickle.dumps(job))
+
+            queue = takewhile(lambda _: not stop.is_set, jobs)
+            yield from InFlight(send, queue, self._capacity, stop).results()
+
+    def _capacity(self) -> int:
+        return self.max_jobs or 2 * self.workers
+
+
+class _Sent(NamedTuple):
+    """A job, and how often its node was lost."""
+
+    job: Job
+    losses: int = 0
+
+
+@dataclass
+class InFlight:
+    """The jobs that are on a cluster: sent, cancelled, and sent again if their node was lost.
+
+    Attributes:
+        send: sends a job and returns a reference to its result.
+        queue: jobs that are not sent yet; taken lazily.
+        capacity: how many may be on the cluster at once.
+        stop: once it is set, jobs that have not begun are cancelled, and the others may end with
+            a part of their runs.
+    """
+
+    send: Callable[[Job], Any]
+    queue: Iterator[Job]
+    capacity: Callable[[], int]
+    stop: Stop
+    _again: deque[_Sent] = field(default_factory=deque[_Sent])
+    _sent: dict[Any, _Sent] = field(default_factory=dict[Any, _Sent])
+
+    def results(self) -> Iterator[Result]:
+        """Yield the result of every job, once; whoever leaves early ends those in flight.
+
+        Raises:
+            ClusterError: a node cannot run jobs.
+        """
+        try:
+            while self._fill():
+                ready, _ = ray.wait(list(self._sent), timeout=_STOP_INTERVAL)
+                for reference in ready:
+                    result = self._result(reference)
+                    if result is not None:
+                        yield result
+        finally:
+            self._end()
+
+    def _fill(self) -> bool:
+        """Send as many jobs as fit, or cancel all; return whether any are in flight."""
+        if self.stop.is_set:
+            for reference in self._sent:
+                ray.cancel(reference)
+            return bool(self._sent)
+        capacity = self.capacity()
+        while len(self._sent) < capacity and (sent := self._next()):
+            self._sent[self.send(sent.job)] = sent
+        return bool(self._sent)
+
+    def _next(self) -> _Sent | None:
+        if self._again:
+            return self._again.popleft()
+        job = next(self.queue, None)
+        return None if job is None else _Sent(job)
+
+    def _result(self, reference: Any) -> Result | None:  # noqa: ANN401 - as Ray types it
+        """Return the result of a job; None if it is sent again or was cancelled."""
+        sent = self._sent.pop(reference)
+        try:
+            return _accepted(ray.get(reference))
+        except TaskCancelledError:
+            return None
+        except OutOfMemoryError:
+            return Crashed(sent.job, "out of memory: the cluster ended the worker", timed_out=False)
+        except _LOST as error:
+            return self._send_again(sent, type(error).__name__)
+        except RayTaskError as error:
+            last = str(error).strip().splitlines()[-1]
+            raise ClusterError(f"a node of the cluster cannot run jobs: {last}") from error
+
+    def _send_again(self, sent: _Sent, reason: str) -> Crashed | None:
+        losses = sent.losses + 1
+        if losses < MAX_LOSSES:
+            self._again.append(_Sent(sent.job, losses))
+            return None
+        return Crashed(sent.job, f"its node was lost {losses} times: {reason}", timed_out=False)
+
+    def _end(self) -> None:
+        for reference in self._sent:
+            ray.cancel(reference, force=True)
+        if self._sent:
+            ray.wait(list(self._sent), num_returns=len(self._sent), timeout=_END_TIMEOUT)
+
+
+@contextmanager
+def published_requirements(task: Task) -> Generator[NodeRequirements]:
+    """Yield what nodes must have; meanwhile the store holds a sentinel file that they must see."""
+    token = secrets.token_hex(8)
+    versions = {"contactlab": version("contactlab"), task.engine.name: task.engine.version}
+    store, scene = task.store, task.scene_folder
+    if not isinstance(store, Path):
+        yield NodeRequirements(token, versions)
+        return
+    sentinel = store / TRACES / (token + TEMPORARY_SUFFIX)
+    sentinel.touch()
+    try:
+        yield NodeRequirements(token, versions, sentinel, scene, ray_node.digest(scene))
+    finally:
+        sentinel.unlink(missing_ok=True)
+
+
+def check_nodes(requirements: NodeRequirements) -> None:
+    """Ask every node whether it can run jobs.
+
+    Raises:
+        ClusterError: one cannot, or there is none.
+    """
+    ids = [each["NodeID"] for each in ray.nodes() if each["Alive"] and each["Resources"].get("CPU")]
+    if not ids:
+        raise ClusterError("no node of the cluster has CPUs; start one: ray start --address=...")
+    asked = [_ask(each, requirements) for each in ids]
+    answered, _ = ray.wait(asked, num_returns=len(asked), timeout=_ANSWER_TIMEOUT)
+    for each in answered:
+        # A node may be lost while it is asked.
+        with suppress(RayError):
+            refused = ray.get(each)
+            if refused is not None:
+                raise ClusterError(refused)
+
+
+def _ask(node_id: str, requirements: NodeRequirements) -> Any:  # noqa: ANN401 - as Ray types it
+    there = NodeAffinitySchedulingStrategy(node_id, soft=False)
+    refusal: Any = ray.remote(num_cpus=0, max_retries=0)(ray_node.refusal)
+    return refusal.options(scheduling_strategy=there).remote(requirements)
+
+
+def _accepted(reply: Result | Exception | str) -> Result:
+    if isinstance(reply, str):
+        raise ClusterError(reply)
+    if isinstance(reply, Exception):
+        raise reply
+    return reply

@@ -1,0 +1,105 @@
+"""The worker that a process of a Ray node keeps between jobs, with its engine and its models.
+
+It is a process of its own: if it dies or hangs, its job is reported as on any machine, and the
+cluster does not lose the process that waits for it.
+"""
+
+import os
+import pickle
+import platform
+import shutil
+import signal
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from tempfile import gettempdir, mkdtemp
+
+from contactlab.run.tasks import Result, Stop, Task
+from contactlab.run.worker_pool import PersistentWorker
+
+_SCENE = "scene"
+# By the token of its sweep; one at most.
+_workers: dict[str, PersistentWorker] = {}
+
+
+def pack_bundle(task: Task) -> bytes:
+    """Return a task as it is sent to nodes.
+
+    A store that is no folder has no copy of the scene that nodes could read, so the scene's files
+    are in the bundle.
+    """
+    folder = task.scene_folder
+    files = {} if isinstance(task.store, Path) else _read(folder)
+    return pickle.dumps((task, files))
+
+
+def unpack_bundle(bundle: bytes, folder: Path) -> Task:
+    """Return the task of a bundle, after writing the bundle's files into a folder."""
+    task, files = pickle.loads(bundle)  # noqa: S301 - our own
+    if not files:
+        return task
+    scene = folder / _SCENE
+    shutil.rmtree(scene, ignore_errors=True)
+    for name, data in files.items():
+        (scene / name).parent.mkdir(parents=True, exist_ok=True)
+        (scene / name).write_bytes(data)
+    return replace(task, scene_folder=scene)
+
+
+def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result | Exception:
+    """Run a job on the persistent worker, or on a new one if that is of another sweep.
+
+    Args:
+        token: what identifies the sweep.
+        bundle: fetches what its jobs have in common.
+        job: the runs, pickled.
+
+    Returns:
+        The job's result, or the exception that should end the sweep.
+    """
+    with _cancellation() as stop:
+        try:
+            return _worker(token, bundle).run(pickle.loads(job), stop)  # noqa: S301 - our own
+        except Exception as error:  # noqa: BLE001 - raised again where the sweep runs
+            return error
+
+
+def own_folder() -> Path:
+    """Make a folder of this process; remove those of processes that are gone."""
+    # Machines that share a folder for temporary files do not share their processes.
+    name = f"contactlab-of-{platform.node()}-"
+    for other in Path(gettempdir()).glob(name + "*-*"):
+        process = other.name.removeprefix(name).partition("-")[0]
+        if not Path("/proc", process).exists():
+            shutil.rmtree(other, ignore_errors=True)
+    return Path(mkdtemp(prefix=f"{name}{os.getpid()}-"))
+
+
+def _worker(token: str, bundle: Callable[[], bytes]) -> PersistentWorker:
+    if token not in _workers:
+        for other in _workers.values():
+            other.kill()
+        _workers.clear()
+        folder = own_folder()
+        _workers[token] = PersistentWorker(unpack_bundle(bundle(), folder), folder / "marker")
+    return _workers[token]
+
+
+@contextmanager
+def _cancellation() -> Generator[Stop]:
+    """Yield a stop that is set when the cluster cancels the job, which it does as Ctrl-C would."""
+    stop = Stop()
+    before = signal.signal(signal.SIGINT, lambda *_: stop.set())
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+def _read(folder: Path) -> dict[str, bytes]:
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in folder.rglob("*")
+        if path.is_file()
+    }

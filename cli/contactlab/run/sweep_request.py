@@ -1,0 +1,203 @@
+"""From a sweep file to what `run_sweep` is asked."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
+from contactlab.plan import Overrides, Plan, read_sweep
+from contactlab.run.tasks import Executor
+from contactlab.scene import LenientCatalogue, Scene, why_unsupported
+from contactlab.schema import Vocabulary, effects_base
+from contactlab.store import RESERVED_COLUMNS, Address
+
+
+@dataclass(frozen=True)
+class SweepRequest:
+    """A sweep to run.
+
+    Attributes:
+        plan: its runs.
+        scene: its scene.
+        name: the sweep's name.
+        source: the sweep file's text.
+        overrides: options that changed it, as given.
+        store: where the store is written.
+        workers: processes; 0 for none but this one.
+        fresh: whether to replace a store that is there.
+        left_out: why runs are left out of the plan that only newer engines can do.
+        cluster: where runs are computed, if not by worker processes of this machine.
+        retry_failed: whether stored runs that failed are run again.
+    """
+
+    plan: Plan
+    scene: Scene
+    name: str
+    source: str
+    overrides: tuple[str, ...]
+    store: Address
+    workers: int
+    fresh: bool = False
+    left_out: tuple[str, ...] = ()
+    cluster: Executor | None = None
+    retry_failed: bool = False
+
+
+def read_request(  # noqa: PLR0913 - one argument an option
+    source: Path | str,
+    name: str,
+    store: Address,
+    *,
+    folder: Path,
+    workers: int,
+    overrides: Overrides | None = None,
+    fresh: bool = False,
+    partly: bool = False,
+    retry_failed: bool = False,
+) -> SweepRequest:
+    """Read a sweep and return what to run.
+
+    Args:
+        source: the sweep file's path, or its text.
+        name: the sweep's name.
+        store: where the store is written.
+        folder: where relative paths of scenes start.
+        workers: processes; 0 for none but this one.
+        overrides: options of the command line.
+        fresh: whether to replace a store that is there.
+        partly: whether to leave out what only newer engines can do, rather than to refuse it.
+        retry_failed: whether stored runs that failed are run again.
+
+    Raises:
+        SweepFileError: the file or the options hold mistakes; all are named.
+    """
+    options = overrides or Overrides()
+    scenes = SceneLoader(folder)
+    vocabulary = lenient_vocabulary(scenes.vocabulary) if partly else scenes.vocabulary
+    read = read_sweep(source, vocabulary, options)
+    possible = supported_plan(read.plan)
+    return SweepRequest(
+        plan=possible.plan,
+        scene=scenes.open(read.sweep.scene).with_effects(effects_base(read.sweep.effects)),
+        name=name,
+        source=read.text,
+        overrides=_given(options),
+        store=store,
+        workers=workers,
+        fresh=fresh,
+        left_out=possible.reasons,
+        retry_failed=retry_failed,
+    )
+
+
+def _given(overrides: Overrides) -> tuple[str, ...]:
+    limit = () if overrides.limit is None else (f"--limit {overrides.limit}",)
+    return (
+        *(f"--set {each}" for each in overrides.assign),
+        *(f"--only {each}" for each in overrides.only),
+        *limit,
+    )
+
+
+@dataclass(frozen=True)
+class SupportedPlan:
+    """What an engine can do of a plan.
+
+    Attributes:
+        plan: the runs that are left.
+        reasons: why others are not, each once.
+    """
+
+    plan: Plan
+    reasons: tuple[str, ...]
+
+
+def lenient_vocabulary(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str], Vocabulary]:
+    """Return vocabularies that know what other versions of the engine know as well."""
+
+    def known(reference: str) -> Vocabulary:
+        own = vocabulary(reference)
+        return replace(own, axes=LenientCatalogue(own.axes))
+
+    return known
+
+
+def supported_plan(plan: Plan) -> SupportedPlan:
+    """Return a plan without the rows that hold what this engine lacks."""
+    if not any(_lacks(name, values) for name, values in _values(plan)):
+        return SupportedPlan(plan, ())
+    rows = list(plan.grid.rows())
+    reasons = [_reason(row) for row in rows]
+    left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
+    grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left)
+    count = min(plan.count, len(left) * len(plan.sweep.seed_values))
+    told = dict.fromkeys(filter(None, reasons))
+    return SupportedPlan(replace(plan, grid=grid, count=count), tuple(told))
+
+
+def _values(plan: Plan) -> Iterator[tuple[str, Iterable[object]]]:
+    yield from ((axis.name, axis.values) for axis in plan.axes)
+    yield from ((name, [value]) for name, value in plan.grid.base.items())
+
+
+def _lacks(name: str, values: Iterable[object]) -> bool:
+    return any(why_unsupported(name, value) for value in values)
+
+
+def _reason(row: Mapping[str, object]) -> str | None:
+    found = (why_unsupported(name, value) for name, value in row.items())
+    return next((reason for reason in found if reason), None)
+
+
+@dataclass
+class SceneLoader:
+    """Opens the scene that a sweep names, once.
+
+    Attributes:
+        folder: where relative paths of scenes start: beside the sweep file.
+    """
+
+    folder: Path | None
+    _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
+
+    def open(self, reference: str) -> Scene:
+        """Return the scene.
+
+        Raises:
+            SceneError: there is none, or a name of its own is already a column's.
+        """
+        if reference not in self._opened:
+            scene = Scene.open(reference, self.folder)
+            _check_names(scene)
+            _check_manifest(scene)
+            self._opened[reference] = scene
+        return self._opened[reference]
+
+    def vocabulary(self, reference: str) -> Vocabulary:
+        """Return every name that a sweep of the scene may use."""
+        scene = self.open(reference)
+        return Vocabulary(scene.catalogue, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
+
+
+def _check_names(scene: Scene) -> None:
+    clashes = set(scene.catalogue.names) & (RESERVED_COLUMNS | set(METRICS))
+    if clashes:
+        raise SceneError(
+            f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "
+            "which are columns of the table already; rename them in its manifest"
+        )
+
+
+def _check_manifest(scene: Scene) -> None:
+    """Check what only the tables of metrics know: thresholds, tolerances and the oracle."""
+    manifest = scene.source.manifest
+    if manifest is None:
+        return
+    limits(manifest.thresholds)
+    for name in manifest.tolerances:
+        if name not in METRICS:
+            raise SceneError(f"no metric '{name}'{did_you_mean(name, METRICS)}")
+    oracle = manifest.oracle
+    if oracle and oracle.name not in ORACLES:
+        raise SceneError(f"no oracle '{oracle.name}'{did_you_mean(oracle.name, ORACLES)}")

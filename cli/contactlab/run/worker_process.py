@@ -1,0 +1,184 @@
+"""A worker process, seen from the process that starts it, and how it is started.
+
+Workers are forked from a server that has loaded what they need, and are out of reach of signals
+that are meant for the command.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection
+from multiprocessing.context import ForkServerContext
+from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
+from pathlib import Path
+from types import ModuleType
+
+from contactlab.run import worker_main
+from contactlab.run.tasks import Crashed, Job, Result, Task
+
+_MAX_TRACEBACK_LINES = 6
+# Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
+_MAX_FOLDER = 75
+# How often, and how far apart [s], a process is started while the fork server is being replaced.
+_START_ATTEMPTS, _START_PAUSE = 20, 0.1
+
+
+@dataclass
+class WorkerHandle:
+    """A worker process.
+
+    Attributes:
+        process: the process.
+        pipe: takes jobs and brings results.
+        marker: the file where the worker writes a traceback when a run times out.
+        job: the job that it is on.
+        stop_requested: whether it was asked to stop after the current run.
+    """
+
+    process: BaseProcess
+    pipe: Connection
+    marker: Path
+    job: Job
+    stop_requested: bool = False
+
+
+def fork_context() -> ForkServerContext:
+    """Return the context that forks workers, with all that they need preloaded."""
+    _place_socket()
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([worker_main.__name__])
+    return context
+
+
+def start_worker(
+    workers: list[WorkerHandle], context: ForkServerContext, task: Task, marker: Path, job: Job
+) -> None:
+    """Start a worker on a job, and append it to the others before a signal can come between."""
+    marker.unlink(missing_ok=True)
+    with _signals_blocked():
+        ours, theirs = context.Pipe()
+        arguments = (task, theirs, marker, dict(os.environ))
+        process = context.Process(target=worker_main.serve_jobs, args=arguments, daemon=True)
+        _start_process(process)
+        theirs.close()
+        workers.append(WorkerHandle(process, ours, marker, job))
+    send_job(workers[-1], job)
+
+
+def send_job(worker: WorkerHandle, job: Job | None) -> None:
+    """Send a worker a job, or None to stop it; one that has just died is noticed later."""
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        worker.pipe.send(job)
+
+
+def request_stop(workers: Iterable[WorkerHandle]) -> None:
+    """Ask workers to stop, each after the run that it is on."""
+    for worker in workers:
+        if not worker.stop_requested:
+            worker.stop_requested = True
+            send_job(worker, None)
+
+
+def receive_result(worker: WorkerHandle) -> Result:
+    """Return what a worker sends, or its job as crashed if it died.
+
+    Raises:
+        Exception: the job raised it there; it should end the sweep.
+    """
+    try:
+        received = worker.pipe.recv()
+    except (EOFError, OSError):
+        worker.process.join()
+        worker.pipe.close()
+        marker = worker.marker
+        traceback = marker.read_text(encoding="utf-8") if marker.is_file() else ""
+        timed_out = bool(traceback) or worker.process.exitcode == -signal.SIGALRM
+        return Crashed(worker.job, _death(worker.process.exitcode, traceback), timed_out)
+    if isinstance(received, Exception):
+        raise received
+    if isinstance(received, Crashed):
+        # The process lives, but its memory is full.
+        kill_workers([worker])
+    return received
+
+
+def kill_workers(workers: list[WorkerHandle]) -> None:
+    """Kill workers, whatever they are doing, and wait for them."""
+    with _signals_blocked():
+        for worker in workers:
+            worker.pipe.close()
+            worker.process.kill()
+        for worker in workers:
+            worker.process.join()
+
+
+def _death(exitcode: int | None, traceback: str) -> str:
+    if traceback:
+        return " / ".join(line.strip() for line in traceback.splitlines()[:_MAX_TRACEBACK_LINES])
+    if exitcode is not None and exitcode < 0:
+        return f"the worker was ended by {signal.Signals(-exitcode).name}"
+    return f"the worker exited with code {exitcode}"
+
+
+def _place_socket() -> None:
+    """Choose a folder for the fork server's socket, whose path the system wants to be short.
+
+    It would be in the temporary folder, whose name a batch system may make long.
+    """
+    chosen = tempfile.gettempdir()
+    if len(chosen) > _MAX_FOLDER:
+        tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
+        try:
+            get_temp_dir()
+        finally:
+            tempfile.tempdir = chosen
+
+
+def _start_process(process: BaseProcess) -> None:
+    """Start a process; if the fork server was just killed, from the one that replaces it."""
+    with _main_hidden():
+        for _ in range(_START_ATTEMPTS):
+            with contextlib.suppress(ConnectionRefusedError):
+                process.start()
+                return
+            time.sleep(_START_PAUSE)
+        process.start()
+
+
+@contextlib.contextmanager
+def _signals_blocked() -> Generator[None]:
+    """Block Ctrl-C and SIGTERM, also for all of the life of processes that start meanwhile.
+
+    A terminal's Ctrl-C and a batch system's SIGTERM reach every process; workers are stopped by
+    the process that started them.
+    """
+    # Starting the tracker ends with signals let through; if it runs already, nothing happens.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, worker_main.STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _main_hidden() -> Generator[None]:
+    """Hide the `__main__` module from processes that start meanwhile.
+
+    They would import it, and with it all that a command line needs; a script without
+    `if __name__ == "__main__"` would start its sweep again in each worker.
+    """
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = ModuleType("__main__")
+    try:
+        yield
+    finally:
+        sys.modules["__main__"] = main
