@@ -73,7 +73,7 @@ def test_a_damaged_store(contactlab: Run, store: Path, tmp_path: Path) -> None:
     name = trace.relative_to(tmp_path / store).as_posix()
     code, out, err = contactlab("verify", str(store))
     assert (code, out) == (3, f"{name}: missing\n")
-    assert err == "error: store is not sound: 1 problems\n"
+    assert err == "error: store is not sound: 1 problem\n"
     code, out, _ = contactlab("verify", str(store), "--format", "json")
     assert (code, json.loads(out)["problems"]) == (3, [f"{name}: missing"])
 

@@ -179,4 +179,4 @@ def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) 
     with stop.heeded():
         yield from executor.run(task, jobs, stop)
     if stop.is_set:
-        raise StoppedError("interrupted; the same command goes on where it stopped")
+        raise StoppedError("interrupted; run the same command again to resume")
