@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import STORE, Address, store_at
+from contactlab.commands.options import Address, store_at
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
@@ -47,10 +47,11 @@ _SUFFIXES = {
 
 def compare(
     baseline: Annotated[
-        Address, typer.Argument(parser=store_at, metavar=STORE, help="Store to compare with.")
+        Address,
+        typer.Argument(parser=store_at, metavar="BASELINE", help="Store to compare with."),
     ],
     candidate: Annotated[
-        Address, typer.Argument(parser=store_at, metavar=STORE, help="Store to judge.")
+        Address, typer.Argument(parser=store_at, metavar="CANDIDATE", help="Store to judge.")
     ],
     policy: Annotated[
         Path | None,

@@ -59,7 +59,7 @@ StoreArgument = Annotated[
     Address,
     typer.Argument(parser=store_at, metavar=STORE, help="Store: a folder or s3://BUCKET/PREFIX."),
 ]
-RunArgument = Annotated[str, typer.Argument(help="Run id, or its first digits.")]
+RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="Run id, or its first digits.")]
 SweepStoreOption = Annotated[
     Address | None,
     typer.Option(
@@ -85,7 +85,7 @@ SetOption = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Replace a setting, such as timestep=1e-3; may be repeated.",
+        help="Replace an axis or a setting: timestep=1e-3; may be repeated.",
     ),
 ]
 WorkersOption = Annotated[

@@ -30,7 +30,7 @@ _THEN = "repeat the finished cases and resume this one"
 def stability(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Cases or model files; all cases by default."),
+        typer.Argument(metavar="NAME", help="Cases or model files; all cases by default."),
     ] = None,
     folder: StudyFolderOption = None,
     workers: WorkersOption = None,
