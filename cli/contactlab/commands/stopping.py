@@ -66,7 +66,7 @@ def stop_on_signals(stop: "Stop") -> Generator[None]:
 def _handler(stop: "Stop") -> Handler:
     def handle(number: int, frame: FrameType | None) -> None:
         del number, frame
-        again = stop.is_set or not stop.is_heeded
+        again = stop.is_set or not stop.is_watched
         # An exception may get lost, as in a finalizer; the request stays.
         stop.set()
         if again:
