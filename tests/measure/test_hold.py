@@ -22,8 +22,8 @@ from contactlab.contact import (
     Trace,
 )
 from contactlab.measure import METRICS, assess
-from contactlab.measure.context import context_of
-from contactlab.measure.hold import hold_switch_masks, window
+from contactlab.measure.chatter import hold_switch_masks
+from contactlab.measure.context import context_of, hold_window
 
 Make = Callable[..., Any]
 HELD = [name for name in METRICS if name.startswith("hold_")]
@@ -51,7 +51,7 @@ def test_a_window_holds_the_steps_that_begin_in_it(
     """Times that rounding puts beside a whole step count as that step."""
     trace = trace_of(steps=100, timestep=timestep)
     start, stop = first * timestep + nudge * timestep, (first + length) * timestep
-    found = window(context_of(trace, held_setup(setup_of, trace, start, stop)))[0]
+    found = hold_window(context_of(trace, held_setup(setup_of, trace, start, stop)))[0]
     expected = [first <= step < first + length for step in range(100)]
     assert found.tolist() == expected
 

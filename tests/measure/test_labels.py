@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.contact import Barrier, FreeBody, Setup, Trace
 from contactlab.errors import SceneError
-from contactlab.measure import LABELS, THRESHOLDS, Outcome, assess, limits
+from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
 
 ORDER = (
     "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence broken tunneling "
@@ -18,11 +18,11 @@ ORDER = (
 )
 
 
-def outcomes(trace: Trace, setup: Setup, run: int = 0) -> list[Outcome]:
+def outcomes(trace: Trace, setup: Setup, run: int = 0) -> list[AppliedLabel]:
     return list(assess(trace, setup).labels[run])
 
 
-def only(trace: Trace, setup: Setup) -> Outcome:
+def only(trace: Trace, setup: Setup) -> AppliedLabel:
     found = outcomes(trace, setup)
     assert len(found) == 1, found
     return found[0]
@@ -30,7 +30,7 @@ def only(trace: Trace, setup: Setup) -> Outcome:
 
 def test_every_label_and_threshold_says_what_it_is() -> None:
     assert " ".join(LABELS) == ORDER
-    read = {name for label in LABELS.values() for name in label.thresholds}
+    read = {limit.name for label in LABELS.values() for limit in label.thresholds}
     assert read == set(THRESHOLDS)
     for label in LABELS.values():
         assert label.meaning.endswith(".")

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from contactlab.contact import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
 from contactlab.measure import assess
+from contactlab.measure.chatter import losses
 from contactlab.measure.context import context_of
-from contactlab.measure.losses import losses
 
 STEPS = 500
 

@@ -1,13 +1,12 @@
 """`contactlab replay`: simulate a stored run again from its store alone."""
 
-from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, RunArgument, StoreArgument
-from contactlab.commands.terminal import print_json
+from contactlab.commands.options import StoreArgument
+from contactlab.commands.terminal import Format, FormatOption, print_json
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -16,14 +15,12 @@ if TYPE_CHECKING:
 
 def replay(
     store: StoreArgument,
-    run: RunArgument,
+    run: Annotated[str, typer.Argument(help="The run's id, or the start of it.")],
     *,
-    view: Annotated[
-        bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
-    ] = False,
+    view: Annotated[bool, typer.Option("--view", help="Open MuJoCo's viewer on it.")] = False,
     output: FormatOption = Format.text,
 ) -> None:
-    """Simulate a stored run again and check that every state is bitwise equal."""
+    """Run a stored run again and say whether every state is equal, bit for bit."""
     from contactlab.run import prepare_replay
     from contactlab.run import replay as run_again
     from contactlab.store import Store
@@ -39,23 +36,23 @@ def replay(
     if output is Format.json:
         print_json(asdict(result))
     else:
-        for line in _lines(result):
-            typer.echo(line)
+        typer.echo(_verdict(result))
     if not result.equal:
         raise ExpectationError("the trajectory is not the stored one")
 
 
-def _lines(result: "ReplayResult") -> Iterator[str]:
+def _verdict(result: "ReplayResult") -> str:
     if result.equal:
-        yield f"run {result.run_id}: bitwise equal ({result.hash})"
-        return
+        return f"run {result.run_id}: bitwise equal ({result.hash})"
     if result.stored_hash is None:
-        yield f"run {result.run_id}: no trajectory was stored"
-        return
-    yield f"run {result.run_id}: differs"
-    yield f"  stored {result.stored_hash}"
-    yield f"  now    {result.hash}"
+        return f"run {result.run_id}: no trajectory was stored"
+    lines = [
+        f"run {result.run_id}: differs",
+        f"  stored {result.stored_hash}",
+        f"  now    {result.hash}",
+    ]
     if result.step is not None:
         amount = "" if result.difference is None else f" by {result.difference:.3g}"
-        yield f"  first after step {result.step}{amount}"
-    yield f"  stored with {result.stored_engine}"
+        lines.append(f"  first after step {result.step}{amount}")
+    lines.append(f"  stored with {result.stored_engine}")
+    return "\n".join(lines)

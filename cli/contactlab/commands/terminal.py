@@ -1,16 +1,12 @@
-"""Printing: results to stdout as tables or JSON, messages and progress to stderr.
-
-The progress display counts runs as they finish and is drawn by the clock, a few times a second, so
-that its cost does not grow with the number of runs.
-"""
+"""How commands print: results to stdout as text or JSON, everything else to stderr."""
 
 import json
 import time
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
-from typing import TYPE_CHECKING
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich import box
@@ -22,30 +18,27 @@ from rich.text import Text
 if TYPE_CHECKING:
     from contactlab.run import Finished
 
-# Colour only repeats what the word says.
-_STYLES = (
-    {"stable": "green"}
-    | dict.fromkeys(("crashed", "timeout", "invalid", "diverged"), "red")
-    | dict.fromkeys(("tunneling", "energy_injection"), "red")
-    | dict.fromkeys(("oracle_miss", "chatter", "deep_penetration"), "yellow")
-)
+
+class Format(StrEnum):
+    """How results are printed."""
+
+    text = "text"
+    json = "json"
 
 
-def print_json(data: object) -> None:
+FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
+
+
+def print_json(data: Any) -> None:  # noqa: ANN401 - anything that JSON holds
     """Print data as JSON to stdout."""
     typer.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
-def print_rows(keys: Sequence[str], rows: Sequence[Sequence[object]], *, as_json: bool) -> None:
-    """Print rows to stdout: as a table, or as a JSON list of objects with these keys."""
-    if as_json:
-        print_json([dict(zip(keys, row, strict=True)) for row in rows])
-    else:
-        print_table(keys, rows)
-
-
 def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print a table to stdout; columns of numbers are aligned to the right."""
+    """Print a plain table to stdout; columns that hold only numbers are aligned to the right.
+
+    A column "label" has the colours of labels, which repeat what the word says already.
+    """
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for index, name in enumerate(header):
         numeric = all(isinstance(row[index], (int, float)) for row in rows)
@@ -53,17 +46,28 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None
             Text(name), justify="right" if numeric else "left", no_wrap=len(header) > 3
         )
     for row in rows:
-        table.add_row(*[Text(_cell(value), style=label_style(str(value))) for value in row])
+        cells = zip(header, row, strict=True)
+        table.add_row(
+            *[
+                Text(_cell(value), style=label_style(str(value)) if name == "label" else "")
+                for name, value in cells
+            ]
+        )
     stdout().print(table, highlight=False)
 
 
-def label_style(word: str) -> str:
-    """Return the colour of a label; empty for any other word."""
-    return _STYLES.get(word, "")
+def label_style(name: str) -> str:
+    """Return the colour of a label; none if it is unknown here."""
+    from contactlab.measure import LABELS
+
+    if name not in LABELS:
+        return ""
+    label = LABELS[name]
+    return "red" if label.is_severe else "yellow" if label.severity else "green"
 
 
 def stdout() -> Console:
-    """Return the console for results; lines are not wrapped unless it is a terminal."""
+    """Return the console for results; as wide as they need where nobody looks."""
     console = Console()
     return console if console.is_terminal else Console(width=10_000)
 
@@ -71,20 +75,6 @@ def stdout() -> Console:
 def say(message: str) -> None:
     """Print a message for people to stderr."""
     Console(stderr=True).print(message, markup=False, highlight=False, soft_wrap=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    from contactlab.store import write_error
-
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise write_error(path, error) from error
 
 
 def _cell(value: object) -> str:
@@ -97,15 +87,15 @@ def _cell(value: object) -> str:
 
 DRAWN_PER_SECOND = 4
 _QUIET_SECONDS = 10.0
-# Rates are those of the last half minute, and not shown in the first second.
+# Rates are those of the last half minute, and not told before the first second is over.
 _RECENT_SECONDS = 30.0
 _LEAST_SECONDS = 1.0
 _BAR = 24
 _MOST_LABELS = 6
 
 
-class ProgressDisplay:
-    """Counts finished runs and prints how many there are."""
+class Progress:
+    """Counts finished runs, and says so."""
 
     def __init__(self, console: Console, *, live: bool) -> None:
         self._console = console
@@ -113,14 +103,14 @@ class ProgressDisplay:
         self._total = self._done = 0
         self._labels: Counter[str] = Counter()
         self._recent: deque[tuple[float, int]] = deque()
-        self._printed = time.monotonic()
+        self._said = time.monotonic()
 
     def begin(self, total: int, done: int) -> None:
-        """Start to count: of so many runs in total, some are done already."""
+        """Say how many runs there are, and how many are stored already."""
         self._total, self._done = total, done
         self._labels = Counter()
-        self._printed = time.monotonic()
-        self._recent = deque([(self._printed, done)])
+        self._said = time.monotonic()
+        self._recent = deque([(self._said, done)])
         if done:
             self._console.print(f"{done:,} of {total:,} runs are stored already", highlight=False)
 
@@ -129,12 +119,12 @@ class ProgressDisplay:
         self._done += len(finished)
         for each in finished:
             self._labels[each.label] += 1
-        if not self._live and time.monotonic() - self._printed > _QUIET_SECONDS:
-            self._printed = time.monotonic()
+        if not self._live and time.monotonic() - self._said > _QUIET_SECONDS:
+            self._said = time.monotonic()
             self._console.print(self.line(), soft_wrap=True)
 
     def line(self) -> Text:
-        """Return the current state as one line: bar, counts, rate, time left, labels."""
+        """Return what there is to say now, as one line; nothing before there are runs."""
         if not self._total:
             return Text()
         filled, rate = _BAR * self._done // self._total, self._rate()
@@ -142,16 +132,14 @@ class ProgressDisplay:
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
         if rate:
-            line.append(
-                f"  {_format_rate(rate)}  {_duration((self._total - self._done) / rate)} left"
-            )
-        # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
+            line.append(f"  {_rate(rate)}  {_time((self._total - self._done) / rate)} left")
+        # The display has a thread of its own: a copy, lest a new label come while it looks.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
             line.append("  ").append(label, label_style(label)).append(f" {count:,}")
         return line
 
     def _rate(self) -> float:
-        """Return the recent rate of runs [1/s]; 0 if it is not known yet."""
+        """Return runs per second [1/s] of late; 0 if that cannot be told yet."""
         now, recent = time.monotonic(), self._recent
         recent.append((now, self._done))
         while len(recent) > 2 and recent[1][0] < now - _RECENT_SECONDS:
@@ -161,27 +149,27 @@ class ProgressDisplay:
 
 
 @contextmanager
-def progress_display() -> Generator[ProgressDisplay]:
+def progress() -> Generator[Progress]:
     """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
     console = Console(stderr=True)
-    display = ProgressDisplay(console, live=console.is_terminal)
+    shown = Progress(console, live=console.is_terminal)
     if not console.is_terminal:
-        yield display
+        yield shown
         return
     with Live(
         console=console,
-        get_renderable=display.line,
+        get_renderable=shown.line,
         refresh_per_second=DRAWN_PER_SECOND,
         transient=True,
     ):
-        yield display
+        yield shown
 
 
-def _format_rate(rate: float) -> str:
+def _rate(rate: float) -> str:
     return f"{rate:,.0f}/s" if rate >= 10 else f"{rate:.2g}/s"
 
 
-def _duration(seconds: float) -> str:
+def _time(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     days, hours = divmod(hours, 24)

@@ -11,6 +11,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from contactlab.errors import PolicyError, did_you_mean
+from contactlab.measure import METRICS
 from contactlab.plan import read_yaml_as
 from contactlab.schema import (
     AcceptedCheck,
@@ -114,11 +115,8 @@ _TIME = MetricRule(
     rel=0.15, statistic="ratio", budget=0.0, level="warn", needs_same=("cpu_model", "cpu_flags")
 )
 REMEASURED = "remeasured_time"
-DEFAULTS: Mapping[str, MetricRule] = {
+_DEFAULTS: Mapping[str, MetricRule] = {
     "*": _PHYSICS,
-    "solver_iterations": _WORK,
-    "solver_iterations_mean": MetricRule(rel=0.05, abs=0.05),
-    "solver_iterations_max": MetricRule(rel=0.05, abs=1.0),
     "work_*": _WORK,
     "error_estimate": MetricRule(level="note"),
     "cost_*": _TIME,
@@ -128,7 +126,7 @@ DEFAULTS: Mapping[str, MetricRule] = {
     REMEASURED: MetricRule(rel=0.05, statistic="ratio", budget=0.0),
 }
 _WILD = set("*?[]!")
-_TIMED = tuple(pattern for pattern, rule in DEFAULTS.items() if rule is _TIME)
+_TIMED = tuple(pattern for pattern, rule in _DEFAULTS.items() if rule is _TIME)
 
 
 @dataclass(frozen=True)
@@ -159,7 +157,9 @@ class MetricTolerance:
 def tolerance_of(metric: MeasuredColumn, policy: ComparePolicy) -> MetricTolerance:
     """Return how a metric is compared."""
     said: dict[str, Any] = {"better": metric.better, "abs": max(_LEAST, metric.resolution)}
-    rules = (*DEFAULTS.items(), *policy.metrics.items())
+    declared = METRICS[metric.name].rule if metric.name in METRICS else None
+    own = {metric.name: declared} if declared else {}
+    rules = (*_DEFAULTS.items(), *own.items(), *policy.metrics.items())
     for pattern, rule in sorted(rules, key=lambda each: _specificity(each[0])):
         if fnmatchcase(metric.name, pattern):
             said |= rule.model_dump(exclude_none=True)

@@ -1,34 +1,99 @@
-"""Trace to metrics and labels: pure functions in tables."""
+"""Traces to metrics and labels. A plug-in declares its own with the decorators exported here."""
 
-from contactlab.measure.assessment import Assessment, assess
-from contactlab.measure.checks import CHECKS
+from importlib import import_module
+from pkgutil import iter_modules
+
+# The order of these imports is the order of metrics, and so of columns.
+# isort: off
+from contactlab.measure import (
+    penetration,
+    conservation,
+    displacement,
+    restitution,
+    friction,
+    chatter,
+    grasp_hold,
+    solver_work,
+    self_checks,
+    oracle_error,
+)
+
+# isort: on
+from contactlab.measure.assessment import AppliedLabel, Assessment, assess
+from contactlab.measure.context import Context, cached, contact_depths, context_of, worst_pair
 from contactlab.measure.discrepancy import Discrepancy, distances, drifts
-from contactlab.measure.friction import pair_series
-from contactlab.measure.label import Label, Outcome
-from contactlab.measure.labels import LABELS
-from contactlab.measure.metric import Metric
-from contactlab.measure.metrics import METRICS
-from contactlab.measure.modes import modes
-from contactlab.measure.oracles import ORACLES, Oracle
-from contactlab.measure.thresholds import THRESHOLDS, Threshold, limits
+from contactlab.measure.entries import (
+    LABELS,
+    METRICS,
+    ORACLES,
+    THRESHOLDS,
+    Finding,
+    Findings,
+    Label,
+    MeasuredRuns,
+    Metric,
+    Oracle,
+    Requirement,
+    Threshold,
+    first_step,
+    label,
+    limits,
+    metric,
+    oracle,
+    runs_where,
+)
+from contactlab.measure.net_contact import pair_series
+from contactlab.measure.run_integrity import STABLE
+from contactlab.measure.stick_slip import modes
 
 __all__ = [
-    "CHECKS",
     "LABELS",
     "METRICS",
     "ORACLES",
+    "STABLE",
     "THRESHOLDS",
+    "AppliedLabel",
     "Assessment",
+    "Context",
     "Discrepancy",
+    "Finding",
+    "Findings",
     "Label",
+    "MeasuredRuns",
     "Metric",
     "Oracle",
-    "Outcome",
+    "Requirement",
     "Threshold",
     "assess",
+    "cached",
+    "contact_depths",
+    "context_of",
     "distances",
     "drifts",
+    "first_step",
+    "label",
     "limits",
+    "metric",
     "modes",
+    "oracle",
     "pair_series",
+    "runs_where",
+    "worst_pair",
 ]
+
+TOPICS = (
+    penetration,
+    conservation,
+    displacement,
+    restitution,
+    friction,
+    chatter,
+    grasp_hold,
+    solver_work,
+    self_checks,
+    oracle_error,
+)
+"""Modules that declare metrics, in the order of the table's columns; others come after them."""
+
+for _module in iter_modules(__path__):
+    import_module(f"{__name__}.{_module.name}")

@@ -1,4 +1,4 @@
-"""What a metric or a rule is given: a trace, its setup, its pair series, and shared results."""
+"""What a metric or a label reads: a trace, its setup, its pair series, and shared results."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats, FreeBody, PairSeries, SelfChecks, Setup, Trace
-from contactlab.measure.fold import Folded, fold
-from contactlab.measure.friction import series_of
+from contactlab.measure.net_contact import NetContact, net_contact
 
-Shared = TypeVar("Shared")
+Cached = TypeVar("Cached")
+
+_ROUNDING = 1e-6
+"""Share of a step by which a time may miss a whole number of steps."""
 
 
 @dataclass(frozen=True)
@@ -22,21 +24,21 @@ class Context:
     Attributes:
         trace: the trace.
         setup: what is known of its runs.
-        folded: the contacts of each graded pair, folded over their slots.
-        series: the series of each graded pair.
+        net: the contacts of each monitored pair, reduced over their slots.
+        series: the series of each monitored pair.
         checks: what a second pass found, if there was one.
-        memo: results of `shared` functions.
+        cache: results of `cached` functions.
     """
 
     trace: Trace
     setup: Setup
-    folded: tuple[Folded, ...]
+    net: tuple[NetContact, ...]
     series: tuple[PairSeries, ...]
     checks: SelfChecks | None = None
-    memo: dict[object, object] = field(default_factory=dict[object, object], repr=False)
+    cache: dict[object, object] = field(default_factory=dict[object, object], repr=False)
 
     @property
-    def tail(self) -> slice:
+    def last_fifth(self) -> slice:
         """The last fifth of the steps."""
         return slice(self.trace.steps - max(self.trace.steps // 5, 1), None)
 
@@ -45,39 +47,43 @@ class Context:
         """(n,) simulated time recorded [s]."""
         return self.trace.timestep * self.trace.steps
 
-    def nothing(self) -> Floats:
-        """Return (n,) NaN: the measure does not apply."""
+    def setting(self, name: str) -> Floats:
+        """Return a setting of every run: (n,) for a number, (n, k) for k of them."""
+        return np.asarray(self.setup.settings[name], dtype=np.float64)
+
+    def undefined(self) -> Floats:
+        """Return (n,) NaN: the metric does not apply."""
         return np.full(self.trace.runs, np.nan)
 
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
-    """Fold the graded pairs of a trace, ready to measure."""
+    """Reduce the monitored pairs of a trace, ready to measure."""
     with np.errstate(all="ignore"):
-        folded = tuple(fold(pair, setup.elliptic) for pair in trace.pairs)
+        net = tuple(net_contact(pair, setup.elliptic) for pair in trace.pairs)
         series = tuple(
-            series_of(pair.name, each, trace.timestep)
-            for pair, each in zip(trace.pairs, folded, strict=True)
+            each.series(pair.name, trace.timestep)
+            for pair, each in zip(trace.pairs, net, strict=True)
         )
-    return Context(trace, setup, folded, series, checks)
+    return Context(trace, setup, net, series, checks)
 
 
-def shared(function: Callable[[Context], Shared]) -> Callable[[Context], Shared]:
-    """Compute a function of the context once for all metrics and rules that ask for it."""
+def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:
+    """Compute a function of the context once for all metrics and labels that need it."""
 
     @wraps(function)
-    def lookup(context: Context) -> Shared:
-        if function not in context.memo:
-            context.memo[function] = function(context)
-        return context.memo[function]  # pyright: ignore[reportReturnType]
+    def lookup(context: Context) -> Cached:
+        if function not in context.cache:
+            context.cache[function] = function(context)
+        return context.cache[function]  # pyright: ignore[reportReturnType]
 
     return lookup
 
 
-@shared
+@cached
 def contact_depths(context: Context) -> tuple[tuple[NDArray[np.bool_], Floats], ...]:
-    """Return for each graded pair (n, N) whether it touches, and its depth [m], 0 where apart.
+    """Return for each monitored pair (n, N) whether it touches, and its depth [m], 0 where apart.
 
-    A scene without graded pairs counts all its contacts as one. Depths are NaN in runs whose
+    A scene without monitored pairs counts all its contacts as one. Depths are NaN in runs whose
     contacts are speculative.
     """
     trace = context.trace
@@ -90,26 +96,26 @@ def contact_depths(context: Context) -> tuple[tuple[NDArray[np.bool_], Floats], 
     return depths
 
 
-@shared
+@cached
 def kinetic(context: Context) -> Floats:
     """Return (n, N) kinetic energy [J]."""
     return np.ascontiguousarray(context.trace.kinetic)
 
 
-@shared
+@cached
 def potential(context: Context) -> Floats:
     """Return (n, N) potential energy [J]."""
     return np.ascontiguousarray(context.trace.potential)
 
 
-@shared
+@cached
 def energy(context: Context) -> Floats:
     """Return (n, N) mechanical energy [J]."""
     return kinetic(context) + potential(context)
 
 
-@shared
-def budget(context: Context) -> Floats:
+@cached
+def energy_budget(context: Context) -> Floats:
     """Return (n,) the energy at the start that could become motion [J].
 
     Kinetic energy at the start plus the potential energy above the lowest that the run reaches,
@@ -119,7 +125,7 @@ def budget(context: Context) -> Floats:
     return kinetic(context)[:, 0] + heights[:, 0] - heights.min(axis=1)
 
 
-@shared
+@cached
 def least_energy(context: Context) -> Floats:
     """Return (n,) the energy [J] below which changes of energy mean nothing in this scene.
 
@@ -130,7 +136,7 @@ def least_energy(context: Context) -> Floats:
     return np.maximum(mass * (fall * 1e-3 + 0.5 * 1e-4), 1e-12)
 
 
-@shared
+@cached
 def peak_kinetic(context: Context) -> Floats:
     """Return (n,) the largest kinetic energy of the run [J]."""
     return kinetic(context).max(axis=1)
@@ -140,3 +146,36 @@ def speed_squared(context: Context, body: FreeBody) -> Floats:
     """Return (n, N + 1) the squared speed of a free body's frame [m^2/s^2]."""
     x, y, z = (context.trace.qvel[:, :, body.dof + axis] for axis in range(3))
     return x * x + y * y + z * z
+
+
+def down(context: Context) -> Floats:
+    """Return (n, 3) the unit vector of gravity; zero without gravity."""
+    gravity = context.setup.gravity
+    length = np.linalg.norm(gravity, axis=1, keepdims=True)
+    return gravity / np.where(length > 0, length, 1)
+
+
+def worst_pair(context: Context, values: list[Floats]) -> Floats:
+    """Return (n,) the largest over pairs; NaN where it applies to none."""
+    return np.fmax.reduce(values) if values else context.undefined()
+
+
+@cached
+def hold_window(context: Context) -> NDArray[np.bool_]:
+    """Return (n, N) the steps that begin in [from, to) of the hold; none where runs end before."""
+    trace, hold = context.trace, context.setup.hold
+    if hold is None:
+        return np.zeros(trace.contacts.shape, dtype=np.bool_)
+    first, last = (
+        np.ceil(times / trace.timestep - _ROUNDING)[:, None] for times in (hold.start, hold.stop)
+    )
+    steps = np.arange(trace.steps)
+    # A run of a duration that is no whole number of steps may be half a step short.
+    return (steps >= first) & (steps < last) & (last <= trace.steps + 1)
+
+
+@cached
+def hold_seconds(context: Context) -> Floats:
+    """Return (n,) the length of the hold window [s]; NaN where there is none."""
+    steps = hold_window(context).sum(axis=1)
+    return np.where(steps > 0, steps, np.nan) * context.trace.timestep

@@ -1,38 +1,178 @@
-"""Net quantities and mode of one contact pair over time."""
+"""Friction: slip, creep and what the cone allows; labels of what should stick or slide."""
+
+from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
-from contactlab.contact import Floats, PairSeries, PairTrace, Setup, Trace
-from contactlab.measure.fold import Folded, fold
-from contactlab.measure.modes import modes
+from contactlab.contact import SLIDE, STICK, Floats, PairSeries, SlipMode
+from contactlab.measure.context import Context, cached, worst_pair
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    label,
+    metric,
+    runs_where,
+)
+from contactlab.measure.stick_slip import Modes, changes, spans
+
+_MODES: dict[SlipMode, int] = {"stick": STICK, "slide": SLIDE}
+_MODE_HOLD = Threshold(
+    "mode_hold",
+    0.02,
+    "s",
+    "Shortest time that a mode lasts to count as the first or the last of a pair. Measured: "
+    "sliding is told from sticking to within 4 to 24 ms.",
+)
 
 
-def pair_series(pair: PairTrace, trace: Trace, setup: Setup) -> PairSeries:
-    """Return the net quantities and the mode of one pair over time.
+@cached
+def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
+    """Return for each monitored pair (n, N - 1) where it changes between stick and slide."""
+    return [changes(series) for series in context.series]
 
-    Tangential forces and velocities are summed in the world frame, and the 1-norm of a pyramidal
-    cone is taken in the frame of the first contact. Contacts without normal force count as gaps
-    (see `modes`).
+
+@metric(
+    unit="1/s",
+    better="lower",
+    tolerance=5.0,
+    version=2,
+    equivalence=True,
+    heading="switches/s",
+)
+def mode_switches(context: Context) -> Floats:
+    """Changes between stick and slide over simulated time, worst pair.
+
+    From net force and force-weighted slip, with hysteresis, and gaps of up to 100 ms bridged.
+    Sticking that never uses less than 0.9 of the friction bound counts as slow sliding. A pad
+    with more than 5 a second chatters.
     """
-    with np.errstate(all="ignore"):
-        return series_of(pair.name, fold(pair, setup.elliptic), trace.timestep)
+    counts = [mask.sum(axis=1).astype(np.float64) for mask in switch_masks(context)]
+    return worst_pair(context, counts) / context.seconds
 
 
-def series_of(name: str, folded: Folded, timestep: Floats) -> PairSeries:
-    """Return the series of a folded pair."""
-    return PairSeries(
-        name=name,
-        contacts=folded.contacts,
-        normal=folded.normal,
-        tangential=folded.tangential,
-        usage=folded.usage,
-        slip=folded.slip,
-        distance=folded.distance,
-        mode=modes(
-            folded.normal > 0,
-            folded.usage,
-            folded.grip,
-            folded.slip,
-            timestep,
+@metric(unit="m", resolution=1e-9, equivalence=True)
+def slip_distance(context: Context) -> Floats:
+    """Slip speed summed over the steps in which the pair bears force, worst pair."""
+    speeds = [series.slip.sum(axis=1) for series in context.series]
+    return worst_pair(context, speeds) * context.trace.timestep
+
+
+@metric(unit="m/s", better="lower", resolution=1e-9, tolerance=1e-4)
+def creep_speed(context: Context) -> Floats:
+    """Mean slip speed of a sticking pair over the last fifth of the run, worst pair.
+
+    Over the steps in which it bears force. Soft contact creeps under any tangential load, at
+    (1 - d0) / (d0 impratio b N) times the acceleration that load would cause.
+    """
+
+    def creep_of(series: PairSeries) -> Floats:
+        last = context.last_fifth
+        sticking = (series.mode[:, last] == STICK) & (series.normal[:, last] > 0)
+        return (series.slip[:, last] * sticking).sum(axis=1) / sticking.sum(axis=1)
+
+    return worst_pair(context, [creep_of(series) for series in context.series])
+
+
+@metric(unit="1", better="lower", resolution=1e-6)
+def cone_violation(context: Context) -> Floats:
+    """Most that one contact's tangential force exceeds friction times normal force, as a share.
+
+    In the cone's own norm: the 2-norm if elliptic, the 1-norm if pyramidal.
+    """
+    return worst_pair(context, [net.excess for net in context.net])
+
+
+@metric(unit="J", better="lower", resolution=1e-12)
+def complementarity(context: Context) -> Floats:
+    """Largest product of a contact's normal force and its positive distance.
+
+    Separated bodies exert no force; a contact margin lets them, and this is what it costs.
+    """
+    return worst_pair(context, [net.detached for net in context.net])
+
+
+@metric(unit="N s", resolution=1e-9, equivalence=True)
+def normal_impulse(context: Context) -> Floats:
+    """Net normal force summed over time, of the pair with the largest.
+
+    At rest it is weight times time, whatever the contact law.
+    """
+    forces = [series.normal.sum(axis=1) for series in context.series]
+    return worst_pair(context, forces) * context.trace.timestep
+
+
+@label(
+    severity=28,
+    thresholds=(
+        Threshold(
+            "creep_speed",
+            None,
+            "m/s",
+            "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
         ),
+    ),
+)
+def creep(runs: MeasuredRuns) -> Findings:
+    """A sticking pair slips faster than the scene accepts."""
+    speed, limit = runs.metrics["creep_speed"], runs.limits.get("creep_speed")
+    if limit is None:
+        return {}
+    return {
+        run: Finding(
+            f"a pair that sticks slips at {speed[run]:.3g} m/s (limit {limit:g} m/s)",
+            runs.context.last_fifth.start,
+        )
+        for run in runs_where(speed > limit)
+    }
+
+
+@label(severity=24, thresholds=(_MODE_HOLD,))
+def unexpected_slide(runs: MeasuredRuns) -> Findings:
+    """A pair slides first or last, where the scene expects it to stick."""
+    return _unexpected(runs, "stick", "slide")
+
+
+@label(severity=20, thresholds=(_MODE_HOLD,))
+def unexpected_stick(runs: MeasuredRuns) -> Findings:
+    """A pair sticks first or last, where the scene expects it to slide."""
+    return _unexpected(runs, "slide", "stick")
+
+
+def _unexpected(runs: MeasuredRuns, wanted: SlipMode, met: SlipMode) -> Findings:
+    setup, found = runs.context.setup, Findings()
+    for when, mode in (("first", setup.first_mode), ("last", setup.last_mode)):
+        if mode != wanted:
+            continue
+        for series in runs.context.series:
+            for run, lasting in _lasting_modes(series.mode, runs).items():
+                value, step = lasting[0] if when == "first" else lasting[1]
+                if value == _MODES[met]:
+                    reason = f"{series.name} should {wanted} {when}, but does {met}"
+                    found.setdefault(run, Finding(reason, step))
+    return found
+
+
+def _lasting_modes(
+    mode: Modes, runs: MeasuredRuns
+) -> dict[int, tuple[tuple[int, int], tuple[int, int]]]:
+    """Return by run the first and the last mode that lasts, each with its first step."""
+    shortest = np.ceil(runs.limits["mode_hold"] / runs.context.trace.timestep - 1e-6)
+    lasting = sorted(
+        (run, start, value)
+        for value in (STICK, SLIDE)
+        for run, start, stop in _stretches(mode == value)
+        if stop - start >= shortest[run]
     )
+    found: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {}
+    for run, start, value in lasting:
+        opening = found[run][0] if run in found else (value, start)
+        found[run] = opening, (value, start)
+    return found
+
+
+def _stretches(mask: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
+    found = spans(mask)
+    return zip(found.run.tolist(), found.start.tolist(), found.stop.tolist(), strict=True)

@@ -1,11 +1,22 @@
-"""Metrics of how deep, and how far beyond contact, bodies are."""
+"""How deep bodies are in each other: metrics, and labels of what sinks, rests deep or passes."""
+
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
-from contactlab.measure.context import Context, contact_depths, shared
-from contactlab.measure.metric import Metric
+from contactlab.contact import Barrier, Floats
+from contactlab.measure.context import Context, cached, contact_depths, worst_pair
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    first_step,
+    label,
+    metric,
+    runs_where,
+)
 
 _RESTING = 0.9
 """Share of the last half in which a pair must touch to count as resting."""
@@ -15,25 +26,40 @@ _LASTING = 0.5
 touch in half of the steps."""
 
 
-def worst_pair(values: list[Floats]) -> Floats:
-    """Return (n,) the largest over pairs, NaN only where it applies to none."""
-    return np.fmax.reduce(values)
+@metric(
+    unit="m",
+    better="lower",
+    resolution=1e-9,
+    requires="depth",
+    equivalence=True,
+    heading="depth [m]",
+)
+def penetration_max(context: Context) -> Floats:
+    """Largest penetration of any contact of the worst pair, at any time.
+
+    Penetration is the negative contact distance; not defined for speculative contacts, whose
+    distance is no depth.
+    """
+    return worst_pair(context, [depth.max(axis=1) for _, depth in contact_depths(context)])
 
 
-def _largest(context: Context) -> Floats:
-    return worst_pair([depth.max(axis=1) for _, depth in contact_depths(context)])
+@metric(unit="m", better="lower", resolution=1e-9, requires="depth", equivalence=True)
+def penetration_mean(context: Context) -> Floats:
+    """Penetration of a pair's deepest contact, averaged over the steps in which it touches.
 
-
-def _mean(context: Context) -> Floats:
+    Of the worst pair. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm
+    broken.
+    """
+    depths = contact_depths(context)
     return worst_pair(
-        [depth.sum(axis=1) / touching.sum(axis=1) for touching, depth in contact_depths(context)]
+        context, [depth.sum(axis=1) / touching.sum(axis=1) for touching, depth in depths]
     )
 
 
-@shared
+@cached
 def steady_by_pair(context: Context) -> list[Floats]:
     """Return for each pair (n,) its mean depth [m] in the last fifth; NaN unless it rests there."""
-    tail = context.tail
+    tail = context.last_fifth
     return [
         np.where(
             touching[:, tail].mean(axis=1) >= _LASTING,
@@ -44,15 +70,28 @@ def steady_by_pair(context: Context) -> list[Floats]:
     ]
 
 
-def _steady(context: Context) -> Floats:
-    return worst_pair(steady_by_pair(context))
+@metric(unit="m", better="lower", resolution=1e-9, requires="depth", equivalence=True)
+def penetration_steady(context: Context) -> Floats:
+    """Resting penetration: penetration_mean over the last fifth of the run.
+
+    Only of pairs that touch in half of it, since others bounce. What remains at rest is
+    compliance: it follows from load, mass, solref and solimp, and a smaller timestep does not
+    cure it.
+    """
+    return worst_pair(context, steady_by_pair(context))
 
 
-def _growth(context: Context) -> Floats:
+@metric(unit="m/s", better="lower", resolution=1e-9, tolerance=1e-4, requires="depth")
+def penetration_growth(context: Context) -> Floats:
+    """Rate at which resting pairs sink into each other in the last half of the run.
+
+    Median penetration of the last quarter minus that of the third quarter, over a quarter of the
+    run; worst pair. Only pairs that touch in 90 % of the last half, since others bounce.
+    """
     steps = context.trace.steps
     quarter = steps // 4
     if quarter == 0:
-        return context.nothing()
+        return context.undefined()
     apart = quarter * context.trace.timestep
     half = slice(steps - 2 * quarter, None)
 
@@ -62,65 +101,154 @@ def _growth(context: Context) -> Floats:
         resting = touching[:, half].mean(axis=1) >= _RESTING
         return np.where(resting, (after - before) / apart, np.nan)
 
-    return worst_pair([slope(*pair) for pair in contact_depths(context)])
+    return worst_pair(context, [slope(*pair) for pair in contact_depths(context)])
 
 
-def _distance_min(context: Context) -> Floats:
+@metric(unit="m", better="higher", resolution=1e-9, requires="depth")
+def distance_min(context: Context) -> Floats:
+    """Least signed distance of any contact in the model, of monitored pairs and others.
+
+    Positive where contacts with a margin never close.
+    """
     touching = context.trace.contacts > 0
     least = np.where(touching, context.trace.least_distance, np.inf).min(axis=1)
     return np.where(touching.any(axis=1), least, np.nan)
 
 
-PENETRATION = (
-    Metric(
-        "penetration_max",
-        "m",
-        "lower",
-        1e-9,
-        1,
-        "Largest depth of any contact of the worst pair, at any time. Depth is the negative "
-        "contact distance; not defined for speculative contacts, whose distance is no depth.",
-        _largest,
-    ),
-    Metric(
-        "penetration_mean",
-        "m",
-        "lower",
-        1e-9,
-        1,
-        "Depth of a pair's deepest contact, averaged over the steps in which it touches; worst "
-        "pair. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm broken.",
-        _mean,
-    ),
-    Metric(
-        "penetration_steady",
-        "m",
-        "lower",
-        1e-9,
-        1,
-        "penetration_mean over the last fifth of the run, of pairs that touch in half of it, since "
-        "others bounce. What remains at rest is compliance: it follows from load, mass, solref "
-        "and solimp, and a smaller timestep does not cure it.",
-        _steady,
-    ),
-    Metric(
-        "penetration_growth",
-        "m/s",
-        "lower",
-        1e-9,
-        1,
-        "Median depth of the last quarter minus that of the third quarter, over a quarter of the "
-        "run; worst pair. Only pairs that touch in 90 % of the last half, since others bounce.",
-        _growth,
-    ),
-    Metric(
-        "distance_min",
-        "m",
-        "higher",
-        1e-9,
-        1,
-        "Least signed distance of any contact in the model, graded or not; positive where "
-        "contacts with a margin never close.",
-        _distance_min,
+@label(
+    severity=72,
+    thresholds=(
+        Threshold(
+            "pierced",
+            None,
+            "m",
+            "Largest metric penetration_max where no fixed surface is known that must not be "
+            "passed. Unless set, half the smallest extent of the pair's thinnest geom.",
+        ),
     ),
 )
+def tunneling(runs: MeasuredRuns) -> Findings:
+    """A body passed through another.
+
+    It crossed the mid-plane of a surface that should stop it, or two bodies overlapped beyond the
+    middle of the thinner one.
+    """
+    found: Findings = {}
+    for run, finding in (*_crossings(runs.context), *_pierced(runs)):
+        if run not in found or finding.step < found[run].step:
+            found[run] = finding
+    return found
+
+
+@label(
+    name="penetration_growth",
+    severity=56,
+    thresholds=(
+        Threshold(
+            "penetration_growth",
+            1e-4,
+            "m",
+            "Largest penetration that a resting pair gains at its rate of sinking in half the run: "
+            "0.1 mm, the guideline for resting penetration on flat ground.",
+        ),
+    ),
+)
+def sinking(runs: MeasuredRuns) -> Findings:
+    """A resting pair keeps sinking into each other."""
+    rate, limit = runs.metrics["penetration_growth"], runs.limits["penetration_growth"]
+    sunk = rate * runs.context.seconds / 2
+    return {
+        run: Finding(
+            f"a resting pair sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in half the run "
+            f"(limit {limit:g} m)",
+            runs.context.trace.steps // 2,
+        )
+        for run in runs_where(sunk > limit)
+    }
+
+
+@label(
+    severity=48,
+    thresholds=(
+        Threshold(
+            "penetration_steady",
+            5e-3,
+            "m",
+            "Largest metric penetration_steady. The guideline is 0.1 mm on flat ground, which the "
+            "engine's default contact meets under light loads only; grasps over 5 mm count as "
+            "broken. Unless set, half the smallest extent of the pair's thinnest geom applies "
+            "where that is less.",
+        ),
+    ),
+)
+def deep_penetration(runs: MeasuredRuns) -> Findings:
+    """The resting penetration of a pair exceeds the limit."""
+    context, limit = runs.context, runs.limits["penetration_steady"]
+    found: Findings = {}
+    if context.trace.steps == 0:
+        return found
+    for index, steady in enumerate(steady_by_pair(context)):
+        accepted = limit
+        if "penetration_steady" not in context.setup.thresholds and context.series:
+            accepted = min(limit, context.setup.thickness[index] / 2)
+        for run in runs_where(steady > accepted):
+            name = context.series[index].name if context.series else "the model"
+            reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted:.3g} m)"
+            depth = contact_depths(context)[index][1][run, context.last_fifth]
+            step = context.last_fifth.start + first_step(depth > accepted)
+            found[run] = Finding(reason, step)
+    return found
+
+
+def _crossings(context: Context) -> Iterator[tuple[int, Finding]]:
+    for barrier in context.setup.barriers:
+        pair = context.trace.pairs[barrier.pair].name
+        for run, step in _first_crossings(context, barrier).items():
+            yield run, Finding(f"{barrier.body.name} passed the mid-plane of {pair}", step)
+
+
+def _pierced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    """Find pairs without a barrier that are deeper in each other than half the thinner."""
+    context, given = runs.context, runs.limits.get("pierced")
+    guarded = {barrier.pair for barrier in context.setup.barriers}
+    for index, series in enumerate(context.series):
+        if index in guarded:
+            continue
+        depth = contact_depths(context)[index][1]
+        limit = given or float(context.setup.thickness[index])
+        where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
+        for run in runs_where(np.asarray((depth > limit).any(axis=1))):
+            reason = f"{series.name} is deeper than {where}"
+            yield run, Finding(reason, first_step(depth[run] > limit))
+
+
+def _first_crossings(context: Context, barrier: Barrier) -> dict[int, int]:
+    """Return by run the first step in which the body's origin passes the barrier.
+
+    It passes where its signed height over the mid-plane changes sign within the barrier's reach;
+    between two states it moves in a straight line.
+    """
+    height = np.full(context.trace.qpos.shape[:2], -float(barrier.point @ barrier.normal))
+    for axis in np.flatnonzero(barrier.normal).tolist():
+        height += context.trace.qpos[:, :, barrier.body.qpos + axis] * barrier.normal[axis]
+    above = height >= 0
+    changed = above[:, 1:] != above[:, :-1]
+    found: dict[int, int] = {}
+    for run in np.flatnonzero(changed.any(axis=1)).tolist():
+        steps = np.flatnonzero(changed[run])
+        inside = steps[_within_reach(context, barrier, run, steps, height[run])]
+        if len(inside):
+            found[run] = int(inside[0])
+    return found
+
+
+def _within_reach(
+    context: Context, barrier: Barrier, run: int, steps: NDArray[np.intp], height: Floats
+) -> NDArray[np.bool_]:
+    start = barrier.body.qpos
+    position = context.trace.qpos[run, :, start : start + 3]
+    share = (height[steps] / (height[steps] - height[steps + 1]))[:, None]
+    met = position[steps] + share * (position[steps + 1] - position[steps])
+    offset = met - barrier.point
+    offset -= (offset @ barrier.normal)[:, None] * barrier.normal
+    return np.linalg.norm(offset, axis=1) < barrier.reach

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact import Barrier, Floats
-from contactlab.measure.context import Context, shared
-from contactlab.measure.metric import Metric
-from contactlab.measure.modes import Rows, Spans, spans
+from contactlab.measure.context import Context, cached
+from contactlab.measure.entries import metric
+from contactlab.measure.stick_slip import Rows, Spans, spans
 
 _IMPACTS = 5
 _WEAKEST = 0.3
@@ -24,9 +24,14 @@ class _Bounces:
     rebound: Floats
 
 
-@shared
-def restitution(context: Context) -> Floats:
-    """Return (n,) the mean restitution of each run's impacts; NaN without a whole impact."""
+@metric(unit="1", resolution=1e-6)
+@cached
+def restitution_measured(context: Context) -> Floats:
+    """Normal speed after an impact over that before, of a free body on a fixed surface.
+
+    Each is taken from the free flight beside the contact. Mean over those of the first five
+    impacts that are at least 0.3 times as fast as the first; impacts slower than 5 cm/s are rest.
+    """
     runs = context.trace.runs
     total, count = np.zeros(runs), np.zeros(runs)
     for barrier in context.setup.barriers:
@@ -63,11 +68,11 @@ def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats,
     """Return the speeds [m/s] at touch before and after each contact, NaN where it is no bounce.
 
     Both are those of the free flight beside the contact, carried to the height of touch:
-    ``v^2 + 2 g s`` is constant on a flight, with s the gap. A speculative contact does not know
-    the height of touch; there, the speed is that of the sample itself.
+    ``v^2 + 2 g s`` is constant on a flight, with s the gap. Of a speculative contact that height
+    is unknown; there, the speed is that of the sample itself.
     """
-    blind = context.setup.speculative
-    sighted = 1.0 if blind is None else ~blind[touches.run]
+    speculative = context.setup.speculative
+    known = 1.0 if speculative is None else ~speculative[touches.run]
     side = np.sign(_height(context, barrier, np.arange(context.trace.runs), 0))[touches.run]
     normal = side[:, None] * barrier.normal
     fall = -(context.setup.gravity[touches.run] * normal).sum(axis=1)
@@ -79,7 +84,7 @@ def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats,
         depth = context.series[barrier.pair].distance[touches.run, touching]
         at_touch = side * _height(context, barrier, touches.run, touching) - depth
         gap = side * _height(context, barrier, *where) - at_touch
-        square = np.maximum(away**2 + 2 * fall * gap * sighted, 0)
+        square = np.maximum(away**2 + 2 * fall * gap * known, 0)
         return np.where(away * direction > 0, np.sqrt(square), np.nan)
 
     before = speed(touches.start - 1, touches.start, -1)
@@ -90,18 +95,3 @@ def _height(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> 
     """Return signed heights [m] of the body's origin above the barrier's mid-plane."""
     start = barrier.body.qpos
     return (context.trace.qpos[run, step, start : start + 3] - barrier.point) @ barrier.normal
-
-
-RESTITUTION = (
-    Metric(
-        "restitution_measured",
-        "1",
-        "none",
-        1e-6,
-        1,
-        "Normal speed after an impact over that before, of a free body on a fixed surface, each "
-        "from the height of its free flight; mean over those of the first five impacts that are "
-        "at least 0.3 times as fast as the first. Impacts slower than 5 cm/s are rest.",
-        restitution,
-    ),
-)

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from contactlab.measure import METRICS
 from contactlab.report.knob_changes import KnobChange
 from contactlab.report.map_cells import label_counts
 from contactlab.report.report_columns import RunLabels, with_unit
@@ -318,7 +319,7 @@ def _compared_names(gathered: ReportData, found: Sequence[KnobChange]) -> list[s
     report = gathered.weighing.report if gathered.weighing else None
     wanted = [report.time.name, report.error.name, *report.tolerances] if report else []
     wanted += ["cost_cpu_per_sim_s"] if report is None else []
-    wanted += ["penetration_max", "energy_gain", "slip_distance"]
+    wanted += [each.name for each in METRICS.values() if each.heading and each.kind == "physics"]
     known = [
         name
         for name in dict.fromkeys(wanted)

@@ -1,4 +1,4 @@
-"""The evidence record of a run, and the provenance that it states."""
+"""Put together the EvidenceRecord of a run."""
 
 import hashlib
 import math
@@ -29,19 +29,26 @@ from contactlab.schema import (
     Provenance,
 )
 
-UNITS = {metric.name: metric.unit for metric in METRICS.values()}
-VERSIONS = {metric.name: metric.version for metric in METRICS.values()}
+
+def metric_units() -> dict[str, str]:
+    """Return the unit of every metric, of plug-ins too."""
+    return {name: metric.unit for name, metric in METRICS.items()}
+
+
+def metric_versions() -> dict[str, int]:
+    """Return the version of every metric's definition, of plug-ins too."""
+    return {name: metric.version for name, metric in METRICS.items()}
 
 
 @dataclass(frozen=True)
 class RunPlan:
-    """All that determines one run.
+    """All that decides one run.
 
     Attributes:
-        run: its place in the plan, id and axis values.
-        resolved: its settings.
+        run: what was planned.
+        resolved: what it was resolved to.
         prepared: its model.
-        start: its initial state (a batch of one).
+        start: its start state, n being 1.
     """
 
     run: PlannedRun
@@ -52,20 +59,19 @@ class RunPlan:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """All that one run produced.
+    """All that came of one run.
 
     Attributes:
-        plan: what determined it.
+        plan: what decided it.
         assessment: of the group of runs that it was measured with.
         row: its place in that group.
         steps: steps made.
         warnings: engine warnings by name.
         error: the engine's error, or None.
         trajectory_hash: of its state rows.
-        cpu: thread CPU time of the stepping [s]; NaN where that includes more than the engine.
+        cpu: thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
         started: when its job started.
-        twin_label: the label of the same run from an initial state 1e-6 away; None unless the
-            sweep asks for it.
+        twin_label: the label of the same run from a start 1e-6 away, if it was asked for.
     """
 
     plan: RunPlan
@@ -88,11 +94,11 @@ class RecordMaker:
         self._scene_hash = scene_hash
 
     def now(self) -> str:
-        """Return the time (UTC) as it is written in records."""
+        """Return the time, UTC, as records have it."""
         return datetime.now(UTC).isoformat(timespec="milliseconds")
 
     def make(self, outcome: RunOutcome) -> EvidenceRecord:
-        """Return a run's record without cost and times of day: equal runs have equal records."""
+        """Return a run's record without cost and clock: equal runs have equal records."""
         metrics = {
             name: _finite(values[outcome.row])
             for name, values in outcome.assessment.metrics.items()
@@ -109,11 +115,11 @@ class RecordMaker:
             knife_edge=_is_knife_edge(outcome),
         )
 
-    def crashed(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
+    def lost(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
         """Return the record of a run whose worker died twice: `crashed` or `timeout`."""
         return self._record(
             plan,
-            metrics=dict.fromkeys(UNITS),
+            metrics=dict.fromkeys(METRICS),
             labels=(label,),
             status=label.label,
             status_reason=label.reason,
@@ -132,8 +138,8 @@ class RecordMaker:
         **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
     ) -> EvidenceRecord:
         run, resolved, sweep = plan.run, plan.resolved, self._task.sweep
-        selected = [each for match, each in self._task.expected if match.holds(run.values)]
-        verdict = judge(selected, [entry.label for entry in labels], metrics)
+        picked = [each for match, each in self._task.expected if match.holds(run.values)]
+        verdict = judge(picked, [entry.label for entry in labels], metrics)
         return EvidenceRecord(
             run_id=run.run_id,
             index=run.index,
@@ -152,8 +158,8 @@ class RecordMaker:
             duration=resolved.duration,
             steps_asked=resolved.steps,
             metrics=metrics,
-            metric_versions=VERSIONS,
-            units=UNITS,
+            metric_versions=metric_versions(),
+            units=metric_units(),
             label=labels[0].label if labels else "stable",
             labels=labels,
             expected=verdict.expected,
@@ -170,7 +176,7 @@ class RecordMaker:
         return self._task.engine
 
     def with_cost(self, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
-        """Return a record with the run's cost and times of day."""
+        """Return a record with what the run took, and when."""
         clock = {"started": outcome.started, "finished": self.now()}
         if math.isnan(outcome.cpu):
             return record.model_copy(update=clock)
@@ -202,7 +208,7 @@ def _initial(start: InitialStates) -> InitialState:
 
 
 def as_written(value: object) -> bool | int | float | str:
-    """Return an axis value as it is in its column: several numbers as one string, "0.02 1"."""
+    """Return an axis value as its column has it: several numbers as one word, "0.02 1"."""
     if isinstance(value, tuple):
         return " ".join(_short(number) for number in value)
     assert isinstance(value, (bool, int, float, str))
@@ -215,13 +221,13 @@ def _short(number: object) -> str:
 
 
 def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
-    labels = tuple(
+    found = tuple(
         LabelEntry(label=label, reason=reason, step=step)
         for label, reason, step in outcome.assessment.labels[outcome.row]
     )
     if outcome.error is None:
-        return labels
-    return (LabelEntry(label="invalid", reason=outcome.error, step=0), *labels)
+        return found
+    return (LabelEntry(label="invalid", reason=outcome.error, step=0), *found)
 
 
 def _status(outcome: RunOutcome) -> str:
@@ -253,7 +259,7 @@ def engine() -> Engine:
 
 
 def provenance() -> Provenance:
-    """Return versions and machine, with the git revision of the current directory."""
+    """Return what will write the records, with the revision of the folder's git repository."""
     return Provenance(
         contactlab=version("contactlab"),
         git_revision=_revision(),
@@ -275,7 +281,7 @@ def _host() -> Host:
 
 
 def _cpu_info() -> dict[str, str]:
-    """Return the first processor's entries in /proc/cpuinfo; none without such a file."""
+    """Return the first processor's entries; none where the system has no such file."""
     if not _CPUINFO.is_file():
         return {}
     first = _CPUINFO.read_text(encoding="utf-8").split("\n\n")[0]

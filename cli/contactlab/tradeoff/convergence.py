@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact import Floats
+from contactlab.measure import LABELS
 from contactlab.schema import Floor, Method, Order, Setting
 from contactlab.tradeoff.configurations import Evaluated
 
@@ -110,8 +111,6 @@ _NUMERICS = {
     *("integrator", "solver", "jacobian", "iterations", "tolerance"),
     *("ls_iterations", "ls_tolerance"),
 }
-# What did not go through says nothing of how an error falls.
-LOST = {"crashed", "timeout", "invalid", "diverged"}
 
 
 def methods(found: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
@@ -202,12 +201,14 @@ def _physics(key: MethodKey) -> MethodKey:
 
 def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
     """Return the timesteps that went through with the contact that was asked for."""
+    # Runs that mean nothing tell nothing of how an error falls.
+    voided = {each.name for each in LABELS.values() if each.voids}
     points = sorted(
         (float(step), each.summary.error, each.estimate)
         for each in members
         if isinstance(step := each.group.values.get(TIMESTEP), int | float)
         and each.summary.error
-        and not LOST & each.failures.keys()
+        and not voided & each.failures.keys()
         and not each.summary.solref_clamped
     )
     table = np.array(points, dtype=np.float64).reshape(-1, 3)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from contactlab.studies.effects import EffectsRequest, ask
 from contactlab.studies.effects.effect_toggles import TrialOutcome
-from contactlab.studies.effects.metric_changes import JUDGED, TrialDifference, difference
+from contactlab.studies.effects.metric_changes import TrialDifference, difference, judged_metrics
 
 TOLERANCE = 1e-3
 
@@ -24,7 +24,7 @@ def question(tmp_path_factory: pytest.TempPathFactory) -> EffectsRequest:
 
 def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, Any], ...]:
     """Return rows of a store, one a seed."""
-    nothing: dict[str, Any] = dict.fromkeys(JUDGED)
+    nothing: dict[str, Any] = dict.fromkeys(judged_metrics())
     return tuple({**nothing, "drift": value, "label": label} for value in values)
 
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.measure.oracles.tip_travel import Rod, compliance, tip_travel
+from contactlab.measure.friction_oracles import Rod, rod_tip_travel, tip_compliance
 
 Case = Callable[..., list[dict[str, Any]]]
 GRAVITY, HALF, RADIUS = 9.81, 0.5, 0.01
@@ -47,7 +47,7 @@ def test_travel_is_that_of_a_slow_loop(tilt: float, speed: float, mu: float) -> 
     """
     one, angle = np.ones(1), math.radians(tilt)
     rod = Rod(0 * one, angle * one, speed * one, 0 * one)
-    (found,) = tip_travel(rod, mu * one, GRAVITY * one, 0.1 * one)
+    (found,) = rod_tip_travel(rod, mu * one, GRAVITY * one, 0.1 * one)
     slow = slow_travel(angle, speed, mu, 0.1)
     stops = abs(slow) < 0.14 and speed < 0
     assert found == pytest.approx(slow, abs=2e-3 if stops else 1e-4)
@@ -60,8 +60,8 @@ def test_paradox_begins_at_the_known_friction(tilt: float) -> None:
     # The round end's radius lengthens the arm of friction.
     critical = (1 + 3 * across**2) / (3 * across * (up + RADIUS / HALF))
     angle = np.array([math.radians(tilt)])
-    assert compliance(angle, -np.array([0.999 * critical])) > 0
-    assert compliance(angle, -np.array([1.001 * critical])) < 0
+    assert tip_compliance(angle, -np.array([0.999 * critical])) > 0
+    assert tip_compliance(angle, -np.array([1.001 * critical])) < 0
     assert critical > 4 / 3 * up / (up + RADIUS / HALF) - 1e-12
 
 

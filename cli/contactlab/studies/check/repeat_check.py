@@ -10,20 +10,6 @@ TOLERANCE = 0.05
 """Difference that practice accepts between one environment and many in parallel."""
 
 _ASKS = "the same run in another process is the same bit for bit"
-_MET = (
-    "penetration_mean",
-    "penetration_steady",
-    "penetration_max",
-    "energy_drift",
-    "energy_gain",
-    "mode_switches",
-    "slip_distance",
-    "normal_impulse",
-    "hold_switches",
-    "hold_penetration",
-    "hold_slip",
-    "oracle_error",
-)
 
 
 def check_repeat(bench: CheckRunner) -> CheckResult:
@@ -49,7 +35,11 @@ def reference_of(own: CheckRun) -> Reference:
     """Return what another engine must meet: the model's own run."""
     record = own.record
     assert record.trajectory_hash is not None
-    metrics = {name: value for name in _MET if (value := record.metrics.get(name)) is not None}
+    metrics = {
+        name: value
+        for name, metric in METRICS.items()
+        if metric.equivalence and (value := record.metrics.get(name)) is not None
+    }
     return Reference(
         scene=record.scene,
         scene_hash=record.scene_hash,

@@ -30,10 +30,10 @@ from contactlab.studies.effects.effect_toggles import (
 )
 from contactlab.studies.effects.effects_request import EffectsRequest, Values
 from contactlab.studies.effects.metric_changes import (
-    UNMEASURED,
     TrialDifference,
     cost_ratio,
     difference,
+    unmeasured_metrics,
     work_ratios,
 )
 
@@ -122,8 +122,7 @@ def merged(*names: Collection[str]) -> Changed:
 
 def exempted(changed: Collection[str], given: Collection[str]) -> list[str]:
     """Return the metrics that cannot be measured without an effect, and that nobody asked for."""
-    lost = (name for effect in changed for name in UNMEASURED.get(effect, ()))
-    return [name for name in lost if name not in given]
+    return [name for name in unmeasured_metrics(changed) if name not in given]
 
 
 FRESH_SEEDS = 10

@@ -5,91 +5,41 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from statistics import fmean, median
-from types import MappingProxyType
 
-from contactlab.measure import METRICS
+from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema import MetricChange, Ratio
 from contactlab.studies.effects.effect_toggles import Row, TrialOutcome
 from contactlab.studies.effects.effects_request import EffectsRequest, Values
 
-# Metrics that count work, or that a second pass measures: no results of the physics.
-_NOT_JUDGED = {
-    "solver_iterations_mean",
-    "solver_iterations_max",
-    "solver_iterations",
-    "saturated_share",
-    "contacts_mean",
-    "contacts_max",
-    "contacts_cut",
-    "ungraded_contacts",
-    "solver_residual",
-    "jacobian_difference",
-    "overlap_missed",
-    "distance_phantom",
-    "repeats",
-    "oracle_expected",
-    "oracle_measured",
-}
-JUDGED = tuple(name for name in METRICS if name not in _NOT_JUDGED)
-# What cannot be measured with an effect off, or on: energies that are not recorded, and depths of
-# contacts ahead of touch, whose distance is made up.
-UNMEASURED: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "energy": (
-            "energy_gain",
-            "energy_drift",
-            "speed_ratio",
-            "momentum_drift",
-            "spin_drift",
-            "settle_time",
-        ),
-        "speculative": (
-            "penetration_max",
-            "penetration_mean",
-            "penetration_steady",
-            "penetration_growth",
-            "hold_penetration",
-            "distance_min",
-        ),
-    }
-)
-# By unit: 0.1 mm is the depth that practice accepts; 1 mm/s is a fifth of what tells sliding
-# from sticking; ratios count to 1 %.
-_BY_UNIT = {
-    "m": 1e-4,
-    "m/s": 1e-3,
-    "rad": 0.01,
-    "1": 0.01,
-    "any": 0.01,
-    "s": 0.02,
-    "J": 1e-3,
-    "N s": 0.0,
-}
-# 0.1 % a second is what practice lets free motion lose; 5 a second is what it calls chatter.
-_BY_NAME = {
-    "energy_drift": 1e-3,
-    "mode_switches": 5.0,
-    "contact_losses": 5.0,
-    "hold_switches": 5.0,
-    "penetration_growth": 1e-4,
-    "creep_speed": 1e-4,
-}
 _SHARE = 0.01
+# What an effect makes unmeasurable: energies that are not recorded while it is off, and distances
+# of speculative contacts, which are no depths.
+_UNMEASURED: Mapping[str, Requirement] = {"energy": "energy", "speculative": "depth"}
+
+
+def judged_metrics() -> list[str]:
+    """Return the metrics of the physics; all others count work, or explain one of these."""
+    return [each.name for each in METRICS.values() if each.kind == "physics"]
+
+
+def unmeasured_metrics(changed: Collection[str]) -> list[str]:
+    """Return the metrics that cannot be measured with or without one of the changed effects."""
+    missing = {_UNMEASURED[effect] for effect in changed if effect in _UNMEASURED}
+    return [each.name for each in METRICS.values() if each.requires in missing]
 
 
 def tolerance_of(name: str, given: Mapping[str, float], values: Sequence[float]) -> float:
-    """Return the largest change of a metric that is none, in its unit.
+    """Return the largest change of a metric that does not matter, in its unit.
 
     Args:
         name: the metric.
-        given: what sweep or scene say; taken as it is.
-        values: the metric without the change; 1 % of its largest size is none.
+        given: tolerances of sweep or scene; taken as they are.
+        values: the metric without the change; 1 % of its largest magnitude does not matter.
     """
     if name in given:
         return given[name]
-    usual = _BY_NAME.get(name, _BY_UNIT.get(METRICS[name].unit, 0.0))
-    return max(usual, _SHARE * max(map(abs, values), default=0.0))
+    return max(METRICS[name].tolerance, _SHARE * max(map(abs, values), default=0.0))
 
 
 @dataclass(frozen=True)
@@ -152,7 +102,7 @@ def difference(
         other: with it.
         exempt: metrics that the change leaves unmeasured by what it is.
     """
-    names = [name for name in question.tolerances or JUDGED if name not in exempt]
+    names = [name for name in question.tolerances or judged_metrics() if name not in exempt]
     found = [max(_changes(name, question, scenarios, base, other), key=_weight) for name in names]
     changes = sorted((each for each in found if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()

@@ -19,12 +19,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import NO_CONTACT, SLIDE, STICK, Floats
+from contactlab.contact import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
 
 ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
 LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3
 HELD_USAGE = 0.9
-"""Share of the friction bound below which a pair that sticks is held, and not a slow slide."""
+"""Share of the friction bound below which a sticking pair holds, and is no slow slide."""
 
 LONGEST_GAP = 0.1
 """Longest gap between contacts [s] that holds the mode."""
@@ -84,7 +84,7 @@ def _events(bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Float
 
 
 def _mark_long_gaps(events: Modes, bearing: NDArray[np.bool_], longest: Floats) -> None:
-    """Set events where nothing has touched for too long, and where contact begins anew."""
+    """Set events where nothing has touched for too long, and where contact begins again."""
     steps = bearing.shape[1]
     gaps = spans(~bearing)
     long = (gaps.start == 0) | (gaps.stop - gaps.start > longest[gaps.run])
@@ -107,3 +107,23 @@ def _hold_last(events: Modes) -> Modes:
     held = (np.maximum.accumulate(dated, axis=1) & 3).astype(np.int8)
     held[held == _PARTED] = NO_CONTACT
     return held
+
+
+def changes(series: PairSeries) -> NDArray[np.bool_]:
+    """Return (n, N - 1) where a pair changes between stick and slide at the next sample.
+
+    Sticking that never uses less than 0.9 of the friction bound is part of the slides beside it:
+    a slow slide, whose speed wavers about the least that counts as sliding, does not stick.
+    """
+    mode = series.mode
+    if not (mode == SLIDE).any():
+        return np.zeros(mode[:, 1:].shape, dtype=np.bool_)
+    stick = spans(mode == STICK)
+    held = (series.normal > 0) & (series.usage < HELD_USAGE)
+    before = np.zeros((mode.shape[0], mode.shape[1] + 1), dtype=np.int32)
+    np.cumsum(held, axis=1, out=before[:, 1:])
+    merged = mode.copy()
+    for run, start, stop in zip(stick.run, stick.start, stick.stop, strict=True):
+        if before[run, stop] == before[run, start]:
+            merged[run, start:stop] = SLIDE
+    return switches(merged)

@@ -1,0 +1,236 @@
+"""Chatter: pairs that keep losing their contact, or switching between stick and slide.
+
+A pair that sticks well inside its friction bound has no reason to part: losing all its contacts
+and regaining them, over and over, is the chatter of a contact too stiff or too weakly damped for
+its timestep. Sliding bodies hop too, but at the bound; bodies that bounce to rest touch less hard
+every time.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import (
+    FORCE,
+    LINEAR_VELOCITY,
+    NO_CONTACT,
+    STICK,
+    TORQUE,
+    Floats,
+    PairSeries,
+)
+from contactlab.measure.context import Context, cached, hold_seconds, hold_window, worst_pair
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    label,
+    metric,
+    runs_where,
+)
+from contactlab.measure.friction import switch_masks
+from contactlab.measure.stick_slip import HELD_USAGE, Spans, spans
+
+_FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)
+"""Two tangential forces, the torsion and two rolling torques, in the order of the coefficients."""
+
+_IMPACT = 0.05
+"""Speed [m/s] from which contacts are impacts; slower ones are rest, which hops by a step."""
+
+_AS_HARD = 0.99
+"""Share of the last peak force that the next contact must have; bounces lose more."""
+
+_SPREAD = 0.25
+"""Share of the time in contact that the middle half of chatter's events spans at least."""
+
+Events = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Runs and steps of events, in order of run and time."""
+
+
+@metric(unit="1/s", better="lower", tolerance=5.0)
+def contact_losses(context: Context) -> Floats:
+    """How often a sticking pair loses all contact and regains it, over simulated time; worst pair.
+
+    Counted are gaps no longer than the contact before, on both sides of which the pair uses less
+    than 0.9 of its friction bound, and after which it meets as hard as before, at 5 cm/s or
+    faster. A pad with more than 5 a second chatters.
+    """
+    runs = context.trace.runs
+    counts = [
+        np.bincount(each.run, minlength=runs).astype(np.float64) for each in _all_losses(context)
+    ]
+    return worst_pair(context, counts) / context.seconds
+
+
+@label(
+    severity=40,
+    thresholds=(
+        Threshold(
+            "mode_switches",
+            5,
+            "1/s",
+            "Largest metric mode_switches; the guideline for a pad that does not chatter.",
+        ),
+        Threshold(
+            "contact_losses",
+            5,
+            "1/s",
+            "Largest metric contact_losses, as for mode_switches: contacts that hold keep their "
+            "contact, and a pad that bounces on what it holds loses it 70 times.",
+        ),
+        Threshold(
+            "mode_switch_count",
+            3,
+            "1",
+            "Fewest switches that chatter has: one stop and one start are none.",
+        ),
+    ),
+)
+def chatter(runs: MeasuredRuns) -> Findings:
+    """A pair keeps switching between stick and slide, or keeps losing its contact while it sticks.
+
+    Not counted while bodies come to rest; in the hold window only, if the scene has one.
+    """
+    held = runs.context.setup.hold is not None
+    events = _switches_in_hold(runs) if held else (*_switching(runs), *_losing(runs))
+    found: Findings = {}
+    for run, finding in events:
+        found.setdefault(run, finding)
+    return found
+
+
+@cached
+def hold_switch_masks(context: Context) -> list[NDArray[np.bool_]]:
+    """Return for each monitored pair (n, N - 1) where its mode changes within the hold window.
+
+    What is held has no reason to part from its holder, so that contact that a sticking pair loses
+    or regains counts too. Sliding pairs hop; their gaps do not.
+    """
+    inside = hold_window(context)[:, 1:]
+    pairs = zip(context.series, switch_masks(context), strict=True)
+    return [(mask | _parts_or_meets(series)) & inside for series, mask in pairs]
+
+
+def _parts_or_meets(series: PairSeries) -> NDArray[np.bool_]:
+    bearing, stick = series.normal > 0, series.mode == STICK
+    parts = bearing[:, :-1] & stick[:, :-1] & ~bearing[:, 1:]
+    meets = ~bearing[:, :-1] & bearing[:, 1:] & stick[:, 1:]
+    return parts | meets
+
+
+def losses(context: Context, index: int) -> Spans:
+    """Return the gaps between contacts of a monitored pair that sticks before, in and after them.
+
+    A gap counts if it is at most as long as the contact before it, if on both of its sides every
+    contact uses less than 0.9 of its bound on force, torsion and rolling together, and if the pair
+    then meets at 5 cm/s or faster and at least as hard, by peak force to within 1 %, as before.
+    """
+    series = context.series[index]
+    bearing = series.normal > 0
+    touch, gap = spans(bearing), spans(~bearing)
+    inner = (gap.start > 0) & (gap.stop < bearing.shape[1])
+    found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
+    before = _ending(touch, found)
+    kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
+    kept &= series.mode[found.run, found.start] == STICK
+    for step in (found.start - 1, found.stop):
+        kept[kept] &= _is_held(context, index, found.run[kept], step[kept])
+    kept[kept] &= _approach(context, index, found.run[kept], found.stop[kept]) >= _IMPACT
+    peaks = [_peak(series, touch, place) for place in (before[kept], before[kept] + 1)]
+    kept[kept] = peaks[1] >= _AS_HARD * peaks[0]
+    return Spans(found.run[kept], found.start[kept], found.stop[kept])
+
+
+@cached
+def _all_losses(context: Context) -> list[Spans]:
+    """Return for each monitored pair the gaps in which it loses contact while it sticks."""
+    return [losses(context, index) for index in range(len(context.series))]
+
+
+def _is_held(
+    context: Context, index: int, run: NDArray[np.intp], step: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Return where a pair sticks and each of its contacts is well inside its whole cone."""
+    pair = context.trace.pairs[index]
+    slots = pair.slots[run, step]
+    acting = np.abs(slots[..., _FRICTIONAL])
+    bound = slots[..., FORCE.start, None] * pair.friction[run][:, None]
+    share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
+    elliptic = context.setup.elliptic[run][:, None]
+    used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
+    return (context.series[index].mode[run, step] == STICK) & (used < HELD_USAGE).all(axis=1)
+
+
+def _approach(
+    context: Context, index: int, run: NDArray[np.intp], step: NDArray[np.intp]
+) -> Floats:
+    """Return the speed [m/s] along the normal of a pair's fastest contact."""
+    slots = context.trace.pairs[index].slots[run, step]
+    return np.abs(slots[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
+
+
+def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
+    """Return the places of the contacts that end where the gaps start; the next follow them."""
+    width = int(max(touch.stop.max(initial=0), gap.stop.max(initial=0))) + 1
+    return np.searchsorted(touch.run * width + touch.stop, gap.run * width + gap.start)
+
+
+def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
+    """Return the largest normal force [N] of contacts."""
+    return np.array(
+        [
+            series.normal[touch.run[place], touch.start[place] : touch.stop[place]].max()
+            for place in places
+        ]
+    )
+
+
+def _switching(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    for series, mask in zip(runs.context.series, switch_masks(runs.context), strict=True):
+        run, step = np.nonzero(mask)
+        what = f"{series.name} switched {{}} times between stick and slide"
+        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
+
+
+def _losing(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    for series, gaps in zip(runs.context.series, _all_losses(runs.context), strict=True):
+        what = f"{series.name} lost its contact {{}} times while it stuck"
+        yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
+
+
+def _switches_in_hold(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    for series, mask in zip(runs.context.series, hold_switch_masks(runs.context), strict=True):
+        run, step = np.nonzero(mask)
+        what = f"{series.name} switched {{}} times between stick, slide and no contact in its hold"
+        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
+
+
+def _often(
+    runs: MeasuredRuns, series: PairSeries, events: Events, what: str, threshold: str
+) -> Iterator[tuple[int, Finding]]:
+    """Find runs with too many events a second that do not end as the run settles."""
+    limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
+    judged, seconds = _judged(runs.context)
+    counts = np.bincount(events[0], minlength=runs.context.trace.runs)
+    for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
+        steps = events[1][events[0] == run]
+        touching = (series.mode[run] != NO_CONTACT) & judged[run]
+        if _is_lasting(steps, int(touching.sum())):
+            rate = counts[run] / seconds[run]
+            reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
+            yield run, Finding(reason, int(steps[0]))
+
+
+def _judged(context: Context) -> tuple[NDArray[np.bool_], Floats]:
+    """Return (n, N) the steps in which chatter is judged, and (n,) how long they last [s]."""
+    if context.setup.hold is not None:
+        return hold_window(context), hold_seconds(context)
+    return np.ones(context.trace.contacts.shape, dtype=np.bool_), context.seconds
+
+
+def _is_lasting(steps: NDArray[np.intp], touching: int) -> bool:
+    """Say whether events go on; parts that tumble to rest switch often, but only for a while."""
+    early, late = np.quantile(steps, (0.25, 0.75))
+    return bool(late - early >= _SPREAD * touching)

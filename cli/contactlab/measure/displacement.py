@@ -1,0 +1,168 @@
+"""How far bodies move and turn, and labels of those that should have stayed where they were."""
+
+import numpy as np
+
+from contactlab.contact import Floats, FreeBody
+from contactlab.measure.context import Context, down, speed_squared
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    first_step,
+    label,
+    metric,
+    runs_where,
+)
+
+
+@metric(unit="m", better="lower", resolution=1e-12)
+def drift(context: Context) -> Floats:
+    """Distance across gravity between a free body's first and last position.
+
+    Of the body that moved most. Of bodies that rest it is creep: it grows with time and vanishes
+    with impratio; of a stack that collapsed it is the fall.
+    """
+    bodies = context.setup.free_bodies
+    if not bodies:
+        return context.undefined()
+    below = down(context)
+    squares = [_across(_displacement(context, body), below) for body in bodies]
+    return np.sqrt(np.maximum.reduce(squares))
+
+
+@metric(unit="m", better="lower", resolution=1e-12)
+def drop(context: Context) -> Floats:
+    """Distance along gravity between a free body's first and last position.
+
+    Of the body that sank most; negative where all rose.
+    """
+    bodies = context.setup.free_bodies
+    if not bodies:
+        return context.undefined()
+    below = down(context)
+    return np.maximum.reduce(
+        [(_displacement(context, body) * below).sum(axis=1) for body in bodies]
+    )
+
+
+@metric(unit="m/s", better="lower", resolution=1e-12)
+def rest_speed(context: Context) -> Floats:
+    """Largest speed of a free body in the last fifth of the run.
+
+    Bodies at rest keep the speed of their creep.
+    """
+    bodies = context.setup.free_bodies
+    if not bodies:
+        return context.undefined()
+    start = context.last_fifth.start + 1
+    squares = [speed_squared(context, body)[:, start:].max(axis=1) for body in bodies]
+    return np.sqrt(np.maximum.reduce(squares))
+
+
+@metric(unit="any", resolution=1e-9)
+def joint_travel(context: Context) -> Floats:
+    """Speed summed over time of the degree of freedom that moves most, there and back.
+
+    Of all that belong to no free body: m for slides, rad for hinges and ball joints.
+    """
+    free = {body.dof + place for body in context.setup.free_bodies for place in range(6)}
+    jointed = [place for place in range(context.trace.qvel.shape[2]) if place not in free]
+    if not jointed:
+        return context.undefined()
+    speeds = np.abs(context.trace.qvel[:, 1:][:, :, jointed])
+    return speeds.sum(axis=1).max(axis=1) * context.trace.timestep
+
+
+@metric(unit="rad", resolution=1e-9)
+def turn(context: Context) -> Floats:
+    """Angular speed summed over time of the free body that turns most."""
+    bodies = context.setup.free_bodies
+    if not bodies:
+        return context.undefined()
+    rates = [context.trace.qvel[:, 1:, body.dof + 3 : body.dof + 6] for body in bodies]
+    angles = [np.sqrt((rate * rate).sum(axis=2)).sum(axis=1) for rate in rates]
+    return np.maximum.reduce(angles) * context.trace.timestep
+
+
+@label(
+    name="drift",
+    severity=44,
+    thresholds=(
+        Threshold(
+            "drift",
+            None,
+            "m",
+            "Largest metric drift; only scenes whose bodies should stay set it.",
+        ),
+    ),
+)
+def drifting(runs: MeasuredRuns) -> Findings:
+    """A body that should stay ended farther from its start than the scene accepts."""
+    moved, limit = runs.metrics["drift"], runs.limits.get("drift")
+    if limit is None:
+        return {}
+    return {
+        run: Finding(
+            f"a body ended {moved[run]:.3g} m away from its start (limit {limit:g} m)",
+            _first_step_away(runs.context, run, limit),
+        )
+        for run in runs_where(moved > limit)
+    }
+
+
+@label(
+    severity=32,
+    thresholds=(
+        Threshold(
+            "rest_speed",
+            None,
+            "m/s",
+            "Largest metric rest_speed; only scenes whose bodies should come to rest set it.",
+        ),
+    ),
+)
+def unsettled(runs: MeasuredRuns) -> Findings:
+    """A body still moves in the last fifth of the run, where the scene says that all rest."""
+    speed, limit = runs.metrics["rest_speed"], runs.limits.get("rest_speed")
+    if limit is None:
+        return {}
+    return {
+        run: Finding(
+            f"a body moved at {speed[run]:.3g} m/s in the last fifth (limit {limit:g} m/s)",
+            _first_moving_step(runs.context, run, limit),
+        )
+        for run in runs_where(speed > limit)
+    }
+
+
+def _first_step_away(context: Context, run: int, limit: float) -> int:
+    """Return the first step after which some free body is as far away as that."""
+    below = down(context)[run]
+    steps: list[int] = []
+    for body in context.setup.free_bodies:
+        place = context.trace.qpos[run, :, body.qpos : body.qpos + 3]
+        steps.append(first_step(np.sqrt(_across(place - place[0], below)) > limit))
+    return min(step - 1 for step in steps if step > 0)
+
+
+def _first_moving_step(context: Context, run: int, limit: float) -> int:
+    """Return the first step of the last fifth after which some free body is as fast as that."""
+    start = context.last_fifth.start
+    fast = [
+        speed_squared(context, body)[run, start + 1 :] > limit**2
+        for body in context.setup.free_bodies
+    ]
+    return start + min(first_step(each) for each in fast if each.any())
+
+
+def _displacement(context: Context, body: FreeBody) -> Floats:
+    """Return (n, 3) the displacement [m] of a free body from its first to its last position."""
+    place = context.trace.qpos[:, :, body.qpos : body.qpos + 3]
+    return place[:, -1] - place[:, 0]
+
+
+def _across(vectors: Floats, below: Floats) -> Floats:
+    """Return the squared length of vectors (..., 3) across a unit vector or zero (..., 3)."""
+    across = vectors - (vectors * below).sum(axis=-1, keepdims=True) * below
+    return (across * across).sum(axis=-1)

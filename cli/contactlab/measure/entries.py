@@ -1,0 +1,356 @@
+"""What metrics, labels and oracles are, and the decorators that declare them.
+
+An entry is declared where it is computed: a decorator on its function states what is known of it,
+and the function's docstring is its published definition. Plug-ins use the same decorators.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from inspect import cleandoc
+from typing import Literal, NamedTuple, TypedDict, Unpack
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
+from contactlab.errors import PluginError, SceneError, did_you_mean
+from contactlab.measure.context import Context
+from contactlab.registry import Registry
+from contactlab.schema import MetricRule
+
+Direction = Literal["lower", "higher", "none"]
+Kind = Literal["physics", "work", "check", "detail"]
+Requirement = Literal["", "energy", "depth"]
+MetricFunction = Callable[[Context], Floats]
+OracleFunction = Callable[[Context], tuple[Floats, Floats]]
+
+_SEVERE = 60
+_TOLERANCES = {
+    "m": 1e-4,
+    "m/s": 1e-3,
+    "rad": 0.01,
+    "1": 0.01,
+    "any": 0.01,
+    "s": 0.02,
+    "J": 1e-3,
+}
+"""By unit: 0.1 mm is the penetration that the guideline accepts; 1 mm/s is a fifth of what tells
+sliding from sticking; ratios count to 1 %."""
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One number per run, and how to read it.
+
+    Attributes:
+        name: its name in sweeps, evidence and reports.
+        unit: its unit; `1` for counts and ratios, `any` where it depends on the scene.
+        better: which direction is an improvement; `none` where it depends on what is wanted.
+        resolution: magnitude below which the value is 0, in its unit.
+        definition: what it is, in words, with its source.
+        function: the metric of every run of a context, (n,); NaN where it does not apply.
+        tolerance: change, in its unit, below which an effect is said to leave it as it is.
+        version: grows whenever the definition changes.
+        kind: `physics` for a result of the simulated physics, `work` for what the solver was given
+            and did, `check` for what only the second pass measures, `detail` for a number that
+            explains another metric and is judged nowhere.
+        requires: what must be recorded: energies, or distances that are depths, which those of
+            speculative contacts are not.
+        equivalence: whether another engine must reproduce it (`check repeat`).
+        heading: its heading in the summary of a sweep; empty where it is not in it.
+        rule: how `compare` judges it, where the rule of all metrics does not fit.
+    """
+
+    name: str
+    unit: str
+    better: Direction
+    resolution: float
+    definition: str
+    function: MetricFunction
+    tolerance: float
+    version: int = 1
+    kind: Kind = "physics"
+    requires: Requirement = ""
+    equivalence: bool = False
+    heading: str = ""
+    rule: MetricRule | None = None
+
+    def of(self, context: Context) -> Floats:
+        """Return (n,) values, 0 below the resolution, NaN for runs without a single step."""
+        if context.trace.steps == 0:
+            return context.undefined()
+        with np.errstate(all="ignore"):
+            values = np.asarray(self.function(context), dtype=np.float64)
+            return np.where(np.abs(values) < self.resolution, 0, values)
+
+
+class MetricOptions(TypedDict, total=False):
+    """What `metric` may state beside unit, direction and resolution; see `Metric`."""
+
+    name: str
+    tolerance: float
+    version: int
+    kind: Kind
+    requires: Requirement
+    equivalence: bool
+    heading: str
+    rule: MetricRule
+
+
+class Finding(NamedTuple):
+    """Why a label applies to a run, and the first step at which it does."""
+
+    reason: str
+    step: int
+
+
+Findings = dict[int, Finding]
+"""Findings of one label by run; runs without one are absent."""
+
+
+@dataclass(frozen=True)
+class MeasuredRuns:
+    """What a label judges.
+
+    Attributes:
+        context: the runs.
+        metrics: every metric of these runs, (n,) each.
+    """
+
+    context: Context
+    metrics: Mapping[str, Floats]
+
+    @cached_property
+    def limits(self) -> dict[str, float]:
+        """Thresholds by name; those without a value are absent."""
+        return limits(self.context.setup.thresholds)
+
+
+LabelRule = Callable[[MeasuredRuns], Findings]
+
+
+@dataclass(frozen=True)
+class Threshold:
+    """One limit of a label.
+
+    Attributes:
+        name: its name in scenes and sweeps.
+        default: its value where neither sets it; None if it then limits nothing.
+        unit: its unit; `1` for counts and ratios.
+        source: what it limits, and where the default is from.
+    """
+
+    name: str
+    default: float | None
+    unit: str
+    source: str
+
+
+@dataclass(frozen=True)
+class Label:
+    """A named outcome of a run.
+
+    Attributes:
+        name: its name in sweeps, evidence and reports.
+        meaning: what it says of a run, in words.
+        severity: the worst of a run's labels is the one of the highest severity; 0 is a good run.
+        thresholds: the limits that its rule reads.
+        voids: whether nothing that was measured of the run means anything.
+        rule: finds the runs that it applies to; None where it is known from outside the trace.
+    """
+
+    name: str
+    meaning: str
+    severity: float
+    thresholds: tuple[Threshold, ...] = ()
+    voids: bool = False
+    rule: LabelRule | None = None
+
+    @property
+    def is_severe(self) -> bool:
+        """Whether the run is physically wrong, and not just worse than wanted."""
+        return self.severity >= _SEVERE
+
+
+class OracleResult(NamedTuple):
+    """What a closed form expects of n runs, what they did, and how far apart that is, each (n,)."""
+
+    expected: Floats
+    measured: Floats
+    error: Floats
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """A closed form that says what a scene should do.
+
+    Attributes:
+        name: its name in scenes.
+        unit: unit of what is expected and measured.
+        relative: whether the error is a share of what is expected; else it has the same unit.
+        settings: names of the settings that it reads.
+        definition: the law, with its source, and what is measured against it.
+        function: expected and measured values of every run, each (n,).
+    """
+
+    name: str
+    unit: str
+    relative: bool
+    settings: tuple[str, ...]
+    definition: str
+    function: OracleFunction
+
+    def of(self, context: Context) -> OracleResult:
+        """Return what the law expects of every run of a context, and how far off it is."""
+        with np.errstate(all="ignore"):
+            expected, measured = self.function(context)
+            error = np.abs(measured - expected)
+            scale = np.abs(expected) if self.relative else 1
+            return OracleResult(expected, measured, error / scale)
+
+
+class _WorstFirst(Registry[Label]):
+    """Labels in order of severity, and of declaration where that is equal."""
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(sorted(super().__iter__(), key=lambda name: -self[name].severity))
+
+
+METRICS: Registry[Metric] = Registry("metric")
+"""Every metric, in the order of the table's columns."""
+
+LABELS: Registry[Label] = _WorstFirst("label")
+"""Every label, worst first."""
+
+THRESHOLDS: Registry[Threshold] = Registry("threshold")
+ORACLES: Registry[Oracle] = Registry("oracle")
+
+
+def metric(
+    unit: str,
+    better: Direction = "none",
+    resolution: float = 0,
+    **options: Unpack[MetricOptions],
+) -> Callable[[MetricFunction], MetricFunction]:
+    """Declare a metric: what the function returns, as its docstring defines it.
+
+    Args:
+        unit: see `Metric`, as for all others.
+        better: direction of an improvement.
+        resolution: magnitude below which the value is 0.
+        options: more of `Metric`. The name is the function's unless given, and the tolerance that
+            of the unit.
+
+    Raises:
+        PluginError: the name is taken, or the function has no docstring.
+    """
+
+    def declare(function: MetricFunction) -> MetricFunction:
+        given: MetricOptions = {
+            "name": function.__name__,
+            "tolerance": _TOLERANCES.get(unit, 0.0),
+            **options,
+        }
+        METRICS.add(
+            Metric(
+                unit=unit,
+                better=better,
+                resolution=resolution,
+                definition=_definition(function),
+                function=function,
+                **given,
+            )
+        )
+        return function
+
+    return declare
+
+
+def label(
+    severity: float,
+    thresholds: tuple[Threshold, ...] = (),
+    *,
+    name: str = "",
+    voids: bool = False,
+) -> Callable[[LabelRule], LabelRule]:
+    """Declare a label: the function finds the runs that it applies to; its docstring says why.
+
+    Args:
+        severity: see `Label`; those of the labels here are 4 apart, from 8 to 100.
+        thresholds: the limits that it reads; one may belong to several labels.
+        name: unless it is the function's.
+        voids: whether nothing that was measured of such a run means anything.
+
+    Raises:
+        PluginError: the name of the label or of a threshold is taken, or there is no docstring.
+    """
+
+    def declare(rule: LabelRule) -> LabelRule:
+        meaning = _definition(rule)
+        add_label(Label(name or rule.__name__, meaning, severity, thresholds, voids, rule))
+        return rule
+
+    return declare
+
+
+def add_label(entry: Label) -> Label:
+    """Register a label with its thresholds."""
+    for threshold in entry.thresholds:
+        THRESHOLDS.add(threshold)
+    return LABELS.add(entry)
+
+
+def oracle(
+    unit: str, settings: tuple[str, ...], *, relative: bool
+) -> Callable[[OracleFunction], OracleFunction]:
+    """Declare an oracle: the function returns what is expected and what was measured.
+
+    Args:
+        unit: see `Oracle`, as for the others.
+        settings: names of the settings that it reads.
+        relative: whether the error is a share of what is expected.
+
+    Raises:
+        PluginError: the name is taken, or the function has no docstring.
+    """
+
+    def declare(function: OracleFunction) -> OracleFunction:
+        name, definition = function.__name__, _definition(function)
+        ORACLES.add(Oracle(name, unit, relative, settings, definition, function))
+        return function
+
+    return declare
+
+
+def _definition(function: Callable[..., object]) -> str:
+    """Return a function's docstring in one paragraph; `python -OO` leaves none."""
+    text = " ".join(cleandoc(function.__doc__ or "").split())
+    if not text and sys.flags.optimize < 2:
+        raise PluginError(f"'{function.__name__}' has no docstring, which would be its definition")
+    return text
+
+
+def limits(overrides: Mapping[str, float]) -> dict[str, float]:
+    """Return the value of every threshold that has one, the overrides over the defaults.
+
+    Raises:
+        SceneError: a name is not that of a threshold.
+    """
+    for name in overrides:
+        if name not in THRESHOLDS:
+            hint = did_you_mean(name, THRESHOLDS)
+            raise SceneError(f"no threshold '{name}'{hint}; there are {', '.join(THRESHOLDS)}")
+    usual = {each.name: each.default for each in THRESHOLDS.values() if each.default is not None}
+    return {**usual, **overrides}
+
+
+def runs_where(mask: NDArray[np.bool_]) -> list[int]:
+    """Return the runs in which a mask (n,) holds."""
+    return np.flatnonzero(mask).tolist()
+
+
+def first_step(mask: NDArray[np.bool_]) -> int:
+    """Return the first step in which a mask (N,) holds; 0 if none."""
+    return int(mask.argmax())

@@ -1,0 +1,255 @@
+"""A body that should be held: metrics over the time in which it should be, and their labels.
+
+Runs that end over a step before their hold window does are not measured.
+"""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from contactlab.contact import (
+    FORCE,
+    LINEAR_VELOCITY,
+    NORMAL,
+    TANGENT,
+    Floats,
+    HeldPose,
+    PairTrace,
+    rotate,
+)
+from contactlab.measure.chatter import hold_switch_masks
+from contactlab.measure.context import (
+    Context,
+    contact_depths,
+    down,
+    hold_seconds,
+    hold_window,
+    worst_pair,
+)
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    first_step,
+    label,
+    metric,
+    runs_where,
+)
+
+
+@metric(unit="1/s", better="lower", tolerance=5.0, equivalence=True)
+def hold_switches(context: Context) -> Floats:
+    """Changes of a pair's mode over the hold window, worst pair.
+
+    Between stick and slide as in mode_switches, and each time that a sticking pair loses or
+    regains its contact. A pad with more than 5 a second chatters.
+    """
+    counts = [mask.sum(axis=1).astype(np.float64) for mask in hold_switch_masks(context)]
+    return worst_pair(context, counts) / hold_seconds(context)
+
+
+@metric(unit="m", better="lower", resolution=1e-9, requires="depth", equivalence=True)
+def hold_penetration(context: Context) -> Floats:
+    """Penetration as in penetration_mean, over the hold window alone.
+
+    Bands for grasps: under 1 mm plausible, from 1 to 3 mm a compromise, over 3 mm exploited, over
+    5 mm broken.
+    """
+    inside = hold_window(context)
+    return worst_pair(
+        context,
+        [
+            (depth * inside).sum(axis=1) / (touching & inside).sum(axis=1)
+            for touching, depth in contact_depths(context)
+        ],
+    )
+
+
+@metric(unit="m", better="lower", resolution=1e-9, equivalence=True)
+def hold_slip(context: Context) -> Floats:
+    """Farthest that a pair slips within the hold window, worst pair.
+
+    The length of the sum over time of its tangential velocity in the world frame, weighted by
+    normal force: jitter cancels, creep adds up.
+    """
+    inside = hold_window(context)
+    steps = np.flatnonzero(inside.any(axis=0))
+    if context.setup.hold is None or not len(steps) or not context.trace.pairs:
+        return context.undefined()
+    part = slice(int(steps[0]), int(steps[-1]) + 1)
+    slips = [_slip_velocity(pair, part) * inside[:, part, None] for pair in context.trace.pairs]
+    timestep = context.trace.timestep[:, None, None]
+    farthest = [_farthest(np.cumsum(slip * timestep, axis=1)) for slip in slips]
+    return np.where(inside.any(axis=1), worst_pair(context, farthest), np.nan)
+
+
+@metric(unit="m", resolution=1e-9)
+def hold_drop(context: Context) -> Floats:
+    """How far the subject sinks along gravity within the hold window, relative to its holder.
+
+    Negative where it rises.
+    """
+    held, inside = context.trace.held, hold_window(context)
+    if held is None:
+        return context.undefined()
+    run = np.arange(context.trace.runs)
+    first = inside.argmax(axis=1)
+    last = inside.shape[1] - 1 - inside[:, ::-1].argmax(axis=1)
+    moved = rotate(held.rotation[run, last], held.position[run, last] - held.position[run, first])
+    return np.where(inside.any(axis=1), (moved * down(context)).sum(axis=1), np.nan)
+
+
+@metric(unit="m", better="lower", resolution=1e-9)
+def hold_offset(context: Context) -> Floats:
+    """Farthest, within the hold window, that the subject is from its place in the grip.
+
+    That is where the body that holds it had it at the start of the run, in the frame of that body.
+    """
+    held, inside = context.trace.held, hold_window(context)
+    if held is None:
+        return context.undefined()
+    farthest = np.where(inside, _offsets(held), 0).max(axis=1)
+    return np.where(inside.any(axis=1), farthest, np.nan)
+
+
+@metric(unit="1", better="higher")
+def hold_contact(context: Context) -> Floats:
+    """Share of the steps of the hold window in which a monitored pair bears force."""
+    inside = hold_window(context)
+    bears = [(series.normal > 0) & inside for series in context.series]
+    if not bears:
+        return context.undefined()
+    return np.logical_or.reduce(bears).sum(axis=1) / np.where(
+        inside.any(axis=1), inside.sum(axis=1), np.nan
+    )
+
+
+@label(
+    severity=52,
+    thresholds=(
+        Threshold(
+            "exploited",
+            3e-3,
+            "m",
+            "Largest metric hold_penetration of a grasp that holds by its contact; the guideline "
+            "calls one over 3 mm exploited.",
+        ),
+    ),
+)
+def exploited(runs: MeasuredRuns) -> Findings:
+    """The grip relies on penetration, as no solid body could."""
+    return _deep(runs, "exploited")
+
+
+@label(
+    severity=76,
+    thresholds=(
+        Threshold(
+            "broken",
+            5e-3,
+            "m",
+            "Largest metric hold_penetration of a grasp that means anything; the guideline calls "
+            "one over 5 mm broken.",
+        ),
+    ),
+)
+def broken(runs: MeasuredRuns) -> Findings:
+    """The penetration of a grip is so deep that its contact means nothing."""
+    return _deep(runs, "broken")
+
+
+@label(
+    severity=36,
+    thresholds=(
+        Threshold(
+            "hold_slip",
+            2e-3,
+            "m",
+            "Largest metric hold_slip. Soft contact creeps by less, 0.01 to 1 mm in half a second; "
+            "what slides or chatters loses 8 mm and more.",
+        ),
+        Threshold(
+            "hold_offset",
+            None,
+            "m",
+            "Largest metric hold_offset; only scenes that begin with the subject in its place "
+            "between the fingers set it.",
+        ),
+        Threshold(
+            "hold_contact",
+            0.5,
+            "1",
+            "Least metric hold_contact. Sliding bodies hop, and touch in half of the steps.",
+        ),
+    ),
+)
+def slipping(runs: MeasuredRuns) -> Findings:
+    """What should be held slips, is no longer in its place, or bears no force."""
+    found: Findings = {}
+    for run, finding in (*_lost(runs), *_displaced(runs), *_slipped(runs)):
+        found.setdefault(run, finding)
+    return found
+
+
+def _deep(runs: MeasuredRuns, name: str) -> Findings:
+    limit, depth = runs.limits[name], runs.metrics["hold_penetration"]
+    found: Findings = {}
+    for run in runs_where(depth > limit):
+        inside = hold_window(runs.context)[run]
+        depths = contact_depths(runs.context)
+        deep = [first_step((each[run] > limit) & inside) for _, each in depths]
+        reason = f"held {depth[run]:.3g} m deep on average (limit {limit:g} m)"
+        found[run] = Finding(reason, max(deep))
+    return found
+
+
+def _lost(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    limit, share = runs.limits["hold_contact"], runs.metrics["hold_contact"]
+    for run in runs_where(share < limit):
+        reason = f"nothing bore force in {1 - share[run]:.0%} of the time in which it should hold"
+        yield run, Finding(reason, first_step(hold_window(runs.context)[run]))
+
+
+def _displaced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    limit, offset = runs.limits.get("hold_offset"), runs.metrics["hold_offset"]
+    held = runs.context.trace.held
+    if limit is None or held is None:
+        return
+    for run in runs_where(offset > limit):
+        reason = (
+            f"it was {offset[run]:.3g} m from its place in the grip when it should be held "
+            f"(limit {limit:g} m)"
+        )
+        yield run, Finding(reason, first_step(_offsets(held)[run] > limit))
+
+
+def _slipped(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    limit, slip = runs.limits["hold_slip"], runs.metrics["hold_slip"]
+    seconds = hold_seconds(runs.context)
+    for run in runs_where(slip > limit):
+        reason = f"a pair slipped {slip[run]:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
+        yield run, Finding(reason, first_step(hold_window(runs.context)[run]))
+
+
+def _offsets(held: HeldPose) -> Floats:
+    """Return (n, N) how far [m] the subject is from where its holder had it at the start."""
+    moved = held.position - held.position[:, :1]
+    return np.sqrt((moved * moved).sum(axis=2))
+
+
+def _slip_velocity(pair: PairTrace, part: slice) -> Floats:
+    """Return (n, W, 3) the slip velocity [m/s] of a pair, weighted by normal force, world frame."""
+    slots = pair.slots[:, part]
+    tangent = slots[..., TANGENT]
+    across = np.cross(slots[..., NORMAL], tangent)
+    _, first, second = np.moveaxis(slots[..., LINEAR_VELOCITY], -1, 0)
+    force = slots[..., FORCE.start, None]
+    slip = (force * (first[..., None] * tangent + second[..., None] * across)).sum(axis=2)
+    total = force.sum(axis=2)
+    return slip / np.where(total > 0, total, np.inf)
+
+
+def _farthest(places: Floats) -> Floats:
+    """Return (n,) the largest length of vectors (n, W, 3)."""
+    return np.sqrt((places * places).sum(axis=2).max(axis=1))

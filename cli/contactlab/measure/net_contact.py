@@ -1,0 +1,275 @@
+"""The contacts of one pair, reduced over its slots: net force, friction in use, slip and mode.
+
+Tangential forces and velocities are summed in the world frame, and the 1-norm of a pyramidal cone
+is taken in the frame of the first contact. Two components along the tangents are kept as one
+complex number, so that a slot's columns stay contiguous in time.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import (
+    DISTANCE,
+    FORCE,
+    LINEAR_VELOCITY,
+    NORMAL,
+    TANGENT,
+    Floats,
+    PairSeries,
+    PairTrace,
+    Setup,
+    Trace,
+)
+from contactlab.measure.stick_slip import modes
+
+Complexes = NDArray[np.complex128]
+"""Two numbers each: components along two tangents, or just neighbours that move as one."""
+
+_NORMAL_FORCE = FORCE.start
+_TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
+_SLIP = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
+_FRAME = slice(NORMAL.start, TANGENT.stop)
+_FORCELESS = 1e-9
+"""Share of a run's largest normal force below which a contact's force direction is rounding."""
+
+
+@dataclass(frozen=True)
+class NetContact:
+    """One pair's contacts, summed over its slots or reduced to the worst slot.
+
+    Attributes:
+        found: (n, N) contacts that matched, recorded or not.
+        contacts: (n, N) contacts recorded.
+        normal: (n, N) sum of the normal forces [N].
+        tangential: (n, N) magnitude of the sum of the tangential forces [N].
+        usage: (n, N) share of the friction bound that this sum uses, in the cone's own norm.
+        slip: (n, N) magnitude of the mean tangential velocity [m/s], weighted by normal force.
+        grip: (n, N) share of the bound that the contacts use, each by itself; at least `usage`.
+        distance: (n, N) least signed distance [m]; 0 where nothing touches.
+        excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
+        detached: (n,) most that one contact's normal force times its positive distance is [J].
+    """
+
+    found: NDArray[np.int32]
+    contacts: NDArray[np.int32]
+    normal: Floats
+    tangential: Floats
+    usage: Floats
+    slip: Floats
+    grip: Floats
+    distance: Floats
+    excess: Floats
+    detached: Floats
+
+    def series(self, name: str, timestep: Floats) -> PairSeries:
+        """Return the pair's quantities over time, with its mode; `timestep` (n,) [s]."""
+        return PairSeries(
+            name=name,
+            contacts=self.contacts,
+            normal=self.normal,
+            tangential=self.tangential,
+            usage=self.usage,
+            slip=self.slip,
+            distance=self.distance,
+            mode=modes(self.normal > 0, self.usage, self.grip, self.slip, timestep),
+        )
+
+
+@dataclass(frozen=True)
+class _Cone:
+    """Friction bound of one pair in one run.
+
+    Attributes:
+        friction: coefficient along the first tangent.
+        stretch: that coefficient over the one along the second tangent.
+        elliptic: whether the bound is on the 2-norm; else on the 1-norm.
+    """
+
+    friction: float
+    stretch: float
+    elliptic: bool
+
+    def norm(self, force: Complexes, astray: Floats | None = None) -> Floats:
+        """Return what the bound holds below friction times normal force.
+
+        Args:
+            force: tangential forces [N].
+            astray: squared force [N^2] across the tangent plane, which only the 2-norm counts.
+        """
+        across = force.imag if self.stretch == 1 else force.imag * self.stretch
+        if not self.elliptic:
+            return np.abs(force.real) + np.abs(across)
+        square = force.real * force.real + across * across
+        return np.sqrt(square if astray is None else square + astray)
+
+
+@dataclass(frozen=True)
+class _SlotColumns:
+    """What is read of the slots of one run, contiguous in time.
+
+    Attributes:
+        normal: (S, N) normal force [N].
+        distance: (S, N) signed distance [m].
+        force: (S, N) tangential force [N], along the first and the second tangent.
+        velocity: (S, N) tangential velocity [m/s], likewise.
+        frame: (3, S, N) the normal's and the first tangent's coordinates, two by two; None for a
+            single slot, whose frame is the only one.
+    """
+
+    normal: Floats
+    distance: Floats
+    force: Complexes
+    velocity: Complexes
+    frame: Complexes | None
+
+
+class _SlotSums(NamedTuple):
+    """Sums over the slots of one run, (N,) each.
+
+    Attributes:
+        normal: sum of the normal forces [N].
+        tangential: magnitude of the sum of the tangential forces [N].
+        used: the same in the norm of the cone [N].
+        slip: magnitude of the mean tangential velocity [m/s], weighted by normal force.
+        each: sum of the magnitudes of the tangential forces, each in the norm of the cone [N].
+    """
+
+    normal: Floats
+    tangential: Floats
+    used: Floats
+    slip: Floats
+    each: Floats
+
+
+def pair_series(pair: PairTrace, trace: Trace, setup: Setup) -> PairSeries:
+    """Return the net quantities and the mode of one pair over time."""
+    with np.errstate(all="ignore"):
+        return net_contact(pair, setup.elliptic).series(pair.name, trace.timestep)
+
+
+def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_]) -> NetContact:
+    """Reduce the slots of a pair, run by run, so that what is gathered stays in the cache.
+
+    Slots that a run never fills, which come last, are left out.
+    """
+    runs, steps, slots, _ = pair.slots.shape
+    found = pair.found.astype(np.int32)
+    contacts = np.minimum(found, slots)
+    series, worst = np.empty((6, runs, steps)), np.empty((2, runs))
+    for run, cone in enumerate(_cones(pair, elliptic)):
+        columns = _gather(pair.slots[run, :, : max(contacts[run].max(initial=0), 1)])
+        net = _sum_slots(columns, cone)
+        bound = cone.friction * net.normal
+        series[:, run] = (
+            net.normal,
+            net.tangential,
+            _ratio(net.used, bound),
+            net.slip,
+            _ratio(net.each, bound),
+            _least(columns.distance, contacts[run]),
+        )
+        worst[:, run] = _excess(columns, cone), _detached(columns)
+    return NetContact(found, contacts, *series, *worst)
+
+
+def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
+    """Return the friction bound of a pair in every run."""
+    first, second = pair.friction[:, 0], pair.friction[:, 1]
+    stretch = np.where(first == second, 1, first / second)
+    rows = zip(first.tolist(), stretch.tolist(), elliptic.tolist(), strict=True)
+    return [_Cone(*row) for row in rows]
+
+
+def _gather(slots: Floats) -> _SlotColumns:
+    """Gather the columns of one run's slots (N, S, 23)."""
+    if slots.strides[-1] != slots.itemsize:
+        slots = np.ascontiguousarray(slots)
+    return _SlotColumns(
+        normal=np.ascontiguousarray(slots[:, :, _NORMAL_FORCE].T),
+        distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
+        force=_by_twos(slots, _TANGENTIAL_FORCE)[0],
+        velocity=_by_twos(slots, _SLIP)[0],
+        frame=_by_twos(slots, _FRAME) if slots.shape[1] > 1 else None,
+    )
+
+
+def _by_twos(slots: Floats, field: slice) -> Complexes:
+    """Return (k, S, N) a field of 2 k numbers."""
+    pairs = slots[:, :, field].view(np.complex128)
+    return np.ascontiguousarray(pairs.transpose(2, 1, 0))
+
+
+def _sum_slots(columns: _SlotColumns, cone: _Cone) -> _SlotSums:
+    """Sum the slots of one run, in the first contact's frame or, where they differ, the world's."""
+    normal = columns.normal.sum(axis=0)
+    force = columns.force.sum(axis=0)
+    impulse = (columns.velocity * columns.normal).sum(axis=0)
+    used, each = cone.norm(force), cone.norm(columns.force).sum(axis=0)
+    net = _SlotSums(normal, _modulus(force), used, _modulus(impulse), each)
+    if columns.frame is not None and not _same(columns.frame[:, 1:], columns.frame[:, :1]):
+        differ = (columns.frame[:, 1:] != columns.frame[:, :1]).any(axis=(0, 1))
+        _sum_in_world(columns, cone, np.flatnonzero(differ), net)
+    return net._replace(slip=net.slip / np.where(normal > 0, normal, np.inf))
+
+
+def _sum_in_world(
+    columns: _SlotColumns, cone: _Cone, steps: NDArray[np.intp], net: _SlotSums
+) -> None:
+    """Replace in `net` the sums of the given steps; its slip is times normal force."""
+    assert columns.frame is not None
+    first, second, third = columns.frame[:, :, steps]
+    tangent = np.stack((second.imag, third.real, third.imag))
+    cotangent = _cross((first.real, first.imag, second.real), tangent)
+
+    def total(pairs: Complexes) -> Floats:
+        return (pairs.real * tangent + pairs.imag * cotangent).sum(axis=1)
+
+    force = total(columns.force[:, steps])
+    square = (force * force).sum(axis=0)
+    along, across = ((force * axis[:, 0]).sum(axis=0) for axis in (tangent, cotangent))
+    net.tangential[steps] = np.sqrt(square)
+    net.used[steps] = cone.norm(along + 1j * across, square - along**2 - across**2)
+    impulse = total(columns.velocity[:, steps] * columns.normal[:, steps])
+    net.slip[steps] = np.sqrt((impulse * impulse).sum(axis=0))
+
+
+def _modulus(pair: Complexes) -> Floats:
+    """Return magnitudes, faster than `abs`, which guards against overflow."""
+    return np.sqrt(pair.real * pair.real + pair.imag * pair.imag)
+
+
+def _cross(one: Sequence[Floats], other: Floats) -> Floats:
+    (x, y, z), (p, q, r) = one, other
+    return np.stack((y * r - z * q, z * p - x * r, x * q - y * p))
+
+
+def _same(some: Complexes, others: Complexes) -> bool:
+    return bool((some.view(np.float64) == others.view(np.float64)).all())
+
+
+def _ratio(part: Floats, whole: Floats) -> Floats:
+    """Return part / whole, and 0 where the whole is not positive."""
+    return part / np.where(whole > 0, whole, np.inf)
+
+
+def _least(distance: Floats, contacts: NDArray[np.int32]) -> Floats:
+    """Return the least distance over the filled slots, which come first; 0 where none is."""
+    if not (distance > 0).any():
+        return distance.min(axis=0)
+    filled = np.arange(len(distance))[:, None] < contacts
+    return np.where(contacts > 0, np.where(filled, distance, np.inf).min(axis=0), 0)
+
+
+def _excess(columns: _SlotColumns, cone: _Cone) -> Floats:
+    used, bound = cone.norm(columns.force), cone.friction * columns.normal
+    over = used > bound
+    over &= columns.normal > _FORCELESS * columns.normal.max(initial=0)
+    return (used[over] / bound[over]).max(initial=1) - 1
+
+
+def _detached(columns: _SlotColumns) -> Floats:
+    return (columns.normal * np.maximum(columns.distance, 0)).max(initial=0)

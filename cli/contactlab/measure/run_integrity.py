@@ -1,0 +1,138 @@
+"""Labels of runs that are no simulation at all: clock, numbers, length; and of good runs."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from contactlab.contact import Floats
+from contactlab.measure.context import Context, energy
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    Label,
+    MeasuredRuns,
+    Threshold,
+    add_label,
+    first_step,
+    label,
+    runs_where,
+)
+
+add_label(Label("crashed", "The process that simulated the run died.", 100, voids=True))
+add_label(Label("timeout", "The run took longer than its time limit.", 96, voids=True))
+STABLE = add_label(Label("stable", "No other label applies.", 0))
+
+
+@label(severity=92, voids=True)
+def invalid(runs: MeasuredRuns) -> Findings:
+    """The run cannot be simulated as requested, or recorded no step."""
+    trace, setup = runs.context.trace, runs.context.setup
+    found: Findings = {}
+    for run in range(trace.runs):
+        if not trace.timestep[run] > 0:
+            found[run] = Finding(f"timestep {trace.timestep[run]:g} s is not positive", 0)
+        elif not setup.duration[run] > 0:
+            found[run] = Finding(f"duration {setup.duration[run]:g} s is not positive", 0)
+        elif trace.steps == 0:
+            found[run] = Finding("no step was recorded", 0)
+    return found
+
+
+@label(
+    severity=88,
+    voids=True,
+    thresholds=(
+        Threshold(
+            "clock_error",
+            1e-9,
+            "1",
+            "Largest deviation of a step of simulated time from the timestep, as a share of it. "
+            "Rounding stays a thousand times below; an engine that resets does not.",
+        ),
+        Threshold(
+            "quaternion_error",
+            1e-3,
+            "1",
+            "Largest deviation of a quaternion's norm from 1. The engine normalises at every step, "
+            "so that healthy runs stay near 1e-16.",
+        ),
+    ),
+)
+def diverged(runs: MeasuredRuns) -> Findings:
+    """The simulation failed numerically.
+
+    A warning of the engine, a number that is not finite, a clock that does not advance by one
+    timestep per step, a quaternion off unit norm, or fewer steps than requested.
+    """
+    signs: dict[int, list[Finding]] = {}
+    for check in (_warnings, _cut_short, _not_finite, _clock, _quaternions):
+        for run, finding in check(runs):
+            signs.setdefault(run, []).append(finding)
+    return {
+        run: Finding("; ".join(sign.reason for sign in found), min(sign.step for sign in found))
+        for run, found in sorted(signs.items())
+    }
+
+
+def _warnings(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    for run, counts in enumerate(runs.context.trace.warnings):
+        raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
+        if raised:
+            yield run, Finding(f"engine warnings: {', '.join(raised)}", _last(runs.context))
+
+
+def _cut_short(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    trace = runs.context.trace
+    if trace.steps < trace.steps_asked:
+        reason = f"stopped after {trace.steps} of {trace.steps_asked} steps"
+        for run in range(trace.runs):
+            yield run, Finding(reason, _last(runs.context))
+
+
+def _not_finite(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    trace = runs.context.trace
+    watched = {"qpos": trace.qpos, "qvel": trace.qvel}
+    if trace.has_energy:
+        watched["energy"] = energy(runs.context)[:, :, None]
+    for name, values in watched.items():
+        # A sum is finite only if every number in it is; the step is looked up where it is not.
+        for run in runs_where(~np.isfinite(values.sum(axis=(1, 2)))):
+            bad = ~np.isfinite(values[run]).all(axis=1)
+            step = first_step(bad) if name == "energy" else max(first_step(bad) - 1, 0)
+            yield run, Finding(f"{name} is not finite", step)
+
+
+def _clock(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    trace, limit = runs.context.trace, runs.limits["clock_error"]
+    if trace.steps == 0:
+        return
+    ticks = np.diff(trace.time, axis=1)
+    rounding = 4 * np.finfo(np.float64).eps * np.abs(trace.time).max(axis=1)
+    slack = limit * trace.timestep + rounding
+    low, high = trace.timestep - slack, trace.timestep + slack
+    regular = (ticks.min(axis=1) >= low) & (ticks.max(axis=1) <= high)
+    for run in runs_where(~regular):
+        step = first_step(~((ticks[run] >= low[run]) & (ticks[run] <= high[run])))
+        reason = f"the clock moved by {ticks[run, step]:.3g} s in a step of "
+        yield run, Finding(f"{reason}{trace.timestep[run]:.3g} s", step)
+
+
+def _quaternions(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+    limit = runs.limits["quaternion_error"]
+    low, high = (1 - limit) ** 2, (1 + limit) ** 2
+    for start in runs.context.setup.quaternions:
+        square = _square(runs.context.trace.qpos[:, :, start : start + 4])
+        unit = (square.min(axis=1) >= low) & (square.max(axis=1) <= high)
+        for run in runs_where(~unit & np.isfinite(square).all(axis=1)):
+            state = first_step((square[run] < low) | (square[run] > high))
+            reason = f"the quaternion at qpos {start} has norm {np.sqrt(square[run, state]):.4g}"
+            yield run, Finding(reason, max(state - 1, 0))
+
+
+def _square(quaternion: Floats) -> Floats:
+    w, x, y, z = (quaternion[:, :, part] for part in range(4))
+    return w * w + x * x + y * y + z * z
+
+
+def _last(context: Context) -> int:
+    return max(context.trace.steps - 1, 0)

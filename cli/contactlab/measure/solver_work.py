@@ -1,0 +1,183 @@
+"""The solver's work, the contacts it was given, and whether it got done."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
+from contactlab.measure.context import Context, cached
+from contactlab.measure.entries import (
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    first_step,
+    label,
+    metric,
+    runs_where,
+)
+from contactlab.schema import MetricRule
+
+RESIDUAL = Threshold(
+    "residual",
+    1e-2,
+    "1",
+    "Largest metric solver_residual. Healthy: Newton up to 2e-5, CG 2e-4, PGS 5e-4; PGS with 5 "
+    "iterations on a stack 15, a wrong Hessian 4 and more.",
+)
+_FEWEST_ITERATIONS = 2
+_SUSTAINED = 0.99
+"""Quantile of the residual over the steps with contact: a single hard step is no failure."""
+
+
+@metric(unit="1", better="lower", kind="work", rule=MetricRule(rel=0.05, abs=0.05))
+def solver_iterations_mean(context: Context) -> Floats:
+    """Solver iterations per step, summed over contact islands, averaged over the run."""
+    return context.trace.iterations.mean(axis=1)
+
+
+@metric(unit="1", better="lower", kind="work", rule=MetricRule(rel=0.05, abs=1.0))
+def solver_iterations_max(context: Context) -> Floats:
+    """Most solver iterations that one contact island took in one step."""
+    return context.trace.iterations_most.max(axis=1).astype(np.float64)
+
+
+@metric(unit="1", better="lower", kind="work", rule=MetricRule(statistic="mean", budget=0.0))
+def solver_iterations(context: Context) -> Floats:
+    """Solver iterations of the whole run, over all contact islands."""
+    return context.trace.iterations.sum(axis=1).astype(np.float64)
+
+
+@metric(unit="1", better="lower", kind="work")
+def saturated_share(context: Context) -> Floats:
+    """Share of the steps in which an island used as many iterations as the solver may.
+
+    Alone it is no failure: an easy scene with one iteration allowed reaches the limit and
+    converges.
+    """
+    return saturated(context).mean(axis=1)
+
+
+@metric(unit="1", kind="work")
+def contacts_mean(context: Context) -> Floats:
+    """Contacts in the whole model, averaged over the run."""
+    return context.trace.contacts.mean(axis=1)
+
+
+@metric(unit="1", kind="work")
+def contacts_max(context: Context) -> Floats:
+    """Most contacts in the whole model at any step."""
+    return context.trace.contacts.max(axis=1).astype(np.float64)
+
+
+@metric(unit="1", better="lower", kind="work")
+def contacts_cut(context: Context) -> Floats:
+    """Steps in which a monitored pair had more contacts than slots; the rest went unrecorded."""
+    nowhere = np.zeros(context.trace.contacts.shape, dtype=np.bool_)
+    cut = np.logical_or.reduce([nowhere, *_cut_by_pair(context)])
+    return cut.sum(axis=1).astype(np.float64)
+
+
+@metric(unit="1", kind="work")
+def ungraded_contacts(context: Context) -> Floats:
+    """Steps in which the model had contacts outside the monitored pairs."""
+    monitored = sum((net.found for net in context.net), np.zeros_like(context.trace.contacts))
+    return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
+
+
+@label(
+    severity=80,
+    thresholds=(
+        Threshold(
+            "saturated_share",
+            0.5,
+            "1",
+            "Share of the steps with contact in which the solver used all its iterations, if it "
+            "may use two or more. Newton warm-started takes 0 or 1 iterations in most steps, and "
+            "never more than 7 on hard stacks; PGS on a stack with a weight on it used all of 20 "
+            "in every step and left residuals of 1e2.",
+        ),
+        RESIDUAL,
+    ),
+)
+def solver_nonconvergence(runs: MeasuredRuns) -> Findings:
+    """The constraint solver used all its iterations without converging.
+
+    In most steps with contact or, where a second pass measured the residual, with a residual
+    above the limit.
+    """
+    context, limit = runs.context, runs.limits["saturated_share"]
+    if context.trace.steps == 0:
+        return {}
+    if context.checks is not None:
+        # A hit alone is no failure: an easy problem is solved by the one iteration it is given.
+        return _unconverged(runs)
+    hit = saturated(context) & (context.trace.contacts > 0)
+    share = hit.sum(axis=1) / (context.trace.contacts > 0).sum(axis=1)
+    allowed = context.setup.iterations
+    return {
+        run: Finding(
+            f"the solver used all its {allowed[run]} iterations in {share[run]:.0%} of the steps "
+            f"with contact (limit {limit:.0%})",
+            first_step(hit[run]),
+        )
+        for run in runs_where((share >= limit) & (allowed >= _FEWEST_ITERATIONS))
+    }
+
+
+@label(name="contacts_cut", severity=12)
+def unrecorded_contacts(runs: MeasuredRuns) -> Findings:
+    """A monitored pair had more contacts than slots.
+
+    Net forces, modes and all that is measured of them are those of the recorded contacts alone.
+    """
+    context, found = runs.context, Findings()
+    for index, cut in enumerate(_cut_by_pair(context)):
+        name, slots = context.series[index].name, context.setup.slots[index]
+        for run in runs_where(cut.sum(axis=1) > 0):
+            most = int(context.net[index].found[run].max())
+            reason = (
+                f"{name} had up to {most} contacts, of which {slots} were recorded, in "
+                f"{cut[run].sum()} steps; give the pair more `slots`"
+            )
+            found.setdefault(run, Finding(reason, first_step(cut[run])))
+    return found
+
+
+@cached
+def saturated(context: Context) -> NDArray[np.bool_]:
+    """Return (n, N) whether the solver used all the iterations that it may."""
+    return context.trace.iterations_most >= context.setup.iterations[:, None]
+
+
+def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
+    """Return (n,) the sustained residual over the given steps with contact, 0 without any."""
+    if context.checks is None:
+        return context.undefined()
+    chosen = where & (context.trace.contacts > 0)
+    return np.array(
+        [
+            np.quantile(residual[mask], _SUSTAINED) if mask.any() else 0.0
+            for residual, mask in zip(context.checks.residual, chosen, strict=True)
+        ]
+    )
+
+
+def _unconverged(runs: MeasuredRuns) -> Findings:
+    context, hit = runs.context, saturated(runs.context)
+    value = sustained_residual(context, hit)
+    return {
+        run: Finding(
+            f"the solver used all its {context.setup.iterations[run]} iterations in "
+            f"{hit[run].mean():.0%} of the steps, and forces and accelerations "
+            f"still differ by {value[run]:.2g} of the largest force",
+            first_step(hit[run]),
+        )
+        for run in runs_where(value > runs.limits["residual"])
+    }
+
+
+@cached
+def _cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
+    """Return for each monitored pair (n, N) where it had more contacts than slots."""
+    slots = context.setup.slots
+    return [net.found > most for net, most in zip(context.net, slots, strict=True)]
