@@ -157,7 +157,7 @@ def test_a_nudged_twin_is_driven_alike(make_scene: Make) -> None:
     scene = driven(make_scene, "{turn.ctrl: {at: [0, 0.1], to: [0, 1]}}")
     runs = [scene.resolve({}, seed, None) for seed in (0, 1)]
     starts = scene.starts(runs)
-    twins = scene.nudged(starts, runs)
+    twins = scene.initial.nudged(starts, runs)
     assert not np.array_equal(twins.qpos, starts.qpos)
     assert all(np.array_equal(a, b) for a, b in zip(twins[1:], starts[1:], strict=True))
 

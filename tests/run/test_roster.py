@@ -18,6 +18,7 @@ from contactlab.run import SceneLoader, forecast
 from contactlab.run.planned_runs import JOB_BYTES, MAX_RUNS, RunIndex, pack_jobs
 from contactlab.run.tasks import PlannedRun
 from contactlab.scene import ResolvedRun, Scene
+from contactlab.scene.scene import InitialStateMaker
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 SCENES = SceneLoader(None)
@@ -169,13 +170,13 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
 def checked(monkeypatch: pytest.MonkeyPatch) -> list[ResolvedRun]:
     """What is checked of a scene whose runs depend on time."""
     seen: list[ResolvedRun] = []
-    check = Scene.check
+    check = InitialStateMaker.check
 
-    def watched(self: Scene, run: ResolvedRun) -> None:
+    def watched(self: InitialStateMaker, run: ResolvedRun) -> None:
         seen.append(run)
         check(self, run)
 
-    monkeypatch.setattr(Scene, "check", watched)
+    monkeypatch.setattr(InitialStateMaker, "check", watched)
     return seen
 
 

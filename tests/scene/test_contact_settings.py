@@ -6,8 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from contactlab.mjcf import CONTACT
 from contactlab.scene import PARAMETERS, Scene
-from contactlab.scene.parameters import CONTACT_SETTINGS
 
 VALUES: dict[str, Any] = {
     "solref": (-8000.0, -70.0),
@@ -107,7 +107,7 @@ def test_what_is_as_written_already_changes_nothing(unequal: Scene, differing: A
         for name, value in base.settings.items():
             changed = differing(plain, base.prepare({name: value}).model)
             assert bool(changed) == (name in base.nonuniform), name
-    assert unequal.base({}).nonuniform == set(CONTACT_SETTINGS)
+    assert unequal.base({}).nonuniform == set(CONTACT)
     assert Scene.open("box_slide").base({}).nonuniform == set()
 
 

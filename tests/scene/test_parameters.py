@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
+from contactlab.mjcf import CONTACT
 from contactlab.scene import PARAMETERS, Scene
 from contactlab.scene.engine_flags import FLAGS, non_default, read_flags, write_flags
-from contactlab.scene.parameters import CONTACT_SETTINGS
 
 BALL = Scene.open("ball_drop")
 SLIDE = Scene.open("box_slide")
 OPTION_NAMES = [
-    name for name, each in PARAMETERS.items() if name == each.sets and name not in CONTACT_SETTINGS
+    name for name, each in PARAMETERS.items() if name == each.sets and name not in CONTACT
 ]
 
 

@@ -98,9 +98,9 @@ class _Check:
                 f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write one above "
                 "0 there, or sweep `timestep`"
             )
-        if not self._scene.is_timed or (start := row.start) in self._fine:
+        if not self._scene.initial.is_timed or (start := row.start) in self._fine:
             return
-        self._scene.check(row.resolved(0))
+        self._scene.initial.check(row.resolved(0))
         if len(self._fine) < _MAX_CHECKED:
             self._fine.add(start)
 

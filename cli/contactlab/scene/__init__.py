@@ -3,20 +3,19 @@
 from contactlab.scene.axis_catalogue import LenientCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.contact_pairs import MonitoredPair, can_collide
-from contactlab.scene.effects import EFFECTS, FRICTIONS, NOT_IN_MODEL, Effect, EffectState
+from contactlab.scene.effects import EFFECTS, NOT_IN_MODEL, Effect, EffectState
 from contactlab.scene.engine_flags import FLAGS
 from contactlab.scene.initial_states import PERTURBATION, QPOS0, InitialStates, perturbed_copy
 from contactlab.scene.model_joints import actuated_limbs, joints_of
 from contactlab.scene.mujoco_versions import has_batch, null_fields, silence_mujoco, why_unsupported
 from contactlab.scene.parameters import PARAMETERS, Parameter
-from contactlab.scene.plain import compile_without_sensors, prepare_without_sensors
 from contactlab.scene.recording_sensors import PREFIX, SensorLayout
 from contactlab.scene.reference_numerics import NUMERICS, with_reference_numerics
-from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.run_identity import ID_BYTES
 from contactlab.scene.run_setup import make_setup
-from contactlab.scene.scene import Scene
+from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
 from contactlab.scene.scene_source import (
     SceneSource,
     find_scene,
@@ -29,7 +28,6 @@ from contactlab.scene.written_inertia import InertiaFault, written_inertia_fault
 __all__ = [
     "EFFECTS",
     "FLAGS",
-    "FRICTIONS",
     "ID_BYTES",
     "NOT_IN_MODEL",
     "NUMERICS",

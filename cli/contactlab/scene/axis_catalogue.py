@@ -4,17 +4,18 @@ import math
 from collections.abc import Callable, Sequence
 
 from contactlab.errors import SceneError
+from contactlab.mjcf import CONTACT
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_fields import field_axis
+from contactlab.scene.model_settings import ENGINES
 from contactlab.scene.mujoco_versions import (
     accepting_unsupported,
     missing_flag_axis,
     refusing_unsupported,
 )
-from contactlab.scene.parameters import CONTACT_SETTINGS, PARAMETERS
-from contactlab.scene.settings import ENGINES
+from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.value_parsers import choice, integer, number, switch
 from contactlab.schema import AxisSpec, Catalogue, SceneManifest, StructureValue
 
@@ -64,7 +65,7 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None) -> list[AxisSpec]
     axes = [
         parameter.axis
         for parameter in PARAMETERS.values()
-        if parameter.sets not in CONTACT_SETTINGS or base.pairs
+        if parameter.sets not in CONTACT or base.pairs
     ]
     text = "what computes: MuJoCo, or the impulse law for a sphere above a plane"
     axes.append(AxisSpec("engine", "", text, choice(ENGINES), ENGINES))

@@ -22,12 +22,14 @@ from contactlab.scene.effects import (
     RunState,
     choose,
     find_facts,
+    is_straight,
     leave_out,
     remove,
 )
 from contactlab.scene.engine_flags import read_flags
 from contactlab.scene.initial_states import (
     QPOS0,
+    InitialStates,
     default_keyframe,
     keyframe_names,
     place_mocap,
@@ -39,9 +41,10 @@ from contactlab.scene.model_edits import (
     geoms_written,
     nonuniform_settings,
 )
+from contactlab.scene.model_settings import base_settings
 from contactlab.scene.recording_sensors import SensorLayout, add_sensors, find_layout
 from contactlab.scene.scene_source import SceneSource
-from contactlab.scene.settings import base_settings
+from contactlab.scene.settings import Settings, as_number
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
 from contactlab.schema import PairRecord, SceneManifest
 
@@ -66,7 +69,7 @@ class CompiledScene:
     model: mujoco.MjModel
     pairs: tuple[MonitoredPair, ...]
     layout: SensorLayout
-    settings: Mapping[str, object]
+    settings: Settings
     flags: Mapping[str, bool]
     targets: EditTargets
     nonuniform: frozenset[str]
@@ -83,21 +86,21 @@ class CompiledScene:
         self,
         edits: Mapping[str, object],
         effect_request: EffectRequest | None = None,
-        *,
-        straight: bool = False,
+        start: InitialStates | None = None,
     ) -> "PreparedModel":
         """Return a copy of the model with the edits written, and what came of them.
 
         Args:
             edits: settings and effects to write.
             effect_request: decide the other effects; they stay as they are if None.
-            straight: whether the run starts without turning or moving sideways.
+            start: the run's initial state, n being 1; proofs that look at it fail if None.
         """
         model = copy.copy(self.model)
         place_mocap(model, str({**self.settings, **edits}.get("keyframe", QPOS0)))
         apply_settings(model, edits, self.targets)
         effects: dict[str, EffectState] = {}
         if effect_request is not None:
+            straight = start is not None and is_straight(model, start)
             run = RunState(model, self.facts, straight)
             effects = choose(run, effect_request)
             leave_out(run, effects)
@@ -173,6 +176,22 @@ def compile_scene(
         holding=holding,
         facts=find_facts(model, energy=energy),
     )
+
+
+def full_structure(
+    manifest: SceneManifest | None, values: Mapping[str, object]
+) -> dict[str, object]:
+    """Return every structure value of a scene, its defaults where no value is given.
+
+    Args:
+        manifest: the scene's, if it has one.
+        values: values by name; what is not structure is left out.
+    """
+    full: dict[str, object] = {}
+    for name, entry in (manifest.structure if manifest else {}).items():
+        value = as_number(values.get(name, entry.default))
+        full[name] = int(value) if entry.integer else value
+    return full
 
 
 def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | None:

@@ -1,23 +1,19 @@
 """Write resolved settings into a compiled model."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
+from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
 from contactlab.scene.effects import EFFECTS
 from contactlab.scene.engine_flags import FLAGS, write_flags
 from contactlab.scene.model_fields import is_field, write_field
-from contactlab.scene.parameters import CONTACT_SETTINGS
-from contactlab.scene.settings import (
-    OPTION_INTEGERS,
-    OPTION_NUMBERS,
-    OPTION_VECTORS,
-    OPTION_WORDS,
-)
+from contactlab.scene.model_settings import write_option
+from contactlab.scene.settings import Settings, as_number
 
 
 @dataclass(frozen=True)
@@ -67,18 +63,16 @@ def apply_settings(
     write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
     derived = False
     for name, value in changed.items():
-        if name in _WRITERS:
-            _WRITERS[name](model, value)
-        elif name in CONTACT_SETTINGS:
+        if name in OPTIONS:
+            write_option(model, name, value)
+        elif name in CONTACT:
             _write_contact(model, name, value, targets)
             derived |= name in ("margin", "gap")
         elif name == "mass":
-            _write_mass(model, float(str(value)), targets)
+            _write_mass(model, as_number(value), targets)
             derived = True
         elif name in EFFECTS and name not in FLAGS:
-            turn = EFFECTS[name].turn
-            assert turn is not None
-            turn(model, bool(value))
+            EFFECTS[name].switch.write(model, on=bool(value))
         elif is_field(model, name):
             derived |= write_field(model, name, value)
     if derived:
@@ -87,48 +81,20 @@ def apply_settings(
 
 def geoms_written(changed: Iterable[str], targets: EditTargets) -> tuple[int, ...]:
     """Return the ids of the geoms that `apply` gives contact parameters to."""
-    return targets.geoms if set(changed) & set(CONTACT_SETTINGS) else ()
+    return targets.geoms if set(changed) & set(CONTACT) else ()
 
 
 def nonuniform_settings(
-    model: mujoco.MjModel, settings: Mapping[str, object], targets: EditTargets
+    model: mujoco.MjModel, settings: Settings, targets: EditTargets
 ) -> frozenset[str]:
     """Return the contact settings that `apply` would change by writing what stands there."""
     return frozenset(
         name
-        for name in CONTACT_SETTINGS
+        for name in CONTACT
         if name in settings
         for field, row in _rows(name, settings[name]).items()
         if np.any(getattr(model, field)[targets.rows(field)] != row)
     )
-
-
-def _number(name: str) -> Callable[[mujoco.MjModel, object], None]:
-    def write(model: mujoco.MjModel, value: object) -> None:
-        setattr(model.opt, name, value)
-
-    return write
-
-
-def _vector(name: str) -> Callable[[mujoco.MjModel, object], None]:
-    def write(model: mujoco.MjModel, value: object) -> None:
-        getattr(model.opt, name)[:] = value
-
-    return write
-
-
-def _word(name: str, words: tuple[str, ...]) -> Callable[[mujoco.MjModel, object], None]:
-    def write(model: mujoco.MjModel, value: object) -> None:
-        setattr(model.opt, name, words.index(str(value)))
-
-    return write
-
-
-_WRITERS = (
-    {name: _number(name) for name in (*OPTION_NUMBERS, *OPTION_INTEGERS)}
-    | {name: _vector(name) for name in OPTION_VECTORS}
-    | {name: _word(name, words) for name, words in OPTION_WORDS.items()}
-)
 
 
 def _rows(name: str, value: object) -> dict[str, np.ndarray]:

@@ -16,7 +16,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 
-from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.settings import Settings
 
 
 @dataclass(frozen=True)
@@ -69,7 +70,7 @@ def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) 
     """
     chosen = {name: each.reference for name, each in NUMERICS.items()}
     chosen |= {"integrator": integrator, "timestep": timestep}
-    settings = {name: chosen.get(name, value) for name, value in run.settings.items()}
+    settings = Settings({name: chosen.get(name, value) for name, value in run.settings.items()})
     flags = {name: bool(chosen.get(name, state)) for name, state in run.flags.items()}
     written = {name for name in chosen if name in settings or name in flags}
     return replace(run, settings=settings, flags=flags, changed=run.changed | written)

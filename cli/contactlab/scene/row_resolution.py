@@ -8,23 +8,20 @@ for each axis, and its seeds a hash each.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from operator import itemgetter
-from typing import TYPE_CHECKING, NamedTuple, cast
+from typing import NamedTuple, cast
 
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.effects import EFFECTS, fold
+from contactlab.scene.effects import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, application_order
-from contactlab.scene.resolved import ResolvedRun, steps_of
-from contactlab.scene.run_identity import (
-    digest,
-    entries_of,
-    entry,
-    head_of,
-    tail_of,
-    written_over_of,
+from contactlab.scene.resolution import (
+    ResolvedRun,
+    RunResolver,
+    settings_of,
+    steps_of,
+    write_axis,
 )
-
-if TYPE_CHECKING:
-    from contactlab.scene.scene import Scene
+from contactlab.scene.run_identity import RunIdentity, id_entry
+from contactlab.scene.settings import Settings, as_number
 
 # Values of a setting that are remembered; a sampled axis has another one in each row.
 _MOST_PARTS = 1 << 16
@@ -47,7 +44,7 @@ class ResolvedRow(NamedTuple):
     @property
     def timestep(self) -> float:
         """Length of a step [s]."""
-        return cast("float", self.setting("timestep"))
+        return as_number(self.setting("timestep"))
 
     @property
     def steps(self) -> int:
@@ -66,15 +63,11 @@ class ResolvedRow(NamedTuple):
 
     def run_ids(self, seeds: Sequence[int]) -> bytes:
         """Return the ids of the row's runs, `ID_BYTES` each."""
-        shape = self.shape
-        pieces = shape.pieces.copy()
-        pieces[1::2] = [part.entry for part in self.parts]
-        tail = tail_of(pieces, shape.written_over)
-        return b"".join([digest(shape.head, seed, tail) for seed in seeds])
+        return self.shape.identity.digests([part.entry for part in self.parts], seeds)
 
     def resolved(self, seed: int) -> ResolvedRun:
         """Return what decides the row's run of a seed."""
-        first, settings, initial = self.shape.first, dict(self.shape.first.settings), {}
+        first, settings, initial = self.shape.first, Settings(self.shape.first.settings), {}
         for setting, part in zip(self.shape.settings, self.parts, strict=True):
             (initial if setting.initial else settings)[setting.name] = part.value
         return replace(first, settings=settings, initial={**first.initial, **initial}, seed=seed)
@@ -104,7 +97,7 @@ class _Setting:
         found = self.known.get(key)
         if found is None:
             value = self._value(base, values)
-            found = Part(value, entry(base, self.name, value))
+            found = Part(value, id_entry(base, self.name, value))
             # Zeros of either sign would be one key, though they are two values.
             if len(self.known) < _MOST_PARTS and not _has_zero(key):
                 self.known[key] = found
@@ -112,36 +105,39 @@ class _Setting:
 
     def _value(self, base: CompiledScene, values: Values) -> object:
         if self.initial:
-            return float(str(values[self.name]))
-        settings = dict(base.settings)
+            return as_number(values[self.name])
+        settings = Settings(base.settings)
         for axis in self.axes:
-            if axis in PARAMETERS:
-                PARAMETERS[axis].update(settings, values[axis])
-            elif axis in EFFECTS:
-                fold(axis, on=bool(values[axis]), settings=settings)
-            else:
-                settings[axis] = values[axis]
+            write_axis(settings, axis, values[axis])
         return settings[self.name]
 
 
 class RowGroup:
     """What rows have in common that differ in nothing but plain settings and initial values.
 
+    Args:
+        resolver: of their scene.
+        scene: hash of the scene's files.
+        first: the first of the rows, resolved.
+        deciding: the axes that decide each setting or initial value that varies.
+
     Attributes:
         first: the first of its rows, resolved.
         settings: what varies, in the order of their names.
         places: where each of them stands.
         starting: the places of what decides where a run starts.
-        head: what stands before a run's seed in the text that its id is of.
-        pieces: the settings in that text; those that vary are every second one, left empty.
-        written_over: the last entry of that text.
+        identity: what the ids of its runs have in common.
     """
 
     def __init__(
-        self, scene: "Scene", first: ResolvedRun, deciding: Mapping[str, Sequence[str]]
+        self,
+        resolver: RunResolver,
+        scene: str,
+        first: ResolvedRun,
+        deciding: Mapping[str, Sequence[str]],
     ) -> None:
         self.first = first
-        self._base = base = scene.base(first.structure)
+        self._base = base = resolver.compiled(first.structure)
         self.settings = tuple(
             _Setting(name, name in first.initial, tuple(axes), itemgetter(*axes), {})
             for name, axes in sorted(deciding.items())
@@ -152,17 +148,10 @@ class RowGroup:
             for place, setting in enumerate(self.settings)
             if setting.initial or setting.name == "keyframe"
         ]
-        self.head = head_of(base, first, scene.hash)
-        self.written_over = written_over_of(base, first)
-        self.pieces = [""]
-        for name, text in entries_of(base, first.values).items():
-            if name in deciding:
-                self.pieces += ["", ""]
-            else:
-                self.pieces[-1] += text
+        self.identity = RunIdentity(base, first, scene, deciding)
 
     def row(self, values: Values) -> ResolvedRow:
-        """Return what a row of this shape is resolved to."""
+        """Return what a row of this group is resolved to."""
         return ResolvedRow(self, [each.part(self._base, values) for each in self.settings])
 
 
@@ -170,17 +159,17 @@ class RowResolver:
     """Resolves the rows of one sweep.
 
     Args:
-        scene: theirs.
-        own: effects that the scene switches itself.
+        resolver: of their scene.
+        scene: hash of the scene's files.
         duration: simulated time of a run [s]; the scene's own if None.
     """
 
-    def __init__(self, scene: "Scene", own: Values, duration: float | None) -> None:
+    def __init__(self, resolver: RunResolver, scene: str, duration: float | None) -> None:
+        self._resolver = resolver
         self._scene = scene
-        self._own = own
         self._duration = duration
         self._shaping: dict[tuple[str, ...], Sequence[str]] = {}
-        self._shapes: dict[tuple[object, ...], RowGroup] = {}
+        self._groups: dict[tuple[object, ...], RowGroup] = {}
 
     def row(self, values: Values) -> ResolvedRow:
         """Return what a row is resolved to.
@@ -188,39 +177,34 @@ class RowResolver:
         Args:
             values: canonical axis values by name.
         """
-        values = {**self._own, **values} if self._own else values
+        if self._resolver.switched:
+            values = {**self._resolver.switched, **values}
         names = tuple(values)
         shaping = self._shaping.get(names)
         if shaping is None:
             shaping = self._shaping[names] = [name for name in names if self._is_shaping(name)]
         key = (names, *[repr(values[name]) for name in shaping])
-        shape = self._shapes.get(key)
-        if shape is None:
-            shape = self._shapes[key] = self._shape(values, shaping)
-        return shape.row(values)
+        group = self._groups.get(key)
+        if group is None:
+            group = self._groups[key] = self._group(values, shaping)
+        return group.row(values)
 
     def _is_shaping(self, name: str) -> bool:
         if name in PARAMETERS:
             return False
-        return name in EFFECTS or name == "engine" or not self._scene.is_plain(name)
+        return name in EFFECTS or name == "engine" or not self._resolver.is_plain(name)
 
-    def _shape(self, values: Values, shaping: Sequence[str]) -> RowGroup:
-        first = self._scene.resolve(values, 0, self._duration)
+    def _group(self, values: Values, shaping: Sequence[str]) -> RowGroup:
+        first = self._resolver.resolve(values, 0, self._duration)
         deciding: dict[str, list[str]] = {}
         varying: set[str] = set()
         for axis in application_order(values):
-            for name in _written_by(axis):
+            for name in settings_of(axis):
                 deciding.setdefault(name, []).append(axis)
                 if axis not in shaping:
                     varying.add(name)
-        return RowGroup(self._scene, first, {name: deciding[name] for name in varying})
-
-
-def _written_by(axis: str) -> Sequence[str]:
-    """Return the settings that an axis may write."""
-    if axis in PARAMETERS:
-        return (PARAMETERS[axis].sets,)
-    return EFFECTS[axis].touches if axis in EFFECTS else (axis,)
+        deciding = {name: deciding[name] for name in varying}
+        return RowGroup(self._resolver, self._scene, first, deciding)
 
 
 def _has_zero(value: object) -> bool:

@@ -7,7 +7,7 @@ between two parts that are the same for all of them.
 import hashlib
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Sequence
 from functools import cache
 from typing import cast
 
@@ -15,50 +15,56 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS, RunState
 from contactlab.scene.engine_flags import FLAGS, non_default
 from contactlab.scene.model_fields import is_as_written
-from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.resolution import ResolvedRun
 
 ID_BYTES = 8
 
 
-def digest(head: str, seed: int, tail: str) -> bytes:
-    """Return the id of a run as bytes, from what stands before and after its seed."""
-    return hashlib.sha256(f"{head}{seed}{tail}".encode()).digest()[:ID_BYTES]
-
-
-def head_of(base: CompiledScene, run: ResolvedRun, scene: str) -> str:
-    """Return what stands before the seed.
+class RunIdentity:
+    """What the ids of runs have in common that differ in some settings and in their seeds.
 
     Args:
-        base: the run's structure, with all effects.
-        run: the run.
+        base: their structure, with all effects.
+        run: one of them.
         scene: hash of the scene's files.
+        varying: settings and initial values in which they differ.
     """
-    flags = non_default(run.flags) | other_effects(base, run)
-    first = _json({"duration": run.duration, "flags": flags, "scene": scene})
-    return f'{first[:-1]},"seed":'
+
+    def __init__(
+        self, base: CompiledScene, run: ResolvedRun, scene: str, varying: Collection[str] = ()
+    ) -> None:
+        flags = non_default(run.flags) | other_effects(base, run)
+        first = _json({"duration": run.duration, "flags": flags, "scene": scene})
+        self._head = f'{first[:-1]},"seed":'
+        self._written_over = _json(sorted(run.changed & base.nonuniform))
+        # Entries in the order of their names; every second piece is left empty for one that varies.
+        self._pieces = [""]
+        values = run.values
+        for name in sorted(values):
+            if name in varying:
+                self._pieces += ["", ""]
+            else:
+                self._pieces[-1] += id_entry(base, name, values[name])
+
+    def digests(self, entries: Sequence[str], seeds: Iterable[int]) -> bytes:
+        """Return the ids of runs, `ID_BYTES` each.
+
+        Args:
+            entries: from `id_entry`, of what varies, in the order of their names.
+            seeds: of the runs.
+        """
+        pieces = self._pieces.copy()
+        pieces[1::2] = entries
+        settings = "".join(pieces)[1:]
+        tail = f',"settings":{{{settings}}},"written_over":{self._written_over}}}'
+        return b"".join([_digest(f"{self._head}{seed}{tail}") for seed in seeds])
 
 
-def tail_of(entries: Iterable[str], written_over: str) -> str:
-    """Return what stands behind the seed.
-
-    Args:
-        entries: of the settings that count, in the order of their names; empty texts are left out.
-        written_over: what `written_over_of` returns.
-    """
-    return f',"settings":{{{"".join(entries)[1:]}}},{written_over}}}'
+def _digest(text: str) -> bytes:
+    return hashlib.sha256(text.encode()).digest()[:ID_BYTES]
 
 
-def written_over_of(base: CompiledScene, run: ResolvedRun) -> str:
-    """Return the last entry: settings written over pairs that have them differently."""
-    return f'"written_over":{_json(sorted(run.changed & base.nonuniform))}'
-
-
-def entries_of(base: CompiledScene, values: Mapping[str, object]) -> dict[str, str]:
-    """Return the entry of each value, in the order of their names; empty if it does not count."""
-    return {name: entry(base, name, values[name]) for name in sorted(values)}
-
-
-def entry(base: CompiledScene, name: str, value: object) -> str:
+def id_entry(base: CompiledScene, name: str, value: object) -> str:
     """Return the entry of one setting with a comma before it; empty if it does not count."""
     if name not in base.settings and is_as_written(base.model, name, value):
         return ""
@@ -95,5 +101,6 @@ def other_effects(base: CompiledScene, run: ResolvedRun) -> dict[str, bool]:
     return {
         name: run.effect_request.asked[name]
         for name in sorted(names)
-        if "condim" in run.changed or EFFECTS[name].is_on(written) != run.effect_request.asked[name]
+        if "condim" in run.changed
+        or EFFECTS[name].switch.is_on(written) != run.effect_request.asked[name]
     }

@@ -10,7 +10,7 @@ from contactlab.contact import Barrier, FreeBody, HoldWindow, Setup
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding
 from contactlab.scene.initial_states import quaternions
-from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema import SceneManifest
 

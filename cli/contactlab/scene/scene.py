@@ -1,14 +1,23 @@
-"""A scene ready for its runs: from a run's values to settings, model and start state."""
+"""A scene ready for its runs: from a run's values to settings, model and initial state."""
 
 import copy
 import json
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
 
+import mujoco
+
 from contactlab.scene.axis_catalogue import SceneCatalogue
-from contactlab.scene.compiled_scene import CompiledScene, PreparedModel, compile_scene
-from contactlab.scene.effects import EFFECTS, EffectRequest, is_straight, left_uncompiled
+from contactlab.scene.compile_model import compile_model
+from contactlab.scene.compiled_scene import (
+    CompiledScene,
+    PreparedModel,
+    compile_scene,
+    full_structure,
+)
+from contactlab.scene.effects import is_straight, remove
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
@@ -16,29 +25,33 @@ from contactlab.scene.initial_states import (
     nudged_states,
 )
 from contactlab.scene.mujoco_versions import missing_flags
-from contactlab.scene.parameters import PARAMETERS, application_order
-from contactlab.scene.resolved import ResolvedRun
+from contactlab.scene.resolution import ResolvedRun, RunResolver, switched_by
 from contactlab.scene.row_resolution import RowResolver
-from contactlab.scene.run_identity import digest, entries_of, head_of, tail_of, written_over_of
+from contactlab.scene.run_identity import RunIdentity
 from contactlab.scene.scene_source import SceneSource, find_scene
-from contactlab.scene.settings import ENGINES
-from contactlab.scene.switching import is_auto, own_switches, switch_effect
-from contactlab.schema import InitialValue
 
 
 class Scene:
-    """A scene and the structures of it that were compiled so far."""
+    """A scene with its axes, and what was compiled of it so far.
+
+    Attributes:
+        source: its files and manifest.
+        catalogue: every axis that it offers.
+        resolver: resolves its runs.
+        initial: makes the initial states of its runs.
+    """
 
     def __init__(self, source: SceneSource) -> None:
         self.source = source
-        self.auto = is_auto(source.manifest)
-        self._bases: dict[tuple[str, frozenset[str]], CompiledScene] = {}
-        self._starts: dict[str, InitialStateRule] = {}
-        base = self.base({})
-        self._lacking = missing_flags()
+        self._compiled: dict[tuple[str, frozenset[str]], CompiledScene] = {}
+        manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
-            self.catalogue = SceneCatalogue(base, source.manifest)
-            self._switches = own_switches(source.manifest, self.catalogue)
+            self.catalogue = SceneCatalogue(base, manifest)
+            switched = switched_by(manifest, self.catalogue)
+        # A bare model is taken as it is written.
+        auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
+        self.resolver = RunResolver(manifest, self.base, switched, missing_flags(), auto)
+        self.initial = InitialStateMaker(self)
         self.starts([self.resolve({}, 0, None)])
 
     @classmethod
@@ -60,6 +73,11 @@ class Scene:
         """Hash of the scene's files."""
         return self.source.content.hash
 
+    @property
+    def duration(self) -> float:
+        """The scene's own duration [s]."""
+        return self.resolver.duration
+
     def with_effects(self, rest: str | None) -> "Scene":
         """Return the scene with another rule for effects that nobody asks for by name.
 
@@ -67,47 +85,30 @@ class Scene:
             rest: `auto` leaves out what provably changes nothing, `all` nothing; None for the
                 scene's own rule.
         """
-        if rest is None or (rest == "auto") == self.auto:
+        if rest is None or (rest == "auto") == self.resolver.auto:
             return self
         scene = copy.copy(self)
-        scene.auto = rest == "auto"
+        scene.resolver = replace(self.resolver, auto=rest == "auto")
         return scene
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
     ) -> CompiledScene:
-        """Return the compiled base of the given structure values, over the scene's defaults.
+        """Return the compiled scene of the given structure values, over the scene's defaults.
 
         Args:
             structure: structure values.
             without: effects that it is compiled without.
         """
-        full = self._structure(structure)
+        full = full_structure(self.source.manifest, structure)
         key = json.dumps(full, sort_keys=True), without
-        if key not in self._bases:
-            self._bases[key] = compile_scene(self.source, full, without)
-        return self._bases[key]
+        if key not in self._compiled:
+            self._compiled[key] = compile_scene(self.source, full, without)
+        return self._compiled[key]
 
     def base_of(self, run: ResolvedRun) -> CompiledScene:
-        """Return the compiled base that a run's model is made from."""
+        """Return the compiled scene that a run's model is made from."""
         return self.base(run.structure, run.without)
-
-    def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
-        """Return a run's model, without the effects that it does not call for.
-
-        Args:
-            run: the run.
-            start: its start state, n being 1.
-        """
-        base = self.base_of(run)
-        return base.prepare(
-            run.edits(), run.effect_request, straight=is_straight(base.model, start)
-        )
-
-    def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
-        """Return what two runs have in common if their models are the same."""
-        straight = is_straight(self.base_of(run).model, start)
-        return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
 
     def resolve(
         self, values: Mapping[str, object], seed: int, duration: float | None
@@ -119,54 +120,7 @@ class Scene:
             seed: the run's seed.
             duration: simulated time [s]; the scene's own if None.
         """
-        # What an engine has no switch for it does as it is by default; it was asked for no other.
-        values = _without({**self._switches, **values}, self._lacking)
-        structure = self._structure(values)
-        base = self.base(structure)
-        settings, flags = dict(base.settings), dict(base.flags)
-        changed: set[str] = set()
-        asked: dict[str, bool] = {}
-        for name in application_order(values):
-            if name in PARAMETERS:
-                PARAMETERS[name].update(settings, values[name])
-                changed.add(PARAMETERS[name].sets)
-            elif name in EFFECTS:
-                asked[name] = bool(values[name])
-                changed |= switch_effect(name, asked[name], settings, flags)
-            elif name not in structure and name not in self._initial():
-                settings[name] = values[name]
-                changed.add(name)
-        initial = {
-            name: float(str(values.get(name, entry.default)))
-            for name, entry in self._initial().items()
-        }
-        auto = self.auto and settings["engine"] == ENGINES[0]
-        effect_request = EffectRequest(asked, frozenset(changed), auto)
-        return ResolvedRun(
-            structure=structure,
-            settings=settings,
-            changed=frozenset(changed),
-            flags=flags,
-            initial=initial,
-            seed=seed,
-            duration=self.duration if duration is None else duration,
-            effect_request=effect_request,
-            without=left_uncompiled(base.facts, effect_request),
-        )
-
-    @property
-    def duration(self) -> float:
-        """The scene's own duration [s]; 2 s for a bare model."""
-        return self.source.manifest.duration if self.source.manifest else 2.0
-
-    def run_id(self, run: ResolvedRun) -> str:
-        """Return a hash of scene content, settings, seed and duration, but not of the engine.
-
-        Runs that are resolved to the same model and start have the same one.
-        """
-        base = self.base(run.structure)
-        tail = tail_of(entries_of(base, run.values).values(), written_over_of(base, run))
-        return digest(head_of(base, run, self.hash), run.seed, tail).hex()
+        return self.resolver.resolve(values, seed, duration)
 
     def rows(self, duration: float | None) -> RowResolver:
         """Return what resolves the rows of a sweep faster than one by one.
@@ -174,30 +128,62 @@ class Scene:
         Args:
             duration: simulated time of each run [s]; the scene's own if None.
         """
-        return RowResolver(self, self._switches, duration)
+        return RowResolver(self.resolver, self.hash, duration)
 
-    def is_plain(self, name: str) -> bool:
-        """Say whether an axis writes a setting or initial value, and no structure."""
-        manifest = self.source.manifest
-        return name not in self._lacking and not (manifest and name in manifest.structure)
+    def run_id(self, run: ResolvedRun) -> str:
+        """Return a hash of scene content, settings, seed and duration, but not of the engine.
+
+        Runs that are resolved to the same model and initial state have the same one.
+        """
+        identity = RunIdentity(self.base(run.structure), run, self.hash)
+        return identity.digests([], [run.seed]).hex()
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return the start states of runs of one structure."""
+        """Return the initial states of runs of one structure."""
+        return self.initial.states(runs)
+
+    def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
+        """Return a run's model, without the effects that it does not call for.
+
+        Args:
+            run: the run.
+            start: its initial state, n being 1.
+        """
+        return self.base_of(run).prepare(run.edits(), run.effect_request, start)
+
+    def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
+        """Return what two runs have in common if their models are the same."""
+        straight = is_straight(self.base_of(run).model, start)
+        return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
+
+
+class InitialStateMaker:
+    """Makes the initial states of a scene's runs."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._source = scene.source
+        self._base = scene.base
+        self._rules: dict[str, InitialStateRule] = {}
+
+    def states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
+        """Return the initial states of runs of one structure."""
         groups = [list(group) for _, group in groupby(runs, lambda run: run.keyframe)]
-        with self.source.named_in_errors():
+        with self._source.named_in_errors():
             return InitialStates.joined(
                 [
-                    initial_states(
-                        self._start(group[0]), [(run.initial, run.seed) for run in group]
-                    )
+                    initial_states(self._rule(group[0]), [(run.initial, run.seed) for run in group])
                     for group in groups
                 ]
             )
 
+    def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
+        """Return starts with every place moved by up to 1e-6 m or rad, as each run's seed says."""
+        return nudged_states(self._rule(runs[0]), starts, [run.seed for run in runs])
+
     @property
     def is_timed(self) -> bool:
         """Whether anything in a run depends on time: control, or a hold."""
-        manifest = self.source.manifest
+        manifest = self._source.manifest
         return manifest is not None and bool(manifest.control or manifest.hold)
 
     def check(self, run: ResolvedRun) -> None:
@@ -208,37 +194,36 @@ class Scene:
         """
         if not self.is_timed:
             return
-        self.starts([run])
-        holding = self.base(run.structure).holding
-        with self.source.named_in_errors():
+        self.states([run])
+        holding = self._base(run.structure).holding
+        with self._source.named_in_errors():
             if holding is not None:
                 holding.window(run.initial)
 
-    def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return starts with every place moved by up to 1e-6 m or rad, as each run's seed says."""
-        start = self._start(runs[0])
-        return nudged_states(start, starts, [run.seed for run in runs])
-
-    def _start(self, run: ResolvedRun) -> InitialStateRule:
+    def _rule(self, run: ResolvedRun) -> InitialStateRule:
         key = json.dumps([run.structure, run.keyframe], sort_keys=True)
-        if key not in self._starts:
-            model, manifest = self.base(run.structure).model, self.source.manifest
-            with self.source.named_in_errors():
-                self._starts[key] = InitialStateRule.of(model, manifest, run.keyframe)
-        return self._starts[key]
-
-    def _structure(self, values: Mapping[str, object]) -> dict[str, object]:
-        manifest = self.source.manifest
-        entries = manifest.structure if manifest else {}
-        full: dict[str, object] = {}
-        for name, entry in entries.items():
-            value = float(str(values.get(name, entry.default)))
-            full[name] = int(value) if entry.integer else value
-        return full
-
-    def _initial(self) -> Mapping[str, InitialValue]:
-        return self.source.manifest.initial if self.source.manifest else {}
+        if key not in self._rules:
+            model = self._base(run.structure).model
+            with self._source.named_in_errors():
+                self._rules[key] = InitialStateRule.of(model, self._source.manifest, run.keyframe)
+        return self._rules[key]
 
 
-def _without(values: Mapping[str, object], names: frozenset[str]) -> dict[str, object]:
-    return {name: value for name, value in values.items() if name not in names}
+def compile_without_sensors(scene: Scene, run: ResolvedRun) -> mujoco.MjModel:
+    """Compile the structure of a run without the sensors that record."""
+    return compile_model(scene.source, run.structure, lambda spec: remove(spec, run.without))
+
+
+def prepare_without_sensors(
+    scene: Scene, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel
+) -> mujoco.MjModel:
+    """Return a copy of a compiled structure with all that makes it the run's own model.
+
+    Args:
+        scene: the run's.
+        run: the run.
+        start: its initial state, n being 1.
+        compiled: its structure, from `compile_without_sensors`.
+    """
+    base = replace(scene.base_of(run), model=compiled)
+    return base.prepare(run.edits(), run.effect_request, start).model

@@ -1,60 +1,45 @@
-"""A model's settings as plain values: what a run starts from before its sweep changes any."""
-
-from collections.abc import Sequence
-
-import mujoco
-import numpy as np
-
-from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
-from contactlab.scene.parameters import (
-    CONES,
-    CONTACT_SETTINGS,
-    INTEGRATORS,
-    JACOBIANS,
-    SOLVERS,
-)
-
-ENGINES = ("mujoco", "impulse")
-OPTION_WORDS = {
-    "integrator": INTEGRATORS,
-    "cone": CONES,
-    "solver": SOLVERS,
-    "jacobian": JACOBIANS,
-}
-OPTION_NUMBERS = (
-    "timestep",
-    "tolerance",
-    "ls_tolerance",
-    "noslip_tolerance",
-    "ccd_tolerance",
-    "impratio",
-    "density",
-    "viscosity",
-)
-OPTION_INTEGERS = ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations")
-OPTION_VECTORS = ("gravity", "wind")
+"""Settings of a run by name, read as the numbers, vectors and words that they are."""
 
 
-def base_settings(
-    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], subject: int | None
-) -> dict[str, object]:
-    """Return every setting of a compiled model, in the units of the parameters table.
+class Settings(dict[str, object]):
+    """Every setting of a model or a run, by name, in the units of the parameters.
 
-    Contact settings are those of the first monitored pair, since a sweep sets them for all pairs.
+    A value is a float, an int, a word or a tuple of floats.
     """
-    option = model.opt
-    settings: dict[str, object] = {"engine": ENGINES[0]}
-    settings |= {name: float(getattr(option, name)) for name in OPTION_NUMBERS}
-    settings |= {name: int(getattr(option, name)) for name in OPTION_INTEGERS}
-    settings |= {name: _vector(getattr(option, name)) for name in OPTION_VECTORS}
-    settings |= {name: words[getattr(option, name)] for name, words in OPTION_WORDS.items()}
-    if pairs:
-        first = effective_parameters(model, pairs[0])
-        settings |= {name: getattr(first, name) for name in CONTACT_SETTINGS}
-    if subject is not None:
-        settings["mass"] = float(model.body_mass[subject])
-    return settings
+
+    def number(self, name: str) -> float:
+        """Return a setting that is a number."""
+        return as_number(self[name])
+
+    def vector(self, name: str) -> tuple[float, ...]:
+        """Return a setting of several numbers."""
+        return as_vector(self[name])
+
+    def word(self, name: str) -> str:
+        """Return a setting that is a word."""
+        value = self[name]
+        if not isinstance(value, str):
+            raise TypeError(f"{name} is {value!r}, not a word")
+        return value
 
 
-def _vector(values: np.ndarray) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
+def as_number(value: object) -> float:
+    """Return a setting's or an axis' value as a float.
+
+    Raises:
+        TypeError: it is not a number.
+    """
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise TypeError(f"{value!r} is not a number")
+    return float(value)
+
+
+def as_vector(value: object) -> tuple[float, ...]:
+    """Return a setting's or an axis' value as a tuple of floats.
+
+    Raises:
+        TypeError: it is not a tuple.
+    """
+    if not isinstance(value, tuple):
+        raise TypeError(f"{value!r} is not several numbers")
+    return value

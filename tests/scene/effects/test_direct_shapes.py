@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.scene.effects.unused import _DIRECT  # pyright: ignore[reportPrivateUsage]
+from contactlab.scene.effects.proofs import _DIRECT  # pyright: ignore[reportPrivateUsage]
 
 _SHAPES = {
     "plane": ('type="plane" size="1 1 .1"', mujoco.mjtGeom.mjGEOM_PLANE),

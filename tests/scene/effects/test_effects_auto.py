@@ -54,7 +54,7 @@ def test_what_is_off_is_not_in_the_model(prepared: Prepare, name: str) -> None:
     base = scene.base_of(scene.resolve({}, 0, None))
     run = RunState(found.model, base.facts, straight=False)
     assert set(found.effects) == set(EFFECTS)
-    assert off(found) == {each for each, effect in EFFECTS.items() if not effect.is_on(run)}
+    assert off(found) == {each for each, effect in EFFECTS.items() if not effect.switch.is_on(run)}
     assert all(choice.reason for choice in found.effects.values())
 
 

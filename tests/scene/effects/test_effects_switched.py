@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.scene import EFFECTS, FLAGS, FRICTIONS, PreparedModel, Scene
+from contactlab.scene import EFFECTS, FLAGS, PreparedModel, Scene
 from contactlab.schema import Sweep, effects_base, switches
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., PreparedModel]
+FRICTIONS = [("tangential_friction", 1), ("torsional_friction", 3), ("rolling_friction", 4)]
 BALL = Scene.open("ball_drop")
 MANY = """
 <mujoco>
@@ -45,7 +46,7 @@ def test_every_effect_can_be_switched_off(
     assert not state.on or (name == "gravity" and not found.model.opt.gravity.any())
 
 
-@pytest.mark.parametrize(("name", "most"), list(zip(FRICTIONS, (1, 3, 4), strict=True)))
+@pytest.mark.parametrize(("name", "most"), FRICTIONS)
 def test_friction_effects_bound_every_contact(
     prepared: Prepare, unequal: Scene, name: str, most: int
 ) -> None:

@@ -1,8 +1,8 @@
 """What an effect is, and what is known of a run before it starts."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, field
+from typing import Literal, Protocol
 
 import mujoco
 
@@ -54,12 +54,21 @@ class RunState:
     straight: bool
 
 
+Proof = Callable[[RunState], str | None]
+"""Says why nothing changes in a run without an effect; None where that is not proven."""
+
+
+def never(_: RunState) -> str | None:
+    """Prove nothing."""
+    return None
+
+
 @dataclass(frozen=True)
 class EffectRequest:
-    """What is asked of a run's effects.
+    """Which effects a run asks for.
 
     Attributes:
-        asked: effects that the sweep or the scene switches itself.
+        asked: effects that the sweep or the scene switches by name.
         changed: settings that the sweep sets; nothing is left out that would write over them.
         auto: whether to leave out what provably changes nothing.
     """
@@ -70,6 +79,44 @@ class EffectRequest:
 
 
 @dataclass(frozen=True)
+class EffectMjcf:
+    """What turns an effect on or off in MJCF.
+
+    Attributes:
+        options: attributes of <option>.
+        flags: attributes of <flag>.
+        condim: bound on every contact's dimensions: at least, to turn on; at most, to turn off.
+        comment: what to do by hand, where no attribute does it.
+    """
+
+    options: Mapping[str, str] = field(default_factory=dict[str, str])
+    flags: Mapping[str, bool] = field(default_factory=dict[str, bool])
+    condim: int | None = None
+    comment: str | None = None
+
+
+class Switch(Protocol):
+    """How an effect is read from a model, and how it is turned on or off."""
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The settings that it writes over."""
+        ...
+
+    def is_on(self, run: RunState) -> bool:
+        """Say whether the effect is in a run's model."""
+        ...
+
+    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
+        """Turn the effect on or off in a compiled model, in place."""
+        ...
+
+    def mjcf(self, *, on: bool) -> EffectMjcf:
+        """Return what turns the effect on or off in MJCF."""
+        ...
+
+
+@dataclass(frozen=True)
 class Effect:
     """One physical or numerical feature that can be on or off.
 
@@ -77,26 +124,23 @@ class Effect:
         name: its name in sweeps, scenes and records.
         kind: part of the physics, of how it is computed, or of what is recorded.
         what: what it is.
-        switch: how the engine is told to leave it out.
+        switch: how it is turned on and off.
         called_by: what in a scene calls for it.
-        changes: whether it can change a trajectory by more than rounding.
-        is_on: reads a situation.
-        turn: writes a model, in place; None where it is decided before the model is compiled, or
-            through a setting.
-        unused: a proof that nothing changes without it, in words; None without one.
-        touches: settings that `turn` would write over.
+        unused: a proof that nothing changes without it.
+        on: axis values with which a study turns it on; none where studies do not.
+        off: axis values with which a study turns it off; its own axis, if left out.
+        studied: whether studies change it; not what the model itself is about.
     """
 
     name: str
     kind: Kind
     what: str
-    switch: str
+    switch: Switch
     called_by: str
-    changes: bool
-    is_on: Callable[[RunState], bool]
-    turn: Callable[[mujoco.MjModel, bool], None] | None
-    unused: Callable[[RunState], str | None]
-    touches: tuple[str, ...] = ()
+    unused: Proof = never
+    on: Mapping[str, object] = field(default_factory=dict[str, object])
+    off: Mapping[str, object] = field(default_factory=dict[str, object])
+    studied: bool = True
 
 
 @dataclass(frozen=True, slots=True)

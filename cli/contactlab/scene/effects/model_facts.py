@@ -1,10 +1,11 @@
-"""What a compiled structure decides about its effects; found once."""
+"""What a compiled structure, and a run's initial state, decide about effects."""
 
 import mujoco
 import numpy as np
 
 from contactlab.scene.effects.effect import ModelFacts
-from contactlab.scene.effects.unused import tendons_act
+from contactlab.scene.effects.proofs import tendons_act
+from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.recording_sensors import PREFIX
 
 _GEOM = mujoco.mjtGeom
@@ -27,6 +28,19 @@ def find_facts(model: mujoco.MjModel, *, energy: bool) -> ModelFacts:
         idle_tendons=_are_idle(model),
         energy=energy,
     )
+
+
+def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
+    """Say whether, at the start, nothing turns or moves but along z, nor is pushed otherwise.
+
+    Args:
+        model: the run's model.
+        start: its initial state, n being 1; what is driven over time counts as pushed.
+    """
+    free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(_JOINT.mjJNT_FREE)]
+    sideways = np.delete(start.qvel[0], free + 2)
+    pushed = np.delete(start.applied[0].reshape(-1, 6), 2, axis=1)
+    return not (sideways.any() or pushed.any() or start.driven.size)
 
 
 def spare_sensors(model: mujoco.MjModel) -> list[int]:

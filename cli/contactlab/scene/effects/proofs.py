@@ -4,14 +4,10 @@ What a proof rests on is the engine's own code path: what is not there is not co
 acts with a force of exactly zero leaves the state as it is, to rounding.
 """
 
-from collections.abc import Callable
-
 import mujoco
 import numpy as np
 
-from contactlab.scene.effects.effect import RunState
-
-Proof = Callable[[RunState], str | None]
+from contactlab.scene.effects.effect import Proof, RunState
 
 _GEOM = mujoco.mjtGeom
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
@@ -35,11 +31,6 @@ _DIRECT = (
     | {(shape, _BOX) for shape in (*_ROUND, _BOX)}
     | {(int(_GEOM.mjGEOM_SPHERE), _CYLINDER)}
 )
-
-
-def never(_: RunState) -> str | None:
-    """Prove nothing."""
-    return None
 
 
 def no_contact(run: RunState) -> str | None:

@@ -1,0 +1,203 @@
+"""From the values that a sweep gives a run to everything that decides it: settings, flags, effects.
+
+`write_axis` is the one place that says what an axis' value does to the settings.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.axis_catalogue import SceneCatalogue
+from contactlab.scene.compiled_scene import CompiledScene, full_structure
+from contactlab.scene.effects import EFFECTS, EffectRequest, OptionSwitch, left_uncompiled
+from contactlab.scene.engine_flags import FLAGS
+from contactlab.scene.initial_states import QPOS0
+from contactlab.scene.model_settings import ENGINES
+from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.settings import Settings, as_number
+from contactlab.schema import SceneManifest, switches
+
+_DURATION = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class ResolvedRun:
+    """Everything that decides one run's trajectory, but for the scene's own files.
+
+    Attributes:
+        structure: structure values, by name.
+        settings: every engine and contact setting.
+        changed: names of the settings that differ from the model as written.
+        flags: every engine flag.
+        initial: the scene's initial values.
+        seed: what perturbs the initial state.
+        duration: simulated time [s].
+        effect_request: the effects that it asks for.
+        without: effects that its model is compiled without.
+    """
+
+    structure: Mapping[str, object]
+    settings: Settings
+    changed: frozenset[str]
+    flags: Mapping[str, bool]
+    initial: Mapping[str, float]
+    seed: int
+    duration: float
+    effect_request: EffectRequest
+    without: frozenset[str]
+
+    @property
+    def timestep(self) -> float:
+        """Length of a step [s]."""
+        return self.settings.number("timestep")
+
+    @property
+    def keyframe(self) -> str:
+        """The keyframe to start from, or `QPOS0`."""
+        return str(self.settings.get("keyframe", QPOS0))
+
+    @property
+    def steps(self) -> int:
+        """Steps that cover the duration; at least one."""
+        return steps_of(self.duration, self.timestep)
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """Structure, settings and initial values in one table."""
+        return {**self.structure, **self.settings, **self.initial}
+
+    def edits(self) -> dict[str, object]:
+        """Return the settings, flags and effects to write into the compiled scene's model."""
+        # Model fields go last: they are more particular than the settings that write them too.
+        names = sorted(self.changed & set(self.settings), key=lambda name: ("[" in name, name))
+        edits = {name: self.settings[name] for name in names}
+        # Gravity is a setting, though there is a flag of that name too.
+        flagged = sorted(self.changed & set(FLAGS) - set(self.settings))
+        edits |= {name: self.flags[name] for name in flagged}
+        asked = self.effect_request.asked
+        other = sorted(asked.keys() & self.changed - set(FLAGS) - self.without)
+        return edits | {name: asked[name] for name in other}
+
+
+def steps_of(duration: float, timestep: float) -> int:
+    """Return how many steps cover a duration; at least one."""
+    return max(1, round(duration / timestep))
+
+
+def settings_of(axis: str) -> tuple[str, ...]:
+    """Return the settings that an axis may write."""
+    if axis in PARAMETERS:
+        return (PARAMETERS[axis].sets,)
+    return EFFECTS[axis].switch.settings if axis in EFFECTS else (axis,)
+
+
+def write_axis(settings: Settings, axis: str, value: object) -> bool:
+    """Write an axis' value into resolved settings; say whether it is a matter of settings.
+
+    Args:
+        settings: changed in place, other settings of the axis' kind kept.
+        axis: a parameter, an effect, or the name of a setting itself.
+        value: in the axis' canonical form.
+    """
+    if axis in PARAMETERS:
+        PARAMETERS[axis].write(settings, value)
+    elif axis in EFFECTS:
+        switch = EFFECTS[axis].switch
+        if not isinstance(switch, OptionSwitch):
+            return False
+        switch.write_settings(settings, on=bool(value))
+    else:
+        settings[axis] = value
+    return True
+
+
+@dataclass(frozen=True)
+class RunResolver:
+    """Resolves the runs of a scene.
+
+    Attributes:
+        manifest: the scene's, if it has one.
+        compiled: returns the compiled scene of structure values.
+        switched: effects that the scene switches itself.
+        unsupported: flags that this version of MuJoCo lacks.
+        auto: whether what provably changes nothing is left out unless a sweep asks for it.
+    """
+
+    manifest: SceneManifest | None
+    compiled: Callable[[Mapping[str, object]], CompiledScene]
+    switched: Mapping[str, object]
+    unsupported: frozenset[str]
+    auto: bool
+
+    @property
+    def duration(self) -> float:
+        """The scene's own duration [s]; 2 s for a bare model."""
+        return self.manifest.duration if self.manifest else _DURATION
+
+    def resolve(
+        self, values: Mapping[str, object], seed: int, duration: float | None
+    ) -> ResolvedRun:
+        """Return everything that decides a run, from the values its sweep gives it.
+
+        Args:
+            values: canonical axis values by name.
+            seed: the run's seed.
+            duration: simulated time [s]; the scene's own if None.
+        """
+        # Without a flag an engine behaves as with its default; nothing else was asked of it.
+        given = {**self.switched, **values}
+        given = {name: value for name, value in given.items() if name not in self.unsupported}
+        structure, initial = full_structure(self.manifest, given), self._initial(given)
+        base = self.compiled(structure)
+        settings, flags = Settings(base.settings), dict(base.flags)
+        changed: set[str] = set()
+        asked: dict[str, bool] = {}
+        axes = [name for name in given if name not in structure and name not in initial]
+        for axis in application_order(axes):
+            if axis in EFFECTS and axis not in PARAMETERS:
+                asked[axis] = bool(given[axis])
+                if axis in FLAGS:
+                    flags[axis] = asked[axis]
+            written = write_axis(settings, axis, given[axis])
+            changed.update(settings_of(axis) if written else {axis})
+        auto = self.auto and settings["engine"] == ENGINES[0]
+        request = EffectRequest(asked, frozenset(changed), auto)
+        return ResolvedRun(
+            structure=structure,
+            settings=settings,
+            changed=frozenset(changed),
+            flags=flags,
+            initial=initial,
+            seed=seed,
+            duration=self.duration if duration is None else duration,
+            effect_request=request,
+            without=left_uncompiled(base.facts, request),
+        )
+
+    def is_plain(self, axis: str) -> bool:
+        """Say whether an axis writes a setting or initial value, and no structure."""
+        structural = self.manifest is not None and axis in self.manifest.structure
+        return axis not in self.unsupported and not structural
+
+    def _initial(self, values: Mapping[str, object]) -> dict[str, float]:
+        entries = self.manifest.initial if self.manifest else {}
+        return {name: as_number(values.get(name, entry.default)) for name, entry in entries.items()}
+
+
+def switched_by(manifest: SceneManifest | None, catalogue: SceneCatalogue) -> dict[str, object]:
+    """Return the effects that a scene switches itself, by name.
+
+    Raises:
+        SceneError: there is no such effect, or it cannot be switched that way.
+    """
+    found: dict[str, object] = {}
+    for name, value in switches(manifest.effects if manifest else {}).items():
+        axis = catalogue.find(name) if name in EFFECTS else None
+        if axis is None:
+            raise SceneError(f"effects: no effect '{name}'{did_you_mean(name, EFFECTS)}")
+        try:
+            found[name] = axis.parse(value)
+        except ValueError as error:
+            raise SceneError(f"effects: {name}: {error}") from error
+    return found
