@@ -1,13 +1,11 @@
-"""Stores to pages and pictures, without the engine."""
+"""A store as a page or as figures, without the engine."""
 
-from contactlab.report.report_data import DEFAULT_TRACES, MOST_BYTES, PageRequest, WrittenPage
-from contactlab.report.vega_rendering import FORMATS
-from contactlab.report.write_report import write_figures, write_page
+from contactlab.report.report_data import DEFAULT_TRACES, PageRequest, WrittenPage
+from contactlab.report.write_report import FORMATS, write_figures, write_page
 
 __all__ = [
     "DEFAULT_TRACES",
     "FORMATS",
-    "MOST_BYTES",
     "PageRequest",
     "WrittenPage",
     "write_figures",

@@ -1,8 +1,7 @@
-"""A store beside its baseline: what compare says, and where the two differ."""
+"""A store beside its baseline: the comparison's verdicts, and maps of where the two differ."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import altair as alt
 import numpy as np
@@ -10,6 +9,7 @@ from numpy.typing import NDArray
 
 from contactlab.compare import DEFAULT_POLICY, Pairing, compare, pair_stores
 from contactlab.report.heatmap import (
+    Layered,
     MapFrame,
     label_map,
     label_rows,
@@ -19,6 +19,7 @@ from contactlab.report.heatmap import (
 )
 from contactlab.report.map_cells import MapAxes, cell_statistic, label_counts
 from contactlab.report.report_columns import (
+    STABLE,
     STABLE_COLOUR,
     Quantity,
     RunLabels,
@@ -26,7 +27,7 @@ from contactlab.report.report_columns import (
     read_run_labels,
 )
 from contactlab.report.report_data import ReportData
-from contactlab.report.vega_rendering import themed
+from contactlab.report.vega_rendering import Spec, themed
 from contactlab.schema import Check, CheckOutcome, ComparePolicy, ComparisonReport
 from contactlab.store import Store
 from contactlab.tradeoff import COLOURS
@@ -34,20 +35,20 @@ from contactlab.tradeoff import COLOURS
 _WORSE, _BETTER, _SAME = 0, 1, 2
 _THIRD = 300, 260
 _DEPTH = "penetration_max"
-_TOLD: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
-Rows = NDArray[np.intp]
-Spec = dict[str, Any]
+_LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
+_PANELS = ("baseline", "candidate", "difference")
+Indices = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
 class BaselineComparison:
-    """A comparison as a page tells it.
+    """A comparison as a page shows it.
 
     Attributes:
-        report: what `contactlab compare` says.
-        checks: what of it is not as before.
+        report: the result of `contactlab compare`.
+        checks: its failed checks, then warnings, then notes.
         maps: name and specification of maps of the paired runs: baseline, candidate, difference.
-        command: what prints the same.
+        command: the command that prints the same.
     """
 
     report: ComparisonReport
@@ -56,24 +57,24 @@ class BaselineComparison:
     command: str
 
 
-def compare_with_baseline(gathered: ReportData, baseline: Store) -> BaselineComparison:
+def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparison:
     """Compare a store with a baseline.
 
     Raises:
-        StoreError: a store is not sound, or no run of one is in the other.
+        StoreError: a store is damaged, or the two share no run.
     """
-    store = gathered.store
+    store = data.store
     policy = _policy(baseline, store)
     report = compare(baseline.address, store.address, policy)
     pairing = pair_stores(baseline.address, store.address, policy)
+    option = "" if policy.match == "id" else " --match axes"
     return BaselineComparison(
         report=report,
         checks=tuple(
-            each for outcome in _TOLD for each in report.checks if each.outcome == outcome
+            each for outcome in _LISTED for each in report.checks if each.outcome == outcome
         ),
-        maps=dict(_maps(gathered, baseline, pairing)) if gathered.plane else {},
-        command=f"contactlab compare {baseline.address} {store.address}"
-        + ("" if policy.match == "id" else " --match axes"),
+        maps=dict(_maps(data, baseline, pairing)),
+        command=f"contactlab compare {baseline.address} {store.address}{option}",
     )
 
 
@@ -84,58 +85,43 @@ def _policy(baseline: Store, candidate: Store) -> ComparePolicy:
     return DEFAULT_POLICY.model_copy(update={"match": match})
 
 
-def _maps(gathered: ReportData, baseline: Store, pairing: Pairing) -> list[tuple[str, Spec]]:
-    assert gathered.plane is not None
+def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple[str, Spec]]:
+    """Yield maps of the labels, and of the error or else the depth."""
+    if data.map_axes is None:
+        return
     before, after = pairing.baseline, pairing.candidate
-    plane = _at(gathered.plane, after)
-    names = (*baseline.manifest.labels, *gathered.store.manifest.labels)
-    maps = [
-        (
-            "labels",
-            _label_maps(
-                plane, _labels(baseline, names, before), _labels(gathered.store, names, after)
-            ),
-        )
-    ]
+    axes = _axes_of(data.map_axes, after)
+    names = (*baseline.manifest.labels, *data.store.manifest.labels)
+    old, new = _labels_of(baseline, names, before), _labels_of(data.store, names, after)
+    yield "labels", _label_maps(axes, old, new)
     quantities = {each.name: each for each in read_quantities(baseline)}
-    for each in _compared_quantities(gathered):
+    for each in data.quantities_named(data.tradeoff.error.name if data.tradeoff else _DEPTH):
         if each.name in quantities:
-            old = _values(quantities[each.name], before)
-            maps.append((each.name, _number_maps(plane, old, _values(each, after))))
-    return maps
+            earlier = _values_of(quantities[each.name], before)
+            yield each.name, _number_maps(axes, earlier, _values_of(each, after))
 
 
-def _compared_quantities(gathered: ReportData) -> list[Quantity]:
-    """Return the quantities that get maps: the error, or else the depth."""
-    name = gathered.weighing.report.error.name if gathered.weighing else _DEPTH
-    return [each for each in gathered.quantities if each.name == name]
-
-
-def _at(plane: MapAxes, rows: Rows) -> MapAxes:
-    x, y = plane.x, plane.y
+def _axes_of(axes: MapAxes, rows: Indices) -> MapAxes:
+    x, y = axes.x, axes.y
     return MapAxes(replace(x, codes=x.codes[rows]), y and replace(y, codes=y.codes[rows]))
 
 
-def _labels(store: Store, names: Sequence[str], rows: Rows) -> RunLabels:
-    found = read_run_labels(store, names)
-    return replace(found, codes=found.codes[rows], masks=found.masks[rows])
+def _labels_of(store: Store, names: Sequence[str], rows: Indices) -> RunLabels:
+    labels = read_run_labels(store, names)
+    return replace(labels, codes=labels.codes[rows], masks=labels.masks[rows])
 
 
-def _values(quantity: Quantity, rows: Rows) -> Quantity:
+def _values_of(quantity: Quantity, rows: Indices) -> Quantity:
     return replace(quantity, values=quantity.values[rows])
 
 
-def _label_maps(plane: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
-    frame = MapFrame.of(plane, _THIRD)
-    sides = [
-        label_map(frame, *label_rows(label_counts(plane, each), each), each)
-        for each in (before, after)
-    ]
+def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
+    frame = MapFrame.of(axes, _THIRD)
     moved = np.select(
         [after.codes < before.codes, after.codes > before.codes], [_WORSE, _BETTER], _SAME
     )
     change = RunLabels(
-        names=("worse", "better", "stable"),
+        names=("worse", "better", STABLE),
         letters=("W", "B", ""),
         colours=(COLOURS[1], COLOURS[0], STABLE_COLOUR),
         meanings=("", "", ""),
@@ -144,29 +130,31 @@ def _label_maps(plane: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
         masks=np.zeros_like(moved),
         every=(),
     )
-    pieces, letters = label_rows(label_counts(plane, change), change)
-    return _abreast([*sides, label_map(frame, pieces, letters, change)])
+    panels = [
+        label_map(frame, *label_rows(label_counts(axes, each), each), each)
+        for each in (before, after, change)
+    ]
+    return _side_by_side(panels)
 
 
-def _number_maps(plane: MapAxes, before: Quantity, after: Quantity) -> Spec:
-    frame = MapFrame.of(plane, _THIRD)
-    values = [cell_statistic(plane, each, "worst") for each in (before, after)]
-    title, least = f"worst {after.title}", after.told.resolution
-    sides = [number_map(frame, *number_rows(each), title, least) for each in values]
+def _number_maps(axes: MapAxes, before: Quantity, after: Quantity) -> Spec:
+    frame = MapFrame.of(axes, _THIRD)
+    values = [cell_statistic(axes, each, "worst") for each in (before, after)]
+    title, resolution = f"worst {after.title}", after.column.resolution
+    panels = [number_map(frame, *number_rows(each), title, resolution) for each in values]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(values[0] == values[1], 1.0, values[1] / values[0])
     ratios = np.where(np.isfinite(ratios) & (ratios > 0), ratios, np.nan)
-    return _abreast([*sides, ratio_map(frame, *number_rows(ratios), after.title)])
+    return _side_by_side([*panels, ratio_map(frame, *number_rows(ratios), after.title)])
 
 
-def _abreast(charts: Sequence[Any]) -> Spec:
-    titles = ("baseline", "candidate", "difference")
-    named = [chart.properties(title=title) for chart, title in zip(charts, titles, strict=True)]
-    joined = alt.hconcat(*named, spacing=24).resolve_scale(color="independent")
+def _side_by_side(charts: Sequence[Layered]) -> Spec:
+    titled = [chart.properties(title=title) for chart, title in zip(charts, _PANELS, strict=True)]
+    joined = alt.hconcat(*titled, spacing=24).resolve_scale(color="independent")
     spec = joined.to_dict()
     for place, part in enumerate(spec["hconcat"]):
         for layer in part["layer"]:
             layer["data"]["name"] += str(place)
-    made = themed(spec)
-    made["config"]["legend"] |= {"orient": "bottom", "columns": 2}
-    return made
+    spec = themed(spec)
+    spec["config"]["legend"] |= {"orient": "bottom", "columns": 2}
+    return spec

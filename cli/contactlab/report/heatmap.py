@@ -1,4 +1,4 @@
-"""The heatmap as a Vega-Lite specification: labels by share, or one number a cell."""
+"""The heatmap as a Vega-Lite specification: fractions of labels, or one number a cell."""
 
 import json
 import math
@@ -11,38 +11,35 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats
-from contactlab.report.map_cells import MapAxes, most_frequent_failure
+from contactlab.report.map_boundary import Boundary
+from contactlab.report.map_cells import MapAxes, label_counts, most_frequent_failure
 from contactlab.report.report_columns import RunLabels
+from contactlab.report.report_data import ReportData
+from contactlab.report.vega_rendering import HALO_AND_TEXT, Rows, Spec, layer_of, themed
 from contactlab.tradeoff import INK
 
-Rows = list[dict[str, Any]]
 Layered = alt.LayerChart | alt.FacetChart
 
 _ROOM = 560, 340
-_CELL = (13, 112), (13, 56)
+_CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
 _GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
 _LEAST_RATIO = 1.02
 _EDGE = 0.2
-_MOST_WORDS = 12
-SPANS_DECADES = 30.0
-# Words are drawn twice: a halo, which makes them readable on any colour, and themselves.
-HALOED: tuple[dict[str, Any], ...] = (
-    {"stroke": "white", "strokeWidth": 3, "strokeJoin": "round", "color": INK},
-    {"color": INK},
-)
+_MOST_TEXTS = 12
+_SPANS_DECADES = 30.0
 
 
 @dataclass(frozen=True)
 class MapFrame:
-    """What lies along the sides of a heatmap.
+    """The sides of a heatmap.
 
     Attributes:
-        x: words along the axis across.
-        y: words along the axis upwards.
-        x_title: what the axis across is.
-        y_title: what the axis upwards is; None for a single row.
-        room: width and height that there is [pixels].
+        x: tick labels of the horizontal axis.
+        y: tick labels of the vertical axis.
+        x_title: title of the horizontal axis.
+        y_title: title of the vertical axis; None for a single row.
+        room: width and height that are available [pixels].
     """
 
     x: Sequence[str]
@@ -52,39 +49,55 @@ class MapFrame:
     room: tuple[int, int] = _ROOM
 
     @classmethod
-    def of(cls, plane: MapAxes, room: tuple[int, int] = _ROOM) -> "MapFrame":
+    def of(cls, axes: MapAxes, room: tuple[int, int] = _ROOM) -> "MapFrame":
         """Return the frame of two axes."""
-        if plane.y is None:
-            return cls(plane.x.words, ("",), plane.x.title, None, room)
-        return cls(plane.x.words, plane.y.words, plane.x.title, plane.y.title, room)
+        if axes.y is None:
+            return cls(axes.x.ticks, ("",), axes.x.title, None, room)
+        return cls(axes.x.ticks, axes.y.ticks, axes.x.title, axes.y.title, room)
 
     @property
     def size(self) -> tuple[float, float]:
         """Width and height [pixels]."""
-        (least, most), (low, high) = _CELL
-        across, up = max(1, len(self.x)), max(1, len(self.y))
-        width = min(max(self.room[0] / across, least), most) * across
-        return width, min(max(self.room[1] / up, low), high) * up
+        columns, rows = max(1, len(self.x)), max(1, len(self.y))
+        width = _clipped(self.room[0] / columns, _CELL_WIDTH) * columns
+        return width, _clipped(self.room[1] / rows, _CELL_HEIGHT) * rows
 
 
-def label_rows(counts: NDArray[np.int64], outcomes: RunLabels) -> tuple[Rows, Rows]:
-    """Return the pieces of each cell, as wide as their share of runs, and the letters on them.
+EMPTY_FRAME = MapFrame((), (), "", "")
+
+
+def _clipped(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])
+
+
+def default_map(data: ReportData) -> Spec | None:
+    """Return the map of labels over the two most informative axes; None without axes."""
+    axes, labels = data.map_axes, data.labels
+    if axes is None:
+        return None
+    pieces, letters = label_rows(label_counts(axes, labels), labels)
+    boundary = boundary_rows(axes, data.boundary)
+    return themed(label_map(MapFrame.of(axes), pieces, letters, labels, boundary).to_dict())
+
+
+def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows]:
+    """Return the pieces of each cell, as wide as their fraction of runs, and their letters.
 
     Args:
         counts: (rows, columns, labels) runs.
-        outcomes: the labels.
+        labels: the labels.
     """
-    main = most_frequent_failure(counts, outcomes)
+    main = most_frequent_failure(counts, labels)
     pieces: Rows = []
     letters: Rows = []
     for y, x in np.argwhere(counts.any(axis=-1)).tolist():
         ends = np.concatenate(([0], counts[y, x].cumsum())) / counts[y, x].sum()
         for code in np.flatnonzero(counts[y, x]).tolist():
             start, stop = ends[code : code + 2].tolist()
-            pieces.append(_piece(x, y, start, stop) | {"label": outcomes.legend[code]})
+            pieces.append(_piece(x, y, start, stop) | {"label": labels.legend[code]})
             if code == main[y, x]:
-                place = x + min(max((start + stop) / 2, _EDGE), 1 - _EDGE)
-                letters.append({"x": place, "y": y + 0.5, "text": outcomes.letters[code]})
+                place = x + _clipped((start + stop) / 2, (_EDGE, 1 - _EDGE))
+                letters.append({"x": place, "y": y + 0.5, "text": labels.letters[code]})
     return pieces, letters
 
 
@@ -98,43 +111,72 @@ def _piece(x: int, y: int, start: float, stop: float) -> dict[str, Any]:
     }
 
 
+def boundary_rows(axes: MapAxes, boundary: Boundary | None) -> Rows:
+    """Return the ends of the lines to draw, at most two lines for each row or column of cells.
+
+    Where the runs of a row or column differ in their critical value, the least and the largest
+    are drawn.
+    """
+    if boundary is None or boundary.axis.name not in axes.names:
+        return []
+    is_horizontal = axes.x.name == boundary.axis.name
+    other = axes.y if is_horizontal else axes.x
+    codes = other.codes if other else np.zeros(len(boundary.values), dtype=np.int64)
+    rows: Rows = []
+    for code in np.unique(codes).tolist():
+        own = boundary.values[codes == code]
+        for place in np.unique(boundary.along(np.array([own.min(), own.max()]))).tolist():
+            if math.isfinite(place):
+                rows += _line(place, code, len(rows) // 2, is_horizontal=is_horizontal)
+    return rows
+
+
+def _line(place: float, code: int, part: int, *, is_horizontal: bool) -> Rows:
+    across = [(place, code), (place, code + 1)]
+    ends = across if is_horizontal else [(code, place), (code + 1, place)]
+    return [
+        {"x": x, "y": y, "order": order, "part": str(part)} for order, (x, y) in enumerate(ends)
+    ]
+
+
 def number_rows(values: Floats) -> tuple[Rows, Rows]:
-    """Return a piece for each cell that has a value, and the values in words where they fit."""
+    """Return a piece for each cell that has a value, and the values as text where they fit."""
     places = np.argwhere(np.isfinite(values)).tolist()
     pieces = [_piece(x, y, 0, 1) | {"value": float(values[y, x])} for y, x in places]
-    if values.shape[1] > _MOST_WORDS:
+    if values.shape[1] > _MOST_TEXTS:
         return pieces, []
-    words = [{"x": x + 0.5, "y": y + 0.5, "text": f"{values[y, x]:.3g}"} for y, x in places]
-    return pieces, words
+    texts = [{"x": x + 0.5, "y": y + 0.5, "text": f"{values[y, x]:.3g}"} for y, x in places]
+    return pieces, texts
 
 
 def label_map(
-    frame: MapFrame, pieces: Rows, letters: Rows, outcomes: RunLabels, boundary: Rows | None = None
+    frame: MapFrame, pieces: Rows, letters: Rows, labels: RunLabels, boundary: Rows | None = None
 ) -> Layered:
-    """Return the map of labels, with the lines of a closed form's boundary if there is one."""
+    """Return the map of labels, with a closed form's boundary if there is one."""
     used = {row["label"] for row in pieces}
     colour = (
         alt.Color("label:N")
-        .scale(domain=list(outcomes.legend), range=list(outcomes.colours))
-        .legend(title="label", values=[name for name in outcomes.legend if name in used])
+        .scale(domain=list(labels.legend), range=list(labels.colours))
+        .legend(title="label", values=[name for name in labels.legend if name in used])
     )
     return _layered(frame, pieces, letters, colour, 13, boundary)
 
 
 def number_map(
-    frame: MapFrame, pieces: Rows, words: Rows, title: str, resolution: float = 0.0
+    frame: MapFrame, pieces: Rows, texts: Rows, title: str, resolution: float = 0.0
 ) -> Layered:
     """Return the map of a number."""
+    scale = number_scale([row["value"] for row in pieces], resolution)
     colour = (
         alt.Color("value:Q")
-        .scale(scheme="cividis", **number_scale([row["value"] for row in pieces], resolution))
+        .scale(scheme="cividis", **scale)
         .legend(title=title, format=".3~g", gradientLength=160)
     )
-    return _layered(frame, pieces, words, colour, 10)
+    return _layered(frame, pieces, texts, colour, 10)
 
 
-def ratio_map(frame: MapFrame, pieces: Rows, words: Rows, title: str) -> Layered:
-    """Return the map of a ratio, in which 1 lies in the middle of the colours."""
+def ratio_map(frame: MapFrame, pieces: Rows, texts: Rows, title: str) -> Layered:
+    """Return the map of a ratio, with 1 in the middle of the colour scale."""
     sizes = [abs(math.log(row["value"])) for row in pieces]
     reach = math.exp(max([*sizes, math.log(_LEAST_RATIO)]))
     colour = (
@@ -142,16 +184,16 @@ def ratio_map(frame: MapFrame, pieces: Rows, words: Rows, title: str) -> Layered
         .scale(type="log", domain=[1 / reach, reach], range=_DIVERGING, nice=False)
         .legend(title=f"candidate / baseline, {title}", format=".3~g", gradientLength=160)
     )
-    return _layered(frame, pieces, words, colour, 10)
+    return _layered(frame, pieces, texts, colour, 10)
 
 
 def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
     """Return a logarithmic scale for positive numbers that span decades, else a linear one.
 
-    What is zero lies at the lower end of a logarithmic scale, which has none.
+    Zeros take the colour of the lower end of a logarithmic scale.
     """
     sizes = sorted(value for value in values if value > resolution)
-    if not sizes or min(values) < 0 or sizes[-1] < SPANS_DECADES * sizes[0]:
+    if not sizes or min(values) < 0 or sizes[-1] < _SPANS_DECADES * sizes[0]:
         return {"type": "linear", "zero": False, "nice": False}
     return {"type": "log", "domain": [sizes[0], sizes[-1]], "clamp": True, "nice": False}
 
@@ -161,39 +203,38 @@ def _layered(
     pieces: Rows,
     texts: Rows,
     colour: alt.Color,
-    size: int,
+    font_size: int,
     boundary: Rows | None = None,
 ) -> Layered:
     x = alt.X("x:Q").scale(domain=[0, len(frame.x)], nice=False, zero=False)
     y = alt.Y("y:Q").scale(domain=[0, len(frame.y)], nice=False, zero=False)
-    x = x.axis(title=frame.x_title, **_worded(frame.x), labelAngle=_angle(frame))
-    y = y.axis(title=frame.y_title, **_worded(frame.y))
-    cells = _chart("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
+    x = x.axis(title=frame.x_title, **_ticks(frame.x), labelAngle=_tick_angle(frame))
+    y = y.axis(title=frame.y_title, **_ticks(frame.y))
+    cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
     width, height = frame.size
-    chart = alt.layer(cells, *_written(texts, size, x, y), *_overlays(x, y, boundary or []))
-    return chart.properties(width=width, height=height)
+    layers = (cells, *_texts(texts, font_size, x, y), *_overlays(x, y, boundary or []))
+    return alt.layer(*layers).properties(width=width, height=height)
 
 
 def _overlays(x: alt.X, y: alt.Y, boundary: Rows) -> Iterator[alt.Chart]:
-    """Yield what is drawn over the cells: a closed form's boundary, and the cell in focus."""
-    line = _chart("boundary", boundary).mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
+    """Yield what is drawn over the cells: a closed form's boundary, and the focused cell."""
+    line = layer_of("boundary", boundary).mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
     yield line.encode(x, y, order="order:Q", detail="part:N")
-    ring = _chart("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
+    ring = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
     yield ring.encode(x, y, x2="x2:Q", y2="y2:Q")
 
 
-def _written(texts: Rows, size: int, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    """Yield words in front of a halo, which reads on any colour."""
-    for style in HALOED:
-        marked: dict[str, Any] = {"fontWeight": "bold", "fontSize": size, **style}
-        yield _chart("words", texts).mark_text(**marked).encode(x, y, text="text:N")
+def _texts(texts: Rows, font_size: int, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
+    for style in HALO_AND_TEXT:
+        marked: dict[str, Any] = {"fontWeight": "bold", "fontSize": font_size, **style}
+        yield layer_of("texts", texts).mark_text(**marked).encode(x, y, text="text:N")
 
 
-def _worded(words: Sequence[str]) -> dict[str, Any]:
-    """Return an axis that writes a word in the middle of each cell."""
+def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
+    """Return an axis with a tick label in the middle of each cell."""
     return {
-        "values": [index + 0.5 for index in range(len(words))],
-        "labelExpr": f"{json.dumps(list(words))}[floor(datum.value)]",
+        "values": [index + 0.5 for index in range(len(ticks))],
+        "labelExpr": f"{json.dumps(list(ticks))}[floor(datum.value)]",
         "labelOverlap": True,
         "labelLimit": 140,
         "grid": False,
@@ -202,11 +243,7 @@ def _worded(words: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def _angle(frame: MapFrame) -> int:
-    """Return how words across are turned: where they are wider than a cell."""
+def _tick_angle(frame: MapFrame) -> int:
+    """Return the angle of tick labels below the map: they turn where a cell is too narrow."""
     widest = max(map(len, frame.x), default=0)
     return -35 if widest * 7 > frame.size[0] / max(1, len(frame.x)) else 0
-
-
-def _chart(name: str, rows: Rows) -> alt.Chart:
-    return alt.Chart(alt.InlineData(values=rows, name=name))

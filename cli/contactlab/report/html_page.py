@@ -1,12 +1,15 @@
-"""The page: everything of a store in one file that needs nothing else."""
+"""The page: a store in one HTML file that needs nothing else."""
 
 from importlib import resources
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from contactlab.report.baseline_maps import BaselineComparison, compare_with_baseline
+from contactlab.report.heatmap import default_map
 from contactlab.report.knob_changes import knob_changes
 from contactlab.report.packing import as_json, packed_text
-from contactlab.report.page_charts import default_map, label_bar, static_svg, tradeoff_chart
+from contactlab.report.page_charts import label_bar, tradeoff_chart
 from contactlab.report.page_content import PageContent, page_content
 from contactlab.report.page_tables import (
     change_table,
@@ -20,102 +23,85 @@ from contactlab.report.page_tables import (
     unexpected_runs,
 )
 from contactlab.report.report_data import PageRequest, ReportData, read_report_data
-from contactlab.report.vega_rendering import vega_bundle
+from contactlab.report.vega_rendering import Spec, static_svg, vega_bundle
 from contactlab.store import Store
 
-if TYPE_CHECKING:
-    from jinja2 import Environment
-
-_SCRIPTS = ("data", "state", "table", "heatmap", "weighing", "run", "main")
+_PACKAGE = "contactlab.report"
+_SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
 
 
-def page(store: Store, ask: PageRequest) -> tuple[str, tuple[str, ...]]:
+def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
     """Return the page of a store, and notes on what it leaves out."""
-    gathered = read_report_data(store, ask.question)
-    chart = tradeoff_chart(gathered)
-    given = page_content(gathered, ask, chart)
-    beside = compare_with_baseline(gathered, ask.baseline) if ask.baseline else None
-    text = _page(gathered, given, chart, beside)
-    return text, given.notes
-
-
-def _page(
-    gathered: ReportData,
-    given: PageContent,
-    chart: dict[str, Any] | None,
-    beside: BaselineComparison | None,
-) -> str:
-    return (
-        _environment()
-        .get_template("page.html")
-        .render(
-            **_texts(gathered),
-            **_pictures(gathered, chart),
-            style=_read("style.css"),
-            script="\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
-            bundle=packed_text(vega_bundle()),
-            words=packed_text(as_json(given.words)),
-            columns=as_json(given.columns),
-            series=as_json(given.series),
-            left_out=given.notes,
-            versus=beside,
-            versus_maps=_versus_maps(beside),
-        )
-    )
-
-
-def _texts(gathered: ReportData) -> dict[str, Any]:
-    store = gathered.store
-    manifest = store.manifest
-    outcome, told = expectation_summary(manifest)
-    return {
-        "title": f"{manifest.sweep.name}: {manifest.sweep.scene}",
-        "description": manifest.sweep.resolved.get("description") or "",
-        "store": str(store.address),
-        "runs": manifest.runs,
-        "facts": header_lines(store),
-        "outcome": outcome,
-        "verdict": told,
-        "labels": label_table(gathered.outcomes),
-        "recommended": recommendation_text(gathered),
-        "unweighed": gathered.unweighed,
-        "front": front_table(gathered),
-        "map": map_table(gathered),
-        "boundary": gathered.boundary.told if gathered.boundary else "",
-        "changes": change_table(
-            gathered, knob_changes(gathered.axes, gathered.outcomes, gathered.quantities)
-        ),
-        "expectations": expectations(store),
-        "missed": unexpected_runs(store),
-    }
-
-
-def _pictures(gathered: ReportData, chart: dict[str, Any] | None) -> dict[str, str]:
-    plane = gathered.plane
-    over = " and ".join(axis.name for axis in (plane.x, plane.y) if axis) if plane else ""
-    return {
-        "bar": static_svg(label_bar(gathered.outcomes), "All runs, split by label"),
-        "heatmap": static_svg(default_map(gathered), f"Labels over {over}"),
-        "chart": static_svg(chart, "Error against time of each configuration"),
-    }
-
-
-def _versus_maps(beside: BaselineComparison | None) -> list[str]:
-    maps = beside.maps.items() if beside else ()
-    return [static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps]
-
-
-def _environment() -> "Environment":
-    from jinja2 import Environment, PackageLoader, StrictUndefined  # noqa: PLC0415 - an extra
-
-    return Environment(
-        loader=PackageLoader("contactlab.report"),
+    data = read_report_data(store, request.criteria)
+    chart = tradeoff_chart(data)
+    content = page_content(data, request, chart)
+    comparison = compare_with_baseline(data, request.baseline) if request.baseline else None
+    environment = Environment(
+        loader=PackageLoader(_PACKAGE),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    text = environment.get_template("page.html").render(
+        **_texts(data),
+        **_pictures(data, chart),
+        **_script(content),
+        style=_read("style.css"),
+        notes=content.notes,
+        comparison=comparison,
+        comparison_maps=_comparison_maps(comparison),
+    )
+    return text, content.notes
+
+
+def _texts(data: ReportData) -> dict[str, Any]:
+    manifest = data.store.manifest
+    outcome, summary = expectation_summary(manifest)
+    changes = knob_changes(data.axes, data.labels, data.quantities)
+    return {
+        "title": f"{manifest.sweep.name}: {manifest.sweep.scene}",
+        "description": manifest.sweep.resolved.get("description") or "",
+        "store": str(data.store.address),
+        "runs": manifest.runs,
+        "header": list(header_lines(manifest)),
+        "outcome": outcome,
+        "summary": summary,
+        "labels": label_table(data.labels),
+        "recommendation": recommendation_text(data),
+        "no_tradeoff": data.no_tradeoff,
+        "front": front_table(data),
+        "map": map_table(data),
+        "boundary": data.boundary.meaning if data.boundary else "",
+        "changes": change_table(data, changes),
+        "expectations": expectations(manifest),
+        "unexpected": unexpected_runs(data.store),
+    }
+
+
+def _pictures(data: ReportData, chart: Spec | None) -> dict[str, str]:
+    axes = " and ".join(data.map_axes.names) if data.map_axes else ""
+    return {
+        "bar": static_svg(label_bar(data.labels), "All runs by label"),
+        "heatmap": static_svg(default_map(data), f"Labels over {axes}"),
+        "chart": static_svg(chart, "Error against time of each configuration"),
+    }
+
+
+def _comparison_maps(comparison: BaselineComparison | None) -> list[str]:
+    maps = comparison.maps.items() if comparison else ()
+    return [static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps]
+
+
+def _script(content: PageContent) -> dict[str, str]:
+    return {
+        "script": "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
+        "bundle": packed_text(vega_bundle()),
+        "metadata": packed_text(as_json(content.metadata)),
+        "columns": as_json(content.columns),
+        "series": as_json(content.series),
+    }
 
 
 def _read(name: str) -> str:
-    return resources.files("contactlab.report").joinpath(name).read_text(encoding="utf-8")
+    return resources.files(_PACKAGE).joinpath(name).read_text(encoding="utf-8")

@@ -1,37 +1,34 @@
-"""Where a scene's closed form draws a line through its maps."""
+"""The closed-form boundary that some scenes draw through their maps."""
 
 import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from contactlab.contact import Floats, damping_ratio, restitution_of
-from contactlab.report.map_cells import MapAxes
 from contactlab.report.report_columns import GridAxis
 from contactlab.store import Store
 
-Rows = list[dict[str, Any]]
-
 
 class BoundaryLaw(NamedTuple):
-    """A critical value.
+    """A closed form that separates two outcomes along an axis.
 
     Attributes:
-        axis: the axis that it is a value of.
-        told: what it is.
-        critical: the value, from friction and restitution.
+        axis: the axis that has a critical value.
+        meaning: what the boundary is.
+        critical: the critical value, from friction and restitution.
     """
 
     axis: str
-    told: str
+    meaning: str
     critical: Callable[[float, float], float]
 
 
-LAWS: Mapping[str, BoundaryLaw] = MappingProxyType(
+_LAWS: Mapping[str, BoundaryLaw] = MappingProxyType(
     {
         "incline": BoundaryLaw(
             "tilt",
@@ -52,63 +49,36 @@ class Boundary:
     """A closed form's boundary in n runs.
 
     Attributes:
-        axis: the axis that it is a value of.
-        told: what it is.
+        axis: the axis that has a critical value.
+        meaning: what the boundary is.
         values: (n,) the critical value of each run, in the axis' unit.
     """
 
     axis: GridAxis
-    told: str
+    meaning: str
     values: Floats
 
     def along(self, values: Floats) -> Floats:
         """Return where values lie along the axis, in cells; NaN beyond its ends."""
-        middles = np.arange(len(self.axis.marks)) + 0.5
-        return np.interp(values, self.axis.marks, middles, left=np.nan, right=np.nan)
+        middles = np.arange(len(self.axis.tick_values)) + 0.5
+        return np.interp(values, self.axis.tick_values, middles, left=np.nan, right=np.nan)
 
 
 def read_boundary(store: Store, axes: tuple[GridAxis, ...]) -> Boundary | None:
     """Return the boundary of a store's scene, where it has one and sweeps its axis."""
-    law = LAWS.get(store.manifest.sweep.scene)
+    law = _LAWS.get(store.manifest.sweep.scene)
     axis = next((each for each in axes if law and each.name == law.axis), None)
-    if law is None or axis is None or not np.isfinite(axis.marks).all():
+    if law is None or axis is None or not np.isfinite(axis.tick_values).all():
         return None
-    codes, words = store.columns.strings("pairs")
-    known = np.array([_critical(law, word) for word in words])
-    return Boundary(axis, law.told, known[codes])
+    codes, pairs = store.columns.strings("pairs")
+    critical = np.array([_critical(law, each) for each in pairs])
+    return Boundary(axis, law.meaning, critical[codes])
 
 
 def _critical(law: BoundaryLaw, pairs: str) -> float:
     """Return the critical value of a run, from the parameters of its only pair."""
-    found = list(json.loads(pairs).values())
-    if len(found) != 1:
+    contacts = list(json.loads(pairs).values())
+    if len(contacts) != 1:
         return math.nan
-    restitution = float(restitution_of(damping_ratio(found[0]["solref"])))
-    return law.critical(found[0]["friction"][0], restitution)
-
-
-def boundary_rows(plane: MapAxes, boundary: Boundary | None) -> Rows:
-    """Return the ends of the lines to draw: two for each cell across the axis, at most.
-
-    Where the runs of a row, or of a column, differ in their critical value, the least and the
-    largest are drawn.
-    """
-    if boundary is None or boundary.axis.name not in {plane.x.name, plane.y and plane.y.name}:
-        return []
-    is_across = plane.x.name == boundary.axis.name
-    other = plane.y if is_across else plane.x
-    codes = other.codes if other else np.zeros(len(boundary.values), dtype=np.int64)
-    rows: Rows = []
-    for code in np.unique(codes).tolist():
-        own = boundary.values[codes == code]
-        for place in np.unique(boundary.along(np.array([own.min(), own.max()]))).tolist():
-            if math.isfinite(place):
-                rows += _line(place, code, len(rows) // 2, is_across=is_across)
-    return rows
-
-
-def _line(place: float, code: int, part: int, *, is_across: bool) -> Rows:
-    ends = [(place, code), (place, code + 1)] if is_across else [(code, place), (code + 1, place)]
-    return [
-        {"x": x, "y": y, "order": order, "part": str(part)} for order, (x, y) in enumerate(ends)
-    ]
+    restitution = float(restitution_of(damping_ratio(contacts[0]["solref"])))
+    return law.critical(contacts[0]["friction"][0], restitution)

@@ -1,9 +1,9 @@
-"""What lies in each cell of a heatmap: counts of labels, or one number."""
+"""What a map shows in each cell: how many runs have which label, or one number."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,15 +14,16 @@ from contactlab.report.report_columns import SEED, STABLE, Codes, GridAxis, Quan
 
 Statistic = Literal["worst", "median", "mean"]
 STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")
+_MOST_AXES = 8
 
 
 @dataclass(frozen=True)
 class MapAxes:
-    """Two axes that a heatmap is drawn over, for n runs.
+    """The two axes of a map over n runs.
 
     Attributes:
-        x: the axis across.
-        y: the axis upwards; None for a single row.
+        x: the horizontal axis.
+        y: the vertical axis; None for a single row.
     """
 
     x: GridAxis
@@ -31,166 +32,161 @@ class MapAxes:
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
-        return (1 if self.y is None else len(self.y.words), len(self.x.words))
+        return (1 if self.y is None else len(self.y.ticks), len(self.x.ticks))
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return self.shape[0] * self.shape[1]
 
     @property
     def cells(self) -> Codes:
         """(n,) the cell of each run, row by row."""
         rows = 0 if self.y is None else self.y.codes
-        return rows * len(self.x.words) + self.x.codes
+        return rows * len(self.x.ticks) + self.x.codes
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes' names, the horizontal one first."""
+        return tuple(axis.name for axis in (self.x, self.y) if axis)
 
 
-def label_counts(plane: MapAxes, outcomes: RunLabels) -> NDArray[np.int64]:
-    """Return (rows, columns, labels) how many runs have which worst label."""
-    labels, size = len(outcomes.names), plane.shape[0] * plane.shape[1]
-    places = plane.cells * labels + outcomes.codes
-    return np.bincount(places, minlength=size * labels).reshape(*plane.shape, labels)
+class CellStatistics(NamedTuple):
+    """Statistics of a quantity in each of C cells, NaN where it has no value.
 
-
-def cell_statistic(plane: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
-    """Return (rows, columns) one statistic of a quantity, over the runs that have a value of it.
-
-    The worst is the largest size, or the least value of what is better the higher it is.
+    Attributes:
+        worst: (C,) the largest magnitude; the least value of a quantity of which more is better.
+        median: (C,).
+        mean: (C,).
     """
-    known = np.flatnonzero(np.isfinite(quantity.values))
-    order = known[np.argsort(plane.cells[known], kind="stable")]
-    found, starts = np.unique(plane.cells[order], return_index=True)
-    result = np.full(plane.shape, np.nan)
-    if len(found):
-        result.flat[found] = _reduced(quantity, quantity.values[order], starts, kind)
-    return result
+
+    worst: Floats
+    median: Floats
+    mean: Floats
 
 
-def _reduced(quantity: Quantity, values: Floats, starts: Codes, kind: Statistic) -> Floats:
-    counts = np.diff([*starts, len(values)])
-    if kind == "mean":
-        return np.add.reduceat(values, starts) / counts
-    if kind == "worst":
-        if quantity.told.better == "higher":
-            return np.minimum.reduceat(values, starts)
-        return np.maximum.reduceat(np.abs(values), starts)
-    cells = np.repeat(np.arange(len(starts)), counts)
-    ordered = values[np.lexsort((values, cells))]
-    return (ordered[starts + (counts - 1) // 2] + ordered[starts + counts // 2]) / 2
+def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
+    """Return (rows, columns, labels) how many runs have which worst label."""
+    count = len(labels.names)
+    places = axes.cells * count + labels.codes
+    return np.bincount(places, minlength=axes.size * count).reshape(*axes.shape, count)
 
 
-def most_frequent_failure(counts: NDArray[np.int64], outcomes: RunLabels) -> NDArray[np.int64]:
+def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
+    """Return (rows, columns) one statistic of a quantity over the runs of each cell."""
+    found = cell_statistics(axes.cells, axes.size, quantity, ascending_runs(quantity))
+    return found[STATISTICS.index(kind)].reshape(axes.shape)
+
+
+def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
+    """Return (m,) the runs that have a value, the least first."""
+    return np.argsort(quantity.values)[: int(np.isfinite(quantity.values).sum())]
+
+
+def cell_statistics(
+    cells: NDArray[np.integer], size: int, quantity: Quantity, ascending: NDArray[np.intp]
+) -> CellStatistics:
+    """Return the statistics of a quantity in each cell.
+
+    One sort of the values serves every pair of axes: a stable sort of these by cell, which is
+    linear in time for small integers, leaves each cell's values in order.
+
+    Args:
+        cells: (n,) cell of each run.
+        size: number of cells.
+        quantity: n values.
+        ascending: (m,) the runs that have a value, the least first.
+    """
+    own, values = cells[ascending], quantity.values[ascending]
+    by_cell = values[np.argsort(own, kind="stable")]
+    counts = np.bincount(own, minlength=size)
+    filled = counts > 0
+    number = counts[filled]
+    ends = counts.cumsum()[filled]
+    starts = ends - number
+    low, high = by_cell[starts], by_cell[ends - 1]
+    worst = low if quantity.column.better == "higher" else np.maximum(np.abs(low), np.abs(high))
+    median = (by_cell[starts + (number - 1) // 2] + by_cell[starts + number // 2]) / 2
+    mean = np.bincount(own, values, minlength=size)[filled] / number
+    found = np.full((3, size), np.nan)
+    found[:, filled] = worst, median, mean
+    return CellStatistics(*found)
+
+
+def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
     """Return (rows, columns) the most frequent failure label of each cell, -1 where there is none.
 
     Of equally frequent ones the worst.
     """
-    failures = len(outcomes.names) - (STABLE in outcomes.names)
+    failures = len(labels.names) - (STABLE in labels.names)
     if not failures:
         return np.full(counts.shape[:2], -1)
     failed = counts[..., :failures]
     return np.where(failed.any(axis=-1), failed.argmax(axis=-1), -1)
 
 
-def most_informative_axes(axes: Sequence[GridAxis], outcomes: RunLabels) -> MapAxes | None:
-    """Return the two axes that tell most about which label a run gets; None without axes.
+def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxes | None:
+    """Return the two axes that explain most of which label a run gets; None without axes.
 
-    The second is the one that adds most to the first. The one with more values lies across.
+    The second is the one that adds most to the first. The one with more values is horizontal.
     """
     usable = [axis for axis in axes if axis.name != SEED] or list(axes)
     if not usable:
         return None
-    first = max(
-        usable, key=lambda axis: (_explained_variance(axis.codes, outcomes), len(axis.words))
-    )
+    first = max(usable, key=lambda axis: (_explained_variance(axis.codes, labels), len(axis.ticks)))
     others = [axis for axis in usable if axis is not first]
     if not others:
         return MapAxes(first, None)
-    second = max(
-        others,
-        key=lambda axis: (
-            _explained_variance(MapAxes(axis, first).cells, outcomes),
-            len(axis.words),
-        ),
-    )
-    x, y = sorted((first, second), key=lambda axis: -len(axis.words))
+
+    def added(axis: GridAxis) -> tuple[float, int]:
+        return _explained_variance(MapAxes(axis, first).cells, labels), len(axis.ticks)
+
+    x, y = sorted((first, max(others, key=added)), key=lambda axis: -len(axis.ticks))
     return MapAxes(x, y)
 
 
-def _explained_variance(cells: Codes, outcomes: RunLabels) -> float:
-    """Return how much of the variance of labels lies between cells, adjusted for their number."""
+def _explained_variance(cells: Codes, labels: RunLabels) -> float:
+    """Return the share of the variance of labels between cells, adjusted for their number."""
     _, places = np.unique(cells, return_inverse=True)
     runs = np.bincount(places)
-    labels = len(outcomes.names)
-    counts = np.bincount(places * labels + outcomes.codes, minlength=len(runs) * labels)
-    within = len(cells) - float((counts.reshape(-1, labels) ** 2 / runs[:, None]).sum())
-    total = len(cells) - float((np.array(outcomes.counts) ** 2).sum()) / len(cells)
+    count = len(labels.names)
+    counts = np.bincount(places * count + labels.codes, minlength=len(runs) * count)
+    within = len(cells) - float((counts.reshape(-1, count) ** 2 / runs[:, None]).sum())
+    total = len(cells) - float((np.array(labels.counts) ** 2).sum()) / len(cells)
     freedom = max(1, len(cells) - len(runs)) / max(1, len(cells) - 1)
     return round(1 - within / total / freedom, 9) if total > 0 else 0.0
 
 
-MOST_AXES = 8
-
-
 def aggregated_axes(axes: Sequence[GridAxis]) -> tuple[GridAxis, ...]:
-    """Return the axes over which sums are made: of very many the first ones, the seed last."""
-    return tuple(sorted(axes, key=lambda axis: axis.name == SEED)[:MOST_AXES])
+    """Return the axes that runs are aggregated over: the first eight, the seed last."""
+    return tuple(sorted(axes, key=lambda axis: axis.name == SEED)[:_MOST_AXES])
 
 
 def aggregated_columns(
-    axes: Sequence[GridAxis], outcomes: RunLabels, quantities: Sequence[Quantity]
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns that hold the maps over every two axes, and over each alone.
+    """Return the cells of every map that a page can show, in place of too many runs.
 
-    They are called `sum:X:Y:labels` and `sum:X:Y:QUANTITY:STATISTIC`, X and Y being the places of
-    the axes, and Y empty for one axis.
+    They are called `cells:X:Y:labels` and `cells:X:Y:QUANTITY:STATISTIC`, X and Y being the
+    positions of the axes, and Y empty for a map of a single row.
     """
-    planes = dict(_planes(axes))
-    found: dict[str, NDArray[Any]] = {
-        f"{name}:labels": packed_integers(label_counts(plane, outcomes).ravel())
-        for name, plane in planes.items()
+    maps = dict(_every_map(axes))
+    columns: dict[str, NDArray[Any]] = {
+        f"{name}:labels": packed_integers(label_counts(each, labels).ravel())
+        for name, each in maps.items()
     }
-    cells = {name: plane.cells.astype(np.uint16) for name, plane in planes.items()}
+    cells = {name: each.cells.astype(np.uint16) for name, each in maps.items()}
     for quantity in quantities:
-        order = np.argsort(quantity.values)[: int(np.isfinite(quantity.values).sum())]
-        for name, plane in planes.items():
-            size = plane.shape[0] * plane.shape[1]
-            three = statistics(cells[name], size, quantity, order)
-            for kind, values in zip(STATISTICS, three, strict=True):
-                found[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
-    return found
+        ascending = ascending_runs(quantity)
+        for name, each in maps.items():
+            found = cell_statistics(cells[name], each.size, quantity, ascending)
+            for kind, values in zip(STATISTICS, found, strict=True):
+                columns[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
+    return columns
 
 
-def _planes(axes: Sequence[GridAxis]) -> Iterator[tuple[str, MapAxes]]:
+def _every_map(axes: Sequence[GridAxis]) -> Iterator[tuple[str, MapAxes]]:
     for place, axis in enumerate(axes):
-        yield f"sum:{place}:", MapAxes(axis, None)
+        yield f"cells:{place}:", MapAxes(axis, None)
     for (first, x), (second, y) in combinations(enumerate(axes), 2):
-        yield f"sum:{first}:{second}", MapAxes(x, y)
-
-
-def statistics(
-    cells: NDArray[np.uint16], size: int, quantity: Quantity, order: NDArray[np.intp]
-) -> tuple[Floats, Floats, Floats]:
-    """Return worst, median and mean of a quantity in each cell, NaN where it has no value.
-
-    One sorting of the values serves every plane: a stable sorting of small numbers by cell, which
-    is linear in time, then leaves each cell's values in order.
-
-    Args:
-        cells: (n,) cell of each run.
-        size: how many cells there are.
-        quantity: n values.
-        order: (m,) the runs that have a value, the least first.
-    """
-    own, values = cells[order], quantity.values[order]
-    inner = np.argsort(own, kind="stable")
-    counts = np.bincount(own, minlength=size)
-    some = counts > 0
-    ends = counts.cumsum()[some]
-    number = counts[some]
-    starts = ends - number
-
-    def at(places: NDArray[np.intp]) -> Floats:
-        return values[inner[places]]
-
-    low, high = at(starts), at(ends - 1)
-    worst = low if quantity.told.better == "higher" else np.maximum(np.abs(low), np.abs(high))
-    median = (at(starts + (number - 1) // 2) + at(starts + number // 2)) / 2
-    mean = np.bincount(own, values, minlength=size)[some] / number
-    found = np.full((3, size), np.nan)
-    found[:, some] = worst, median, mean
-    return found[0], found[1], found[2]
+        yield f"cells:{first}:{second}", MapAxes(x, y)

@@ -1,4 +1,4 @@
-"""Columns of numbers as text that a page unpacks: shuffled bytes, gzip, base64."""
+"""Columns of numbers as text in a page: shuffled bytes, gzip, base64."""
 
 import base64
 import gzip
@@ -18,13 +18,13 @@ _MANTISSA = 23
 
 
 def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
-    """Return columns as data for JSON.
+    """Return columns of numbers in a form that JSON holds.
 
-    The bytes of a column lie by significance, all first bytes first: neighbours are alike, which
-    gzip makes use of. The same columns give the same text.
+    Bytes are ordered by significance, all first bytes of a column first: neighbours are alike, which
+    compresses well. The same columns give the same text.
 
     Args:
-        columns: name to values, of a type that a typed array in a browser has.
+        columns: name to values, of a type that browsers have a typed array for.
     """
     kinds = {name: column.dtype.str[1:] for name, column in columns.items()}
     stream = b"".join(_shuffled(column, kinds[name]) for name, column in columns.items())
@@ -46,7 +46,7 @@ def _shuffled(column: NDArray[Any], kind: str) -> bytes:
 
 
 def packed_integers(values: NDArray[Any]) -> NDArray[Any]:
-    """Return whole numbers from 0 up in as few bytes as they need."""
+    """Return non-negative integers in as few bytes as they need."""
     most = int(values.max()) if values.size else 0
     return values.astype("u1" if most < 1 << 8 else "u2" if most < 1 << 16 else "u4")
 
@@ -54,7 +54,7 @@ def packed_integers(values: NDArray[Any]) -> NDArray[Any]:
 def rounded_floats(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]:
     """Return numbers in single precision, rounded to some bits of mantissa.
 
-    What is rounded away is zero, and costs nothing once compressed. The relative error is at most
+    Bits that are rounded away are zero and cost nothing once compressed. The relative error is at most
     2^-(bits + 1).
     """
     with np.errstate(over="ignore"):
@@ -78,7 +78,7 @@ def run_id_halves(run_ids: NDArray[np.bytes_]) -> NDArray[np.uint32]:
 
 
 def as_json(data: Any) -> str:  # noqa: ANN401 - anything that JSON holds
-    """Return data as JSON that cannot end the script that holds it; what is no number is null."""
+    """Return data as JSON that cannot end its script element; NaN and infinities become null."""
     text = json.dumps(_plain(data), allow_nan=False, separators=(",", ":"), ensure_ascii=True)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 

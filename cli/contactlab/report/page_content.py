@@ -1,4 +1,4 @@
-"""Which runs a page has the time series of."""
+"""What the script of a page is given: names and texts as JSON, numbers packed."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -8,123 +8,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
-from contactlab.report.map_cells import MapAxes, aggregated_axes, aggregated_columns
+from contactlab.report.map_cells import aggregated_axes, aggregated_columns
 from contactlab.report.packing import pack, packed_integers, rounded_floats, run_id_halves
-from contactlab.report.page_charts import chart_templates
-from contactlab.report.report_columns import GridAxis, RunLabels
-from contactlab.report.report_data import PageRequest, ReportData, StoreTradeoff
-from contactlab.report.run_series import RunSeries, read_run_series
+from contactlab.report.page_charts import MODE_NAMES, chart_templates
+from contactlab.report.report_columns import GridAxis
+from contactlab.report.report_data import PageRequest, ReportData
+from contactlab.report.run_series import RunSeries, run_series
+from contactlab.report.vega_rendering import Spec
 from contactlab.schema import EvidenceRecord, TradeoffReport
 from contactlab.store import Store, row_to_record
-from contactlab.tradeoff import mjcf_lines
+from contactlab.tradeoff import (
+    EQUALLY_FAST,
+    SAFE_MARGIN,
+    ToleranceTable,
+    mjcf_lines,
+)
 
+# Series of at most so many runs of a label come first, and so many in the order of the plan last.
 _SERIES_PER_LABEL = 3
-_OTHERS = 60
-
-
-def runs_with_series(
-    store: Store,
-    outcomes: RunLabels,
-    plane: MapAxes | None,
-    report: TradeoffReport | None,
-    most: int,
-) -> list[int]:
-    """Return the rows of at most so many runs that a reader will ask for first.
-
-    What is recommended comes first, then a few of each label, the worst ones first, then one of
-    each cell of the default map, then the others in the order of the plan.
-    """
-    if not most:
-        return []
-    ids = store.columns.byte_strings("run_id")
-    wanted = dict.fromkeys(_ordered(ids, outcomes, plane, report))
-    return list(wanted)[:most]
-
-
-def _ordered(
-    ids: np.ndarray, outcomes: RunLabels, plane: MapAxes | None, report: TradeoffReport | None
-) -> Iterator[int]:
-    picks = [report.recommendation, report.robust] if report else []
-    for pick in picks:
-        if pick is not None:
-            yield from np.flatnonzero(ids == pick.run_id.encode()).tolist()
-    for code in range(len(outcomes.names)):
-        yield from np.flatnonzero(outcomes.codes == code)[:_SERIES_PER_LABEL].tolist()
-    if plane is not None:
-        yield from np.sort(np.unique(plane.cells, return_index=True)[1]).tolist()
-    yield from range(min(len(ids), _OTHERS))
-
-
-_BITS = 12
-
-
-def read_records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:
-    """Return the records of some rows."""
-    columns = store.columns
-    return {row: row_to_record(columns.row(row), columns.shared) for row in sorted(rows)}
-
-
-def run_details(record: EvidenceRecord) -> dict[str, Any]:
-    """Return what a page tells of a run: its labels with their reasons, its settings, its trace."""
-    return {
-        "labels": [[each.label, each.reason, each.step] for each in record.labels],
-        "settings": record.settings | record.axes,
-        "expected": record.expected,
-        "expectation_met": record.expectation_met,
-        "expectation_reason": record.expectation_reason,
-        "status": record.status,
-        "steps": record.steps,
-        "engine": f"{record.engine.name} {record.engine.version}",
-        "pairs": {
-            name: {"condim": pair.condim, "friction": pair.friction, "solref": pair.solref}
-            for name, pair in record.pairs.items()
-        },
-        "trajectory": record.trajectory_hash,
-        "trace": record.trace.file if record.trace else None,
-    }
-
-
-def packed_series(store: Store, found: dict[int, EvidenceRecord]) -> dict[str, Any]:
-    """Return the time series of the runs that have a trace: what each is, and packed numbers."""
-    described: dict[int, Any] = {}
-    columns: dict[str, np.ndarray] = {}
-    for row, record in found.items():
-        series = _series(store, record)
-        if series is not None:
-            described[row] = _described(row, series, columns)
-    return {"runs": described, "packed": pack(columns)}
-
-
-def _series(store: Store, record: EvidenceRecord) -> RunSeries | None:
-    if record.trace is None or store.manifest.traces_left_out:
-        return None
-    try:
-        return read_run_series(store.trace(record))
-    except StoreError:
-        # A damaged trace is what `contactlab verify` is for; the page shows the others.
-        return None
-
-
-def _described(row: int, series: RunSeries, columns: dict[str, np.ndarray]) -> dict[str, Any]:
-    for index, signal in enumerate(series.signals):
-        columns[f"{row}:t{index}"] = rounded_floats(signal.time, _BITS)
-        columns[f"{row}:v{index}"] = rounded_floats(signal.values, _BITS)
-    for index, ribbon in enumerate(series.ribbons):
-        columns[f"{row}:s{index}"] = rounded_floats(ribbon.starts, _BITS)
-        columns[f"{row}:m{index}"] = packed_integers(ribbon.modes)
-    return {
-        "signals": [[each.name, each.unit, each.panel] for each in series.signals],
-        "ribbons": [[each.pair, each.end] for each in series.ribbons],
-    }
-
-
-_FEW = 5_000
-_SHORT = 11
-_MOST_LINES = 200
-# Bytes that a run takes, and each of its numbers, once compressed.
-_RUN, _VALUE = 12.0, 2.2
+_SERIES_OF_OTHERS = 60
+_SERIES_IF_AGGREGATED = 12
 _RUNS_PER_LABEL = 50
-_FEW_PICKS = 12
+# Up to so many runs, numbers have all bits of single precision; above, those of three digits.
+_FEW_RUNS = 5_000
+_ALL_BITS, _FEW_BITS, _SERIES_BITS = 23, 11, 12
+_MOST_MJCF = 200
+# Bytes that a run takes, and each of its numbers, once compressed.
+_BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
 
 
 @dataclass(frozen=True)
@@ -132,84 +42,119 @@ class PageContent:
     """What a page's script is given.
 
     Attributes:
-        words: names, words and specifications.
+        metadata: names, texts and specifications.
         columns: numbers of runs and configurations, packed.
         series: time series of some runs, packed.
         notes: what is left out.
     """
 
-    words: dict[str, Any]
+    metadata: dict[str, Any]
     columns: dict[str, Any]
     series: dict[str, Any]
     notes: tuple[str, ...]
 
 
-def page_content(
-    gathered: ReportData, ask: PageRequest, chart: dict[str, Any] | None
-) -> PageContent:
+def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> PageContent:
     """Return what the script of a page is given.
 
-    Where all runs would take more room than the page may have, it is given every cell of every
-    map instead, and some runs only.
+    Where all runs would take more room than the page may have, it is given the cells of every
+    map, and a selection of runs only.
     """
-    report = gathered.weighing.report if gathered.weighing else None
-    is_summed = _needed(gathered) > ask.most_bytes
-    traces = min(ask.traces, _FEW_PICKS) if is_summed else ask.traces
-    picks = runs_with_series(gathered.store, gathered.outcomes, gathered.plane, report, traces)
-    rows = _kept(gathered, picks) if is_summed else np.arange(gathered.store.columns.runs)
-    places = dict(zip(rows.tolist(), range(len(rows)), strict=True)) if is_summed else None
-    found = read_records(gathered.store, picks)
-    found = {places[row] if places else row: record for row, record in found.items()}
-    axes = aggregated_axes(gathered.axes) if is_summed else gathered.axes
-    columns = _columns(gathered, axes, rows)
-    if is_summed:
-        columns |= aggregated_columns(axes, gathered.outcomes, gathered.quantities)
-    words = {
-        "store": str(gathered.store.address),
+    is_aggregated = _size_of_runs(data) > request.most_bytes
+    traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
+    with_series = runs_with_series(data, traces)
+    rows = _selected_runs(data, with_series) if is_aggregated else _all_runs(data)
+    positions = {row: position for position, row in enumerate(rows.tolist())}
+    records = {positions[row]: record for row, record in _records(data.store, with_series).items()}
+    axes = aggregated_axes(data.axes) if is_aggregated else data.axes
+    table = data.tolerance_table()
+    columns = _columns(data, axes, rows, table)
+    if is_aggregated:
+        columns |= aggregated_columns(axes, data.labels, data.quantities)
+    tradeoff = _tradeoff(data.store, data.tradeoff, table) if data.tradeoff and table else None
+    metadata = {
+        "store": str(data.store.address),
         "runs": len(rows),
-        "total": gathered.store.columns.runs,
-        "summed": is_summed,
+        "total": data.store.columns.runs,
+        "aggregated": is_aggregated,
         "axes": [_axis(each) for each in axes],
-        "labels": _labels(gathered),
+        "labels": {
+            "names": data.labels.names,
+            "letters": data.labels.letters,
+            "legend": data.labels.legend,
+            "every": data.labels.every,
+        },
+        "modes": list(MODE_NAMES.values()),
         "quantities": [
-            [each.name, each.told.unit, each.told.better, each.told.resolution, each.description]
-            for each in gathered.quantities
+            [
+                each.name,
+                each.column.unit,
+                each.column.better,
+                each.column.resolution,
+                each.description,
+            ]
+            for each in data.quantities
         ],
-        "plane": _plane(gathered),
-        "boundary": _boundary(gathered),
-        "digits": 6 if len(rows) <= _FEW else 3,
-        "specs": chart_templates(gathered, chart),
-        "tradeoff": _weighed(gathered.store, gathered.weighing) if gathered.weighing else None,
-        "details": {row: run_details(record) for row, record in found.items()},
+        "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
+        "boundary": _boundary(data),
+        "digits": 6 if len(rows) <= _FEW_RUNS else 3,
+        "specs": chart_templates(data, chart),
+        "tradeoff": tradeoff,
+        "details": {position: _details(record) for position, record in records.items()},
     }
-    notes = (_summed_note(gathered, len(rows)),) if is_summed else ()
-    return PageContent(words, pack(columns), packed_series(gathered.store, found), notes)
+    notes = (_aggregation_note(data, len(rows)),) if is_aggregated else ()
+    return PageContent(metadata, pack(columns), packed_series(data.store, records), notes)
 
 
-def _needed(gathered: ReportData) -> float:
+def _size_of_runs(data: ReportData) -> float:
     """Return about how much room all runs would take [B]."""
-    width = _RUN + _VALUE * len(gathered.quantities)
-    return 4 / 3 * width * gathered.store.columns.runs
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+    return 4 / 3 * width * data.store.columns.runs
 
 
-def _kept(gathered: ReportData, picks: Sequence[int]) -> NDArray[np.int64]:
-    """Return the runs that a page has beside sums: some of each label, one of each cell."""
-    outcomes = gathered.outcomes
-    kept = [
-        np.flatnonzero(outcomes.codes == code)[:_RUNS_PER_LABEL]
-        for code in range(len(outcomes.names))
+def _all_runs(data: ReportData) -> NDArray[np.int64]:
+    return np.arange(data.store.columns.runs)
+
+
+def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.int64]:
+    """Return the runs of an aggregated page: some of each label, and one of each cell."""
+    labels = data.labels
+    selected = [
+        np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in range(len(labels.names))
     ]
-    if gathered.plane is not None:
-        kept.append(np.unique(gathered.plane.cells, return_index=True)[1])
-    return np.unique(np.concatenate([np.array(picks, dtype=np.int64), *kept]))
+    if data.map_axes is not None:
+        selected.append(np.unique(data.map_axes.cells, return_index=True)[1])
+    return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
 
 
-def _summed_note(gathered: ReportData, kept: int) -> str:
-    runs = gathered.store.columns.runs
+def _aggregation_note(data: ReportData, selected: int) -> str:
+    runs = data.store.columns.runs
     return (
-        f"{runs:,} runs are more than fits: maps are of all of them, over any two axes and all "
-        f"values of the others; single runs are here of {kept:,}"
+        f"{runs:,} runs are too many for one page: each map covers all of them, over any two axes "
+        f"and all values of the others; {selected:,} single runs are listed"
     )
+
+
+def runs_with_series(data: ReportData, most: int) -> list[int]:
+    """Return the rows of at most so many runs, those that a reader will ask for first.
+
+    The recommended ones come first, then a few of each label, the worst first, then one of each
+    cell of the default map, then the others in the order of the plan.
+    """
+    return list(dict.fromkeys(_by_interest(data)))[:most] if most else []
+
+
+def _by_interest(data: ReportData) -> Iterator[int]:
+    ids = data.store.columns.byte_strings("run_id")
+    report = data.tradeoff
+    for run in (report.recommendation, report.robust) if report else ():
+        if run is not None:
+            yield from np.flatnonzero(ids == run.run_id.encode()).tolist()
+    for code in range(len(data.labels.names)):
+        yield from np.flatnonzero(data.labels.codes == code)[:_SERIES_PER_LABEL].tolist()
+    if data.map_axes is not None:
+        yield from np.sort(np.unique(data.map_axes.cells, return_index=True)[1]).tolist()
+    yield from range(min(len(ids), _SERIES_OF_OTHERS))
 
 
 def _axis(axis: GridAxis) -> dict[str, Any]:
@@ -217,81 +162,65 @@ def _axis(axis: GridAxis) -> dict[str, Any]:
         "name": axis.name,
         "title": axis.title,
         "role": axis.role,
-        "words": axis.words,
+        "ticks": axis.ticks,
         "binned": axis.numbers is not None,
     }
 
 
-def _labels(gathered: ReportData) -> dict[str, Any]:
-    outcomes = gathered.outcomes
-    return {
-        "names": outcomes.names,
-        "letters": outcomes.letters,
-        "legend": outcomes.legend,
-        "every": outcomes.every,
-    }
-
-
-def _boundary(gathered: ReportData) -> dict[str, Any] | None:
-    boundary = gathered.boundary
-    if boundary is None:
+def _boundary(data: ReportData) -> dict[str, Any] | None:
+    if data.boundary is None:
         return None
-    return {"axis": boundary.axis.name, "marks": boundary.axis.marks.tolist()}
-
-
-def _plane(gathered: ReportData) -> list[str | None]:
-    plane = gathered.plane
-    if plane is None:
-        return [None, None]
-    return [plane.x.name, plane.y.name if plane.y else None]
+    axis = data.boundary.axis
+    return {"axis": axis.name, "tickValues": axis.tick_values.tolist()}
 
 
 def _columns(
-    gathered: ReportData, axes: Sequence[GridAxis], rows: NDArray[np.int64]
+    data: ReportData,
+    axes: Sequence[GridAxis],
+    rows: NDArray[np.int64],
+    table: ToleranceTable | None,
 ) -> dict[str, NDArray[Any]]:
     """Return the columns of some runs, and of the configurations."""
-    store, outcomes = gathered.store, gathered.outcomes
-    bits = 23 if len(rows) <= _FEW else _SHORT
+    labels = data.labels
+    bits = _ALL_BITS if len(rows) <= _FEW_RUNS else _FEW_BITS
     columns: dict[str, NDArray[Any]] = {
-        "id": run_id_halves(store.columns.byte_strings("run_id")[rows]),
-        "label": packed_integers(outcomes.codes[rows]),
-        "labels": (outcomes.masks[rows] & 0xFFFFFFFF).astype("u4"),
-        "labels:high": (outcomes.masks[rows] >> 32).astype("u4"),
-        "met": packed_integers(_met(gathered)[rows]),
+        "id": run_id_halves(data.store.columns.byte_strings("run_id")[rows]),
+        "label": packed_integers(labels.codes[rows]),
+        "labels": (labels.masks[rows] & 0xFFFFFFFF).astype("u4"),
+        "labels:high": (labels.masks[rows] >> 32).astype("u4"),
+        "expected": packed_integers(_expected(data.store)[rows]),
     }
-    if gathered.boundary is not None:
-        columns["boundary"] = rounded_floats(gathered.boundary.values[rows])
+    if data.boundary is not None:
+        columns["boundary"] = rounded_floats(data.boundary.values[rows])
     for axis in axes:
         columns[f"axis:{axis.name}"] = packed_integers(axis.codes[rows])
         if axis.numbers is not None:
             columns[f"number:{axis.name}"] = rounded_floats(axis.numbers[rows])
-    for each in gathered.quantities:
+    for each in data.quantities:
         columns[f"value:{each.name}"] = rounded_floats(each.values[rows], bits)
-    if gathered.weighing is not None:
-        columns |= _weighed_columns(gathered.weighing, rows, bits)
+    if data.tradeoff is not None and table is not None:
+        columns |= _configuration_columns(data.tradeoff, table, rows, bits)
     return columns
 
 
-def _met(gathered: ReportData) -> NDArray[np.int64]:
-    """Return (n,) 2 where a run is as expected, 1 where it is not, 0 where nothing was expected."""
-    met, given = gathered.store.columns.numbers("expectation_met")
+def _expected(store: Store) -> NDArray[np.int64]:
+    """Return (n,) 2 for a run as expected, 1 for one that is not, 0 without an expectation."""
+    met, given = store.columns.numbers("expectation_met")
     return np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
 
 
-def _weighed_columns(
-    weighing: StoreTradeoff, rows: NDArray[np.int64], bits: int
+def _configuration_columns(
+    report: TradeoffReport, table: ToleranceTable, rows: NDArray[np.int64], bits: int
 ) -> dict[str, NDArray[Any]]:
-    report = weighing.report
-    configurations = report.configurations
     exact = {report.error.name, *report.tolerances}
     return {
-        "place": packed_integers(weighing.places[rows]),
-        "sound": packed_integers(weighing.sound),
-        "time": _numbers([each.time for each in configurations]),
-        "error": _numbers([each.error for each in configurations]),
+        "configuration": packed_integers(table.configuration[rows]),
+        "otherwiseFeasible": packed_integers(table.otherwise_feasible),
+        "time": _numbers([each.time for each in report.configurations]),
+        "error": _numbers([each.error for each in report.configurations]),
         **{
-            f"worst:{name}": sizes if name in exact else rounded_floats(sizes, bits)
-            for name, sizes in weighing.worst.items()
+            f"worst:{name}": worst if name in exact else rounded_floats(worst, bits)
+            for name, worst in table.worst.items()
         },
     }
 
@@ -300,23 +229,74 @@ def _numbers(values: list[float | None]) -> NDArray[np.float64]:
     return np.array([np.nan if value is None else value for value in values])
 
 
-def _weighed(store: Store, weighing: StoreTradeoff) -> dict[str, Any]:
-    report = weighing.report
+def _tradeoff(store: Store, report: TradeoffReport, table: ToleranceTable) -> dict[str, Any]:
     return {
         "knobs": report.knobs,
         "configurations": [list(each.configuration.values()) for each in report.configurations],
         "error": [report.error.name, report.error.unit],
         "tolerances": report.tolerances,
-        "mjcf": _mjcf(store, weighing),
+        "equallyFast": EQUALLY_FAST,
+        "safeMargin": SAFE_MARGIN,
+        "mjcf": _mjcf(store, report, table),
     }
 
 
-def _mjcf(store: Store, weighing: StoreTradeoff) -> list[str] | None:
-    """Return the lines that set each configuration, where there are not too many."""
-    report = weighing.report
-    count = len(report.configurations)
-    if count > _MOST_LINES:
+def _mjcf(store: Store, report: TradeoffReport, table: ToleranceTable) -> list[str] | None:
+    """Return the lines that set each configuration, unless there are too many."""
+    if len(report.configurations) > _MOST_MJCF:
         return None
-    firsts = np.unique(weighing.places, return_index=True)[1].tolist()
-    found = read_records(store, firsts)
-    return ["\n".join(mjcf_lines(report.knobs, found[row]).mjcf) for row in firsts]
+    firsts = np.unique(table.configuration, return_index=True)[1].tolist()
+    records = _records(store, firsts)
+    return ["\n".join(mjcf_lines(report.knobs, records[row]).mjcf) for row in firsts]
+
+
+def _records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:
+    columns = store.columns
+    return {row: row_to_record(columns.row(row), columns.shared) for row in sorted(rows)}
+
+
+def _details(record: EvidenceRecord) -> dict[str, Any]:
+    """Return what a page shows of a run beside its numbers."""
+    return {
+        "labels": [[each.label, each.reason, each.step] for each in record.labels],
+        "settings": record.settings | record.axes,
+        "expectation_reason": record.expectation_reason,
+        "status": record.status,
+        "steps": record.steps,
+        "engine": f"{record.engine.name} {record.engine.version}",
+        "trace": record.trace.file if record.trace else None,
+    }
+
+
+def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str, Any]:
+    """Return the time series of the runs that have a trace: their names, and packed numbers."""
+    descriptions: dict[int, Any] = {}
+    columns: dict[str, np.ndarray] = {}
+    for row, record in records.items():
+        series = _series(store, record)
+        if series is not None:
+            descriptions[row] = _description(row, series, columns)
+    return {"runs": descriptions, "packed": pack(columns)}
+
+
+def _series(store: Store, record: EvidenceRecord) -> RunSeries | None:
+    if record.trace is None or store.manifest.traces_left_out:
+        return None
+    try:
+        return run_series(store.trace(record))
+    except StoreError:
+        # `contactlab verify` reports a damaged trace; the page shows the others.
+        return None
+
+
+def _description(row: int, series: RunSeries, columns: dict[str, np.ndarray]) -> dict[str, Any]:
+    for index, signal in enumerate(series.signals):
+        columns[f"{row}:t{index}"] = rounded_floats(signal.time, _SERIES_BITS)
+        columns[f"{row}:v{index}"] = rounded_floats(signal.values, _SERIES_BITS)
+    for index, band in enumerate(series.bands):
+        columns[f"{row}:s{index}"] = rounded_floats(band.starts, _SERIES_BITS)
+        columns[f"{row}:m{index}"] = packed_integers(band.modes)
+    return {
+        "signals": [[each.name, each.unit, each.panel] for each in series.signals],
+        "bands": [[each.pair, each.end] for each in series.bands],
+    }

@@ -1,4 +1,4 @@
-"""The axes of a store's runs, as places in a grid."""
+"""What a report draws of a table of runs: its axes, its measured quantities, its labels."""
 
 import math
 from collections.abc import Sequence
@@ -15,11 +15,18 @@ from contactlab.tradeoff import COLOURS, REST
 
 Codes = NDArray[np.int64]
 
-MOST_VALUES = 40
-"""More values of an axis than this are drawn as bins."""
-_BINS = 20
-_LOGARITHMIC = 50.0
 SEED = "seed"
+STABLE = "stable"
+STABLE_COLOUR = "#dbe5de"
+"""Pale, so that stable runs stay in the background."""
+_UNITLESS = {"", "1", "any"}
+_MOST_VALUES = 40
+"""An axis with more values than this is drawn in bins."""
+_BINS = 20
+_LOG_SPAN = 50.0
+"""Bins are logarithmic where the largest value is more than so many times the least."""
+_WORST_FIRST = (2, 1, 3, 0, 4, 5, 6, 7)
+"""The palette with its reds first, for the worst labels."""
 
 
 @dataclass(frozen=True)
@@ -30,19 +37,19 @@ class GridAxis:
         name: its name.
         unit: its unit; `1` or empty for none.
         role: knob or scenario.
-        words: its values, or bins of them, in order.
-        codes: (n,) the place of each run's value in `words`.
-        numbers: (n,) the values themselves where `words` are bins; else None.
-        marks: (words,) the values as numbers, NaN where they are none, and the middles of bins.
+        ticks: its values, or bins of them, as text, in order.
+        codes: (n,) index into `ticks` of each run's value.
+        numbers: (n,) the values themselves where `ticks` are bins; else None.
+        tick_values: (ticks,) the values as numbers, NaN for text; the middles of bins.
     """
 
     name: str
     unit: str
     role: Role
-    words: tuple[str, ...]
+    ticks: tuple[str, ...]
     codes: Codes
     numbers: Floats | None
-    marks: Floats
+    tick_values: Floats
 
     @property
     def title(self) -> str:
@@ -50,9 +57,75 @@ class GridAxis:
         return with_unit(self.name, self.unit)
 
 
+@dataclass(frozen=True)
+class Quantity:
+    """One measured column of n runs.
+
+    Attributes:
+        column: its name, unit, direction and resolution.
+        description: what it is.
+        values: (n,), NaN where there is no finite one.
+    """
+
+    column: MeasuredColumn
+    description: str
+    values: Floats
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+        return self.column.name
+
+    @property
+    def title(self) -> str:
+        """Its name with its unit."""
+        return with_unit(self.column.name, self.column.unit)
+
+
+@dataclass(frozen=True)
+class RunLabels:
+    """The labels of n runs.
+
+    Attributes:
+        names: worst labels that occur, the worst first and `stable` last.
+        letters: one letter for each, all different; empty for `stable`.
+        colours: one for each.
+        meanings: the definition of each.
+        counts: number of runs with each.
+        codes: (n,) index into `names` of each run's worst label.
+        masks: (n,) all labels of a run as bits: bit i for `every[i]`.
+        every: labels that occur at all, also beside a worse one.
+    """
+
+    names: tuple[str, ...]
+    letters: tuple[str, ...]
+    colours: tuple[str, ...]
+    meanings: tuple[str, ...]
+    counts: tuple[int, ...]
+    codes: Codes
+    masks: Codes
+    every: tuple[str, ...]
+
+    @property
+    def failed(self) -> NDArray[np.bool_]:
+        """(n,) whether a run has a failure label."""
+        return np.array([name != STABLE for name in self.names], dtype=bool)[self.codes]
+
+    @property
+    def legend(self) -> tuple[str, ...]:
+        """Labels with their letters in front."""
+        pairs = zip(self.letters, self.names, strict=True)
+        return tuple(f"{letter}  {name}" if letter else name for letter, name in pairs)
+
+
 def with_unit(name: str, unit: str) -> str:
-    """Return a name with its unit, where it has one."""
-    return name if unit in {"", "1", "any"} else f"{name} [{unit}]"
+    """Return a name with its unit in brackets, where it has one."""
+    return name if unit in _UNITLESS else f"{name} [{unit}]"
+
+
+def number_with_unit(text: str, unit: str) -> str:
+    """Return a number with its unit after it, where it has one."""
+    return text if unit in _UNITLESS else f"{text} {unit}"
 
 
 def read_axes(store: Store) -> tuple[GridAxis, ...]:
@@ -61,7 +134,7 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
     roles = _roles(store)
     names = [name for name in (*columns.axis_names, SEED) if name in columns.schema.names]
     axes = [_axis(columns, name, roles.get(name, "knob")) for name in dict.fromkeys(names)]
-    return tuple(axis for axis in axes if len(axis.words) > 1)
+    return tuple(axis for axis in axes if len(axis.ticks) > 1)
 
 
 def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
@@ -70,17 +143,17 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     if not columns.is_number(name):
         codes, words = columns.strings(name)
         known = tuple(word.strip() for word in words)
-        shown = (*known, "none") if (codes < 0).any() else known
+        ticks = (*known, "none") if (codes < 0).any() else known
         places = np.where(codes < 0, len(known), codes)
-        return GridAxis(name, unit, kind, shown, places, None, np.full(len(shown), np.nan))
+        return GridAxis(name, unit, kind, ticks, places, None, np.full(len(ticks), np.nan))
     numbers = columns.numbers(name).values
     values, places = np.unique(numbers, return_inverse=True)
     if str(columns.schema.field(name).type) == "bool":
-        words = tuple("true" if value else "false" for value in values)
-        return GridAxis(name, unit, kind, words, places, None, values)
-    if len(values) > MOST_VALUES and np.isfinite(values).all():
-        words, places, middles = _binned(numbers)
-        return GridAxis(name, unit, kind, words, places, numbers, middles)
+        ticks = tuple("true" if value else "false" for value in values)
+        return GridAxis(name, unit, kind, ticks, places, None, values)
+    if len(values) > _MOST_VALUES and np.isfinite(values).all():
+        ticks, places, middles = _binned(numbers)
+        return GridAxis(name, unit, kind, ticks, places, numbers, middles)
     return GridAxis(name, unit, kind, _number_ticks(values), places, None, values)
 
 
@@ -94,12 +167,12 @@ def _number_ticks(values: Floats) -> tuple[str, ...]:
 def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes, Floats]:
     """Return bins of equal width, of logarithms where the numbers span decades."""
     low, high = float(numbers.min()), float(numbers.max())
-    spaced = np.geomspace if low > 0 and high / low > _LOGARITHMIC else np.linspace
+    spaced = np.geomspace if low > 0 and high / low > _LOG_SPAN else np.linspace
     edges = spaced(low, high, _BINS + 1)
     codes = np.clip(np.searchsorted(edges, numbers, side="right") - 1, 0, _BINS - 1)
     pairs = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
-    words = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairs)
-    return words, codes.astype(np.int64), np.array([(first + last) / 2 for first, last in pairs])
+    ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairs)
+    return ticks, codes.astype(np.int64), np.array([(first + last) / 2 for first, last in pairs])
 
 
 def _roles(store: Store) -> dict[str, Role]:
@@ -112,94 +185,21 @@ def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
     """Return (n,) one number for each combination of values of some axes."""
     codes = np.zeros(runs, dtype=np.int64)
     for axis in axes:
-        codes = codes * len(axis.words) + axis.codes
+        codes = codes * len(axis.ticks) + axis.codes
     return codes
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """One measured column of n runs.
-
-    Attributes:
-        told: its name, unit, direction and resolution.
-        description: what it is.
-        values: (n,), NaN where there is no finite one.
-    """
-
-    told: MeasuredColumn
-    description: str
-    values: Floats
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-        return self.told.name
-
-    @property
-    def title(self) -> str:
-        """Its name with its unit."""
-        return with_unit(self.told.name, self.told.unit)
-
-
 def read_quantities(store: Store) -> tuple[Quantity, ...]:
-    """Return the columns of measured values that any run has a value of."""
-    found = (_quantity(store, told) for told in store.columns.measured.values())
-    return tuple(each for each in found if np.isfinite(each.values).any())
+    """Return the measured columns in which any run has a value."""
+    quantities = (_quantity(store, column) for column in store.columns.measured.values())
+    return tuple(each for each in quantities if np.isfinite(each.values).any())
 
 
-def _quantity(store: Store, told: MeasuredColumn) -> Quantity:
-    values = store.columns.numbers(told.name).values
-    metadata = store.columns.schema.field(told.name).metadata or {}
+def _quantity(store: Store, column: MeasuredColumn) -> Quantity:
+    values = store.columns.numbers(column.name).values
+    metadata = store.columns.schema.field(column.name).metadata or {}
     finite = np.where(np.isfinite(values), values, np.nan)
-    return Quantity(told, metadata.get(b"description", b"").decode(), finite)
-
-
-STABLE = "stable"
-STABLE_COLOUR = "#dbe5de"
-"""What is stable stays in the background."""
-_ORDER = (2, 1, 3, 0, 4, 5, 6, 7)
-"""The palette with its reds first, for the worst labels."""
-
-
-@dataclass(frozen=True)
-class RunLabels:
-    """The worst label of n runs.
-
-    Attributes:
-        names: labels that occur, the worst first and `stable` last.
-        letters: one of each, none alike; empty for `stable`.
-        colours: one of each.
-        meanings: what each says of a run.
-        counts: runs of each.
-        codes: (n,) the place of each run's label in `names`.
-        masks: (n,) all labels of a run: bit i for `every[i]`.
-        every: labels that occur at all, also beside a worse one.
-    """
-
-    names: tuple[str, ...]
-    letters: tuple[str, ...]
-    colours: tuple[str, ...]
-    meanings: tuple[str, ...]
-    counts: tuple[int, ...]
-    codes: NDArray[np.int64]
-    masks: NDArray[np.int64]
-    every: tuple[str, ...]
-
-    @property
-    def failed(self) -> NDArray[np.bool_]:
-        """(n,) whether a run has a failure label."""
-        stable = [name == STABLE for name in self.names]
-        return ~np.array([*stable, False])[self.codes]
-
-    @property
-    def legend(self) -> tuple[str, ...]:
-        """Labels with their letters."""
-        return tuple(map(with_letter, self.letters, self.names))
-
-
-def with_letter(letter: str, name: str) -> str:
-    """Return a label with its letter in front."""
-    return f"{letter}  {name}" if letter else name
+    return Quantity(column, metadata.get(b"description", b"").decode(), finite)
 
 
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
@@ -207,18 +207,17 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
 
     Args:
         store: the store.
-        also: labels that are to be named beside those that occur.
+        also: labels to list beside those that occur.
     """
     codes, words = store.columns.strings("label")
-    told = [str(name) for name in store.columns.shared.get("severity", ())]
-    ranks = {name: rank for rank, name in enumerate([*LABELS, *told])}
-    named = dict.fromkeys((*words, *also))
-    names = sorted(named, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
-    places = np.array([names.index(word) for word in words], dtype=np.int64)
-    placed = places[codes]
+    stored_order = [str(name) for name in store.columns.shared.get("severity", ())]
+    ranks = {name: rank for rank, name in enumerate([*LABELS, *stored_order])}
+    unordered = dict.fromkeys((*words, *also))
+    names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
+    placed = np.array([names.index(word) for word in words], dtype=np.int64)[codes]
     failures = [name for name in names if name != STABLE]
     letters = dict(zip(failures, _letters(failures), strict=True))
-    colours = {name: _colour(rank) for rank, name in enumerate(failures)}
+    colours = {name: _failure_colour(rank) for rank, name in enumerate(failures)}
     masks, every = store.columns.string_sets("labels")
     return RunLabels(
         names=tuple(names),
@@ -241,5 +240,5 @@ def _letters(names: list[str]) -> list[str]:
     return taken
 
 
-def _colour(rank: int) -> str:
-    return COLOURS[_ORDER[rank]] if rank < len(_ORDER) else REST
+def _failure_colour(rank: int) -> str:
+    return COLOURS[_WORST_FIRST[rank]] if rank < len(_WORST_FIRST) else REST

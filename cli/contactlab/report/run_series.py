@@ -1,4 +1,4 @@
-"""What the entries of qpos are called, as the model's joints have it."""
+"""A stored trace as the few hundred points that a page draws."""
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from contactlab.contact import NO_CONTACT, Floats
 from contactlab.store.mcap import StoredPair, StoredTrace
 
-_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
-_PLACE = ("x", "y", "z")
+_POINTS = 400
+_MOST_COORDINATES = 6
+_JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 
 
 @dataclass(frozen=True)
@@ -19,76 +20,21 @@ class QposEntry:
     """One entry of qpos.
 
     Attributes:
-        place: its index.
+        index: its index.
         name: the joint's name, with the direction where it has several.
         unit: m or rad.
-        is_height: whether it is the height of a body that moves freely.
+        is_height: whether it is the height of a free body.
     """
 
-    place: int
+    index: int
     name: str
     unit: str
     is_height: bool
 
 
-def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
-    """Return the entries of qpos that are lengths or angles; those of rotations are left out.
-
-    Args:
-        model_xml: the MJCF as simulated.
-        size: the length of qpos. If the joints of the file do not add up to it, entries are
-            called by their index.
-    """
-    found = list(_walked(model_xml))
-    if sum(_SIZES[kind] for _, kind in found) != size:
-        return tuple(QposEntry(place, f"qpos[{place}]", "m, rad", False) for place in range(size))
-    named: list[QposEntry] = []
-    place = 0
-    for name, kind in found:
-        named += _entries(place, name, kind)
-        place += _SIZES[kind]
-    return tuple(named)
-
-
-def _entries(place: int, name: str, kind: str) -> Iterator[QposEntry]:
-    if kind == "free":
-        for index, axis in enumerate(_PLACE):
-            yield QposEntry(place + index, f"{name} {axis}", "m", axis == "z")
-    elif kind != "ball":
-        yield QposEntry(place, name, "m" if kind == "slide" else "rad", False)
-
-
-def _walked(model_xml: bytes) -> Iterator[tuple[str, str]]:
-    """Yield name and type of every joint, in the order of qpos: depth first."""
-    try:
-        root = ET.fromstring(model_xml)  # noqa: S314 - written by this program, hashed in the store
-    except ET.ParseError:
-        return
-    world = root.find("worldbody")
-    if world is not None:
-        for body in world.findall("body"):
-            yield from _joints(body)
-
-
-def _joints(body: ET.Element) -> Iterator[tuple[str, str]]:
-    name = body.get("name", "body")
-    for joint in body:
-        if joint.tag == "freejoint":
-            yield name, "free"
-        elif joint.tag == "joint":
-            kind = joint.get("type", "hinge")
-            yield name if kind == "free" else joint.get("name", f"{name} joint"), kind
-    for inner in body.findall("body"):
-        yield from _joints(inner)
-
-
-POINTS = 400
-MOST_COORDINATES = 6
-
-
 @dataclass(frozen=True)
 class Signal:
-    """One quantity over time, thinned.
+    """One quantity over time, decimated.
 
     Attributes:
         name: what it is.
@@ -107,12 +53,12 @@ class Signal:
 
 @dataclass(frozen=True)
 class ModeBand:
-    """When a pair stuck, slid, or did neither.
+    """When a pair stuck, slid, or was apart.
 
     Attributes:
         pair: its name.
-        starts: (S,) when each stretch begins [s].
-        modes: (S,) NO_CONTACT, STICK or SLIDE; a stretch ends where the next begins.
+        starts: (S,) when each interval begins [s].
+        modes: (S,) NO_CONTACT, STICK or SLIDE; an interval ends where the next begins.
         end: when the last one ends [s].
     """
 
@@ -127,33 +73,30 @@ class RunSeries:
     """What a page draws of one run."""
 
     signals: tuple[Signal, ...]
-    ribbons: tuple[ModeBand, ...]
+    bands: tuple[ModeBand, ...]
 
 
-def read_run_series(trace: StoredTrace) -> RunSeries:
-    """Return the motion, forces, depths and modes of a run, at 400 points at most each.
-
-    Of each stretch of steps the least and the largest value are kept, at their own times.
-    """
+def run_series(trace: StoredTrace) -> RunSeries:
+    """Return the motion, forces, depths and contact modes of a run, in at most 400 points each."""
     signals = [*_motion(trace)]
     for pair in trace.pairs:
         signals += _contact(trace, pair)
-    return RunSeries(tuple(signals), tuple(_ribbon(trace, pair) for pair in trace.pairs))
+    return RunSeries(tuple(signals), tuple(_mode_band(trace, pair) for pair in trace.pairs))
 
 
-def decimated(values: Floats, points: int = POINTS) -> NDArray[np.intp]:
-    """Return which of (n,) values stand for all: of each stretch the least and the largest.
+def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
+    """Return indices of at most `points` + 2 of (n,) values: the extremes of each interval.
 
-    The first and the last value are always among them; values that are no numbers are not.
+    The first and the last value are always among them; NaN and infinities never are.
     """
     if len(values) <= points:
         return np.flatnonzero(np.isfinite(values))
     edges = np.linspace(0, len(values), points // 2, dtype=np.intp)
     kept = {0, len(values) - 1}
     for start, stop in zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True):
-        stretch = values[start:stop]
-        if np.isfinite(stretch).any():
-            kept |= {start + int(np.nanargmin(stretch)), start + int(np.nanargmax(stretch))}
+        interval = values[start:stop]
+        if np.isfinite(interval).any():
+            kept |= {start + int(np.nanargmin(interval)), start + int(np.nanargmax(interval))}
     places = np.array(sorted(kept), dtype=np.intp)
     return places[np.isfinite(values[places])]
 
@@ -164,21 +107,21 @@ def _signal(name: str, unit: str, panel: str, time: Floats, values: Floats) -> S
 
 
 def _motion(trace: StoredTrace) -> Iterator[Signal]:
-    known = qpos_entries(trace.model_xml, trace.qpos.shape[1])
-    for each in _most_active(known, trace.qpos):
-        yield _signal(each.name, each.unit, "motion", trace.time, trace.qpos[:, each.place])
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
+    for each in _most_active(entries, trace.qpos):
+        yield _signal(each.name, each.unit, "motion", trace.time, trace.qpos[:, each.index])
 
 
-def _most_active(known: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry]:
-    """Return heights first, then what moves most; of many coordinates the first few of these."""
+def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry]:
+    """Return the first six entries: heights, then those that move most."""
     with np.errstate(invalid="ignore"):
         spread = np.nan_to_num(np.nanmax(qpos, axis=0) - np.nanmin(qpos, axis=0))
-    ranked = sorted(known, key=lambda each: (not each.is_height, -spread[each.place]))
-    return ranked[:MOST_COORDINATES]
+    ranked = sorted(entries, key=lambda each: (not each.is_height, -spread[each.index]))
+    return ranked[:_MOST_COORDINATES]
 
 
 def _contact(trace: StoredTrace, pair: StoredPair) -> Iterator[Signal]:
-    """Yield forces, 0 where nothing touches, and depth."""
+    """Yield forces and depth, 0 without contact."""
     for name, unit, panel, values in (
         ("normal", "N", "force", pair.normal),
         ("tangential", "N", "force", pair.tangential),
@@ -189,9 +132,60 @@ def _contact(trace: StoredTrace, pair: StoredPair) -> Iterator[Signal]:
         yield _signal(f"{pair.name} {name}", unit, panel, trace.time[:-1], full)
 
 
-def _ribbon(trace: StoredTrace, pair: StoredPair) -> ModeBand:
+def _mode_band(trace: StoredTrace, pair: StoredPair) -> ModeBand:
     modes = np.full(len(trace.contacts), NO_CONTACT, dtype=np.int8)
     modes[pair.steps] = pair.mode
     changes = np.flatnonzero(np.diff(modes)) + 1
-    starts = np.concatenate(([0], changes))[:POINTS]
+    starts = np.concatenate(([0], changes))[:_POINTS]
     return ModeBand(pair.name, trace.time[starts], modes[starts], float(trace.time[-1]))
+
+
+def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
+    """Return the entries of qpos that are lengths or angles, without those of rotations.
+
+    Args:
+        model_xml: the MJCF as simulated.
+        size: the length of qpos. If the joints of the file do not add up to it, entries are
+            named by their index.
+    """
+    joints = list(_joints_of_model(model_xml))
+    if sum(_JOINT_SIZES[kind] for _, kind in joints) != size:
+        return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
+    entries: list[QposEntry] = []
+    index = 0
+    for name, kind in joints:
+        entries += _entries(index, name, kind)
+        index += _JOINT_SIZES[kind]
+    return tuple(entries)
+
+
+def _entries(index: int, name: str, kind: str) -> Iterator[QposEntry]:
+    if kind == "free":
+        for offset, axis in enumerate("xyz"):
+            yield QposEntry(index + offset, f"{name} {axis}", "m", axis == "z")
+    elif kind != "ball":
+        yield QposEntry(index, name, "m" if kind == "slide" else "rad", False)
+
+
+def _joints_of_model(model_xml: bytes) -> Iterator[tuple[str, str]]:
+    """Yield name and type of every joint in the order of qpos, depth first."""
+    try:
+        root = ET.fromstring(model_xml)  # noqa: S314 - written by this program, hashed in the store
+    except ET.ParseError:
+        return
+    world = root.find("worldbody")
+    if world is not None:
+        for body in world.findall("body"):
+            yield from _joints_of_body(body)
+
+
+def _joints_of_body(body: ET.Element) -> Iterator[tuple[str, str]]:
+    name = body.get("name", "body")
+    for joint in body:
+        if joint.tag == "freejoint":
+            yield name, "free"
+        elif joint.tag == "joint":
+            kind = joint.get("type", "hinge")
+            yield name if kind == "free" else joint.get("name", f"{name} joint"), kind
+    for inner in body.findall("body"):
+        yield from _joints_of_body(inner)

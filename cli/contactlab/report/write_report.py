@@ -1,37 +1,39 @@
-"""Write a store's page or figures; the libraries for it are an extra."""
+"""Write a store's page or figures; the libraries that draw them are an extra."""
 
 from collections.abc import Sequence
+from importlib.util import find_spec
 from pathlib import Path
 
 from contactlab.errors import OutputError
-from contactlab.report.report_data import PageRequest, WrittenPage
-from contactlab.report.vega_rendering import FORMATS, check_chart_libraries, render_chart
+from contactlab.report.report_data import PageRequest, WrittenPage, read_report_data
 from contactlab.store import Store, atomic_write
 from contactlab.tradeoff import Criteria
 
-_EVERYTHING = PageRequest()
-_NOTHING = Criteria()
+FORMATS = ("png", "svg", "pdf")
+_LIBRARIES = ("altair", "jinja2", "pikepdf", "vl_convert")
+_DEFAULT_PAGE = PageRequest()
+_DEFAULT_CRITERIA = Criteria()
 
 
-def write_page(store: Store, target: Path, ask: PageRequest = _EVERYTHING) -> WrittenPage:
-    """Write everything of a store into one page that needs nothing else.
+def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE) -> WrittenPage:
+    """Write a store as one HTML page that needs no other file and no network.
 
     The same store gives the same bytes.
 
     Args:
         store: a finished store.
         target: the HTML file.
-        ask: what it should hold.
+        request: what the page holds.
 
     Raises:
-        OutputError: libraries for it are missing, or it cannot be written.
-        SweepFileError: a tolerance is of something that the store does not measure.
+        OutputError: a library is missing, or the file cannot be written.
+        SweepFileError: a tolerance names a metric that the store does not have.
         StoreError: the store cannot be read.
     """
-    check_chart_libraries()
-    from contactlab.report.html_page import page  # noqa: PLC0415 - needs the extra
+    _check_libraries()
+    from contactlab.report.html_page import html_page  # noqa: PLC0415 - needs the extra
 
-    text, notes = page(store, ask)
+    text, notes = html_page(store, request)
     data = text.encode()
     with atomic_write(target) as temporary:
         temporary.write_bytes(data)
@@ -39,37 +41,40 @@ def write_page(store: Store, target: Path, ask: PageRequest = _EVERYTHING) -> Wr
 
 
 def write_figures(
-    store: Store, folder: Path, formats: Sequence[str], question: Criteria = _NOTHING
+    store: Store, folder: Path, formats: Sequence[str], criteria: Criteria = _DEFAULT_CRITERIA
 ) -> list[Path]:
-    """Write every figure that a store holds what it needs for.
+    """Write every figure for which a store has the data.
 
     The same store gives the same bytes.
 
     Args:
         store: a finished store.
-        folder: where they go; it is made if it is missing.
+        folder: where the figures go; made if it is missing.
         formats: of png, svg and pdf.
-        question: which error stands for accuracy, and tolerances over those of the sweep.
+        criteria: which error stands for accuracy, and tolerances that replace the sweep's.
 
     Returns:
         The files.
 
     Raises:
-        OutputError: a format is not known, libraries are missing, or a file cannot be written.
-        SweepFileError: a tolerance is of something that the store does not measure.
+        OutputError: a format is unknown, a library is missing, or a file cannot be written.
+        SweepFileError: a tolerance names a metric that the store does not have.
         StoreError: the store cannot be read.
     """
     for form in formats:
         if form not in FORMATS:
-            raise OutputError(f"no format '{form}'; write some of {', '.join(FORMATS)}")
-    check_chart_libraries()
+            raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
+    _check_libraries()
     from contactlab.report.paper_figures import figure_specs  # noqa: PLC0415 - needs the extra
-    from contactlab.report.report_data import read_report_data  # noqa: PLC0415
+    from contactlab.report.vega_rendering import render_chart  # noqa: PLC0415 - needs the extra
 
-    gathered = read_report_data(store, question)
-    _make(folder)
+    data = read_report_data(store, criteria)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make {folder}: {error.strerror}") from error
     written: list[Path] = []
-    for name, spec in figure_specs(gathered):
+    for name, spec in figure_specs(data):
         for form in formats:
             path = folder / f"{name}.{form}"
             with atomic_write(path) as temporary:
@@ -78,8 +83,9 @@ def write_figures(
     return written
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise OutputError(f"cannot make {folder}: {error.strerror}") from error
+def _check_libraries() -> None:
+    if not all(find_spec(library) for library in _LIBRARIES):
+        raise OutputError(
+            "reports need Altair, Jinja, pikepdf and vl-convert; install them with "
+            "`pip install 'contactlab[figures]'`"
+        )

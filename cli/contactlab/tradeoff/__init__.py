@@ -17,6 +17,7 @@ from contactlab.tradeoff.drawing import (
 )
 from contactlab.tradeoff.pareto import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.tradeoff.recommended_sweep import recommended_sweep
+from contactlab.tradeoff.tolerance_table import ToleranceTable, tolerance_table
 
 __all__ = [
     "COLOURS",
@@ -30,6 +31,7 @@ __all__ = [
     "SHAPES",
     "Criteria",
     "MjcfLines",
+    "ToleranceTable",
     "analyse",
     "check_figure",
     "chosen_error",
@@ -38,4 +40,5 @@ __all__ = [
     "recommended_sweep",
     "save_figure",
     "specify",
+    "tolerance_table",
 ]

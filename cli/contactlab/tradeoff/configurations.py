@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact import Floats
 from contactlab.schema import (
@@ -260,12 +261,12 @@ def largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
 
 def judged(runs: StoredRuns, rows: list[int], name: str) -> float | None:
     """Return the size of a column that tolerances are held against; None if a run has no value."""
-    sizes = _sizes(runs, rows, name)
+    sizes = magnitudes(runs, rows, name)
     return None if np.isnan(sizes).any() else float(sizes.max())
 
 
-def _sizes(runs: StoredRuns, rows: list[int], name: str) -> Floats:
-    """Return the size of a column in each run; NaN where there is none.
+def magnitudes(runs: StoredRuns, rows: Sequence[int] | NDArray[np.integer], name: str) -> Floats:
+    """Return the magnitude of a column in each run, as tolerances bound it; NaN without a value.
 
     An error against a reference is at least what the reference itself may be off by.
     """
@@ -293,7 +294,7 @@ def _outcomes(
     good = np.array([runs.labels[row] == STABLE for row in rows])
     for name, limit in tolerances.items():
         # A comparison with NaN is false, as it should be.
-        good &= _sizes(runs, rows, name) <= limit
+        good &= magnitudes(runs, rows, name) <= limit
     low, high = wilson(int(good.sum()), len(rows))
     return ConfigurationOutcomes(
         runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels)

@@ -1,6 +1,6 @@
-// What the page holds: words as JSON, numbers as packed columns.
+// What the page holds: names and texts as JSON, numbers as packed columns.
 
-const held = (id) => document.getElementById(id).textContent;
+const embedded = (id) => document.getElementById(id).textContent;
 
 const ARRAYS = {
   u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array, f8: Float64Array,
@@ -16,10 +16,10 @@ async function inflated(text) {
   return new Uint8Array(await new Response(stream).arrayBuffer());
 }
 
-const text = async (id) => new TextDecoder().decode(await inflated(held(id)));
-const words = JSON.parse(await text("words"));
+const text = async (id) => new TextDecoder().decode(await inflated(embedded(id)));
+const metadata = JSON.parse(await text("metadata"));
 
-// Each column's bytes lie by significance: all first bytes, then all second ones, ...
+// Each column's bytes are ordered by significance: all first bytes, then all second ones, ...
 async function unpacked(packed) {
   const bytes = await inflated(packed.bytes);
   const columns = {};
@@ -38,7 +38,7 @@ async function unpacked(packed) {
   return columns;
 }
 
-// The library that draws charts is unpacked once the page is painted.
+// The charting library is unpacked once the page is painted.
 async function drawing() {
   const code = await text("bundle");
   await new Promise((resolve, reject) => {
@@ -53,7 +53,7 @@ async function drawing() {
 
 const latest = new WeakMap();
 
-// Drawing takes a while: what was asked for last is shown, and null is given to the others.
+// Drawing takes a while: only the latest request is shown; the others resolve to null.
 async function draw(target, spec) {
   const box = document.createElement("div");
   latest.set(target, box);
@@ -68,7 +68,7 @@ async function draw(target, spec) {
 
 const NARROW = 560;
 
-// Where there is little room, legends lie below.
+// On narrow pages legends go below the chart.
 function legendBelow(spec, room) {
   if (room < NARROW) spec.config.legend = { ...spec.config.legend, orient: "bottom", columns: 1 };
   return spec;
@@ -80,6 +80,8 @@ function fitted(spec, room) {
 }
 
 const number = (value) => (Number.isFinite(value) ? String(Number(value.toPrecision(4))) : "-");
-const axisOf = (name) => words.axes.find((axis) => axis.name === name);
-const quantityOf = (name) => words.quantities.find((each) => each[0] === name);
-const titled = (name, unit) => (["", "1", "any"].includes(unit) ? name : `${name} [${unit}]`);
+const axisOf = (name) => metadata.axes.find((axis) => axis.name === name);
+const quantityOf = (name) => metadata.quantities.find((each) => each[0] === name);
+const unitless = (unit) => ["", "1", "any"].includes(unit);
+const withUnit = (name, unit) => (unitless(unit) ? name : `${name} [${unit}]`);
+const numberWithUnit = (value, unit) => (unitless(unit) ? value : `${value} ${unit}`);

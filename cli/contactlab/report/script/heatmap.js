@@ -1,4 +1,4 @@
-// The map over two axes. Each panel shows one value of the facet's axis, or all.
+// The map over two axes, one panel for each value of the facet axis if there is one.
 
 const GAP = 0.03;
 const EDGE = 0.2;
@@ -6,59 +6,61 @@ const WIDEST = 560;
 
 const axisCodes = (columns, name) => columns[`axis:${name}`];
 
-function chosenRows(columns, state, facet) {
-  const picks = Object.entries(state.only).filter(([name]) => ![state.x, state.y, state.facet].includes(name));
-  if (facet !== null) picks.push([state.facet, facet]);
-  const tests = picks.map(([name, place]) => [axisCodes(columns, name), place]);
+function selectedRows(columns, state, facet) {
+  const filters = Object.entries(state.only).filter(([name]) => ![state.x, state.y, state.facet].includes(name));
+  if (facet !== null) filters.push([state.facet, facet]);
+  const tests = filters.map(([name, place]) => [axisCodes(columns, name), place]);
   const rows = [];
-  for (let row = 0; row < words.runs; row++) {
+  for (let row = 0; row < metadata.runs; row++) {
     if (tests.every(([codes, place]) => codes[row] === place)) rows.push(row);
   }
   return rows;
 }
 
-// One panel: its cells from the lower left, row by row.
+// One panel; its cells are listed row by row from the lower left.
 function panelOf(columns, state, facet) {
   const x = axisOf(state.x);
   const y = axisOf(state.y);
-  const across = x.words.length;
-  const up = y ? y.words.length : 1;
+  const across = x.ticks.length;
+  const up = y ? y.ticks.length : 1;
   const rows = Array.from({ length: across * up }, () => []);
   const xs = axisCodes(columns, x.name);
   const ys = y ? axisCodes(columns, y.name) : null;
-  for (const row of chosenRows(columns, state, facet)) rows[(ys ? ys[row] : 0) * across + xs[row]].push(row);
-  const summed = words.summed ? sumsOf(columns, state, x, y) : null;
-  const cells = rows.map((own, place) => (summed ? summed(own, place) : cellOf(columns, own)));
+  for (const row of selectedRows(columns, state, facet)) rows[(ys ? ys[row] : 0) * across + xs[row]].push(row);
+  const aggregated = metadata.aggregated ? aggregatedCells(columns, x, y) : null;
+  const cells = rows.map((own, place) => (aggregated ? aggregated(own, place) : cellOf(columns, own)));
   return { x, y, across, up, cells, facet };
 }
 
-// A cell of runs: how many there are, of each label, and one number of them.
+// A cell of runs: how many there are, how many have each label, and one number.
 function cellOf(columns, rows) {
-  const counts = new Array(words.labels.names.length).fill(0);
+  const counts = new Array(metadata.labels.names.length).fill(0);
   for (const row of rows) counts[columns.label[row]]++;
   return { rows, counts, size: rows.length, number: (state) => cellNumber(columns, state, rows) };
 }
 
-// A cell of a page that has sums in place of runs: `rows` are those that it has.
-function sumsOf(columns, state, x, y) {
-  const [one, other] = [words.axes.indexOf(x), y ? words.axes.indexOf(y) : -1];
-  const turned = y !== undefined && other < one;
-  const name = y ? `sum:${Math.min(one, other)}:${Math.max(one, other)}` : `sum:${one}:`;
-  const labels = words.labels.names.length;
+// Cells of a page with too many runs; `rows` are the runs of a cell that it lists.
+function aggregatedCells(columns, x, y) {
+  const [one, other] = [metadata.axes.indexOf(x), y ? metadata.axes.indexOf(y) : -1];
+  const transposed = y !== undefined && other < one;
+  const name = y ? `cells:${Math.min(one, other)}:${Math.max(one, other)}` : `cells:${one}:`;
+  const labels = metadata.labels.names.length;
   return (rows, place) => {
-    const [at, up] = [place % x.words.length, Math.floor(place / x.words.length)];
-    const own = turned ? at * y.words.length + up : place;
+    const [at, up] = [place % x.ticks.length, Math.floor(place / x.ticks.length)];
+    const own = transposed ? at * y.ticks.length + up : place;
     const counts = Array.from(columns[`${name}:labels`].subarray(own * labels, (own + 1) * labels));
     const number = ({ what, stat }) => columns[`${name}:${what}:${stat}`][own];
     return { rows, counts, size: counts.reduce((sum, count) => sum + count, 0), number };
   };
 }
 
+// As cell_statistics in map_cells.py.
 function statistic(values, kind, better) {
   if (!values.length) return NaN;
   if (kind === "mean") return values.reduce((sum, value) => sum + value, 0) / values.length;
   if (kind === "worst") {
-    return better === "higher" ? Math.min(...values) : values.reduce((most, value) => Math.max(most, Math.abs(value)), 0);
+    const worse = better === "higher" ? (worst, value) => Math.min(worst, value) : (worst, value) => Math.max(worst, Math.abs(value));
+    return values.reduce(worse, better === "higher" ? Infinity : 0);
   }
   const ordered = Float64Array.from(values).sort();
   const half = ordered.length >> 1;
@@ -76,10 +78,10 @@ function piece(x, y, start, stop) {
   return { x: x + GAP + start * width, x2: x + GAP + stop * width, y: y + GAP, y2: y + 1 - GAP };
 }
 
-// Where on a piece its letter stands: not too near the sides of the cell.
+// The position of a letter on its piece, not too near the sides of the cell.
 const onPiece = (start, stop) => Math.min(Math.max((start + stop) / 2, EDGE), 1 - EDGE);
 
-const failures = words.labels.names.filter((name) => name !== "stable").length;
+const failures = metadata.labels.names.filter((name) => name !== "stable").length;
 
 function mainFailure(counts) {
   let main = -1;
@@ -97,12 +99,12 @@ function labelLayers(panel) {
     counts.forEach((count, code) => {
       if (!count) return;
       const [start, stop] = [before / size, (before + count) / size];
-      cells.push({ ...piece(x, y, start, stop), label: words.labels.legend[code] });
-      if (code === main) texts.push({ x: x + onPiece(start, stop), y: y + 0.5, text: words.labels.letters[main] });
+      cells.push({ ...piece(x, y, start, stop), label: metadata.labels.legend[code] });
+      if (code === main) texts.push({ x: x + onPiece(start, stop), y: y + 0.5, text: metadata.labels.letters[main] });
       before += count;
     });
   });
-  return { cells, words: texts };
+  return { cells, texts };
 }
 
 function numberLayers(state, panel) {
@@ -115,23 +117,23 @@ function numberLayers(state, panel) {
     cells.push({ ...piece(x, y, 0, 1), value });
     if (panel.across <= 12) texts.push({ x: x + 0.5, y: y + 0.5, text: String(Number(value.toPrecision(3))) });
   });
-  return { cells, words: texts };
+  return { cells, texts };
 }
 
-// Where a critical value lies along an axis, in cells; beyond its ends nowhere.
+// The position of a critical value along an axis, in cells; NaN beyond its ends.
 function along(value) {
-  const { marks } = words.boundary;
-  const after = marks.findIndex((mark) => mark >= value);
-  if (after < 0 || value < marks[0]) return NaN;
+  const { tickValues } = metadata.boundary;
+  const after = tickValues.findIndex((tick) => tick >= value);
+  if (after < 0 || value < tickValues[0]) return NaN;
   if (after === 0) return 0.5;
-  return after - 0.5 + (value - marks[after - 1]) / (marks[after] - marks[after - 1]);
+  return after - 0.5 + (value - tickValues[after - 1]) / (tickValues[after] - tickValues[after - 1]);
 }
 
-// The lines of a closed form: for each row or column its least and its largest critical value.
+// A closed form's boundary: the least and the largest critical value of each row or column.
 function boundaryLines(columns, panel) {
-  if (!words.boundary || words.summed) return [];
-  const across = panel.x.name === words.boundary.axis;
-  if (!across && panel.y?.name !== words.boundary.axis) return [];
+  if (!metadata.boundary || metadata.aggregated) return [];
+  const across = panel.x.name === metadata.boundary.axis;
+  if (!across && panel.y?.name !== metadata.boundary.axis) return [];
   const lines = [];
   for (let code = 0; code < (across ? panel.up : panel.across); code++) {
     const own = panel.cells.filter((_, place) =>
@@ -149,21 +151,21 @@ function boundaryLines(columns, panel) {
   return lines;
 }
 
-function worded(axis, list) {
+function ticked(axis, ticks) {
   return {
     ...axis,
-    values: list.map((_, index) => index + 0.5),
-    labelExpr: `${JSON.stringify(list)}[floor(datum.value)]`,
+    values: ticks.map((_, index) => index + 0.5),
+    labelExpr: `${JSON.stringify(ticks)}[floor(datum.value)]`,
   };
 }
 
-// Fills a specification of the map with the data and the sides of one panel.
+// Fills the map's specification with the data and the axes of one panel.
 function filled(template, panel, layers, room) {
   const spec = structuredClone(template);
-  const ups = panel.y ? panel.y.words : [""];
+  const ups = panel.y ? panel.y.ticks : [""];
   const width = Math.min(Math.max(Math.min(room, WIDEST) / panel.across, 8), 112);
   const height = Math.min(Math.max(340 / panel.up, 13), 56);
-  const widest = Math.max(...panel.x.words.map((word) => word.length));
+  const widest = Math.max(...panel.x.ticks.map((tick) => tick.length));
   for (const layer of spec.layer) {
     const name = layer.data.name;
     layer.data = { name: `${name}${panel.facet ?? ""}`, values: layers[name] ?? [] };
@@ -171,8 +173,8 @@ function filled(template, panel, layers, room) {
     if (!x) continue;
     x.scale.domain = [0, panel.across];
     y.scale.domain = [0, panel.up];
-    x.axis = { ...worded(x.axis, panel.x.words), title: panel.x.title, labelAngle: widest * 7 > width ? -35 : 0 };
-    y.axis = { ...worded(y.axis, ups), title: panel.y ? panel.y.title : null };
+    x.axis = { ...ticked(x.axis, panel.x.ticks), title: panel.x.title, labelAngle: widest * 7 > width ? -35 : 0 };
+    y.axis = { ...ticked(y.axis, ups), title: panel.y ? panel.y.title : null };
   }
   return { ...spec, width: width * panel.across, height: height * panel.up };
 }
@@ -187,58 +189,58 @@ function scaled(spec, layers, state) {
   color.scale = { scheme: "cividis", type: decades ? "log" : "linear", domain, clamp: true, zero: false, nice: false };
   if (!decades) delete color.scale.clamp;
   if (decades) delete color.scale.zero;
-  color.legend.title = `${state.stat} ${titled(name, unit)}`;
+  color.legend.title = `${state.stat} ${withUnit(name, unit)}`;
 }
 
 function mapSpec(columns, state, room) {
-  const facets = state.facet ? axisOf(state.facet).words.map((_, place) => place) : [null];
+  const facets = state.facet ? axisOf(state.facet).ticks.map((_, place) => place) : [null];
   const panels = facets.map((facet) => panelOf(columns, state, facet));
   const isLabel = state.what === "label";
   const layers = panels.map((panel) => (isLabel ? labelLayers(panel) : numberLayers(state, panel)));
   layers.forEach((each, index) => { each.boundary = boundaryLines(columns, panels[index]); });
-  const template = words.specs[isLabel ? "labels" : "number"];
-  const abreast = Math.max(1, Math.min(3, facets.length, Math.floor(room / 260)));
-  const parts = panels.map((panel, index) => filled(template, panel, layers[index], room / abreast - 90));
+  const template = metadata.specs[isLabel ? "labels" : "number"];
+  const perRow = Math.max(1, Math.min(3, facets.length, Math.floor(room / 260)));
+  const parts = panels.map((panel, index) => filled(template, panel, layers[index], room / perRow - 90));
   for (const part of parts) {
     if (isLabel) part.layer[0].encoding.color.legend.values = usedLabels(layers);
     else scaled(part, layers, state);
   }
   if (facets.length === 1) return { spec: parts[0], panels };
   const { config, $schema } = template;
-  const titled = parts.map(({ config: _config, $schema: _schema, ...part }, index) => ({
-    ...part, title: `${axisOf(state.facet).title} ${axisOf(state.facet).words[index]}`,
+  const concat = parts.map(({ config: _config, $schema: _schema, ...part }, index) => ({
+    ...part, title: `${axisOf(state.facet).title} ${axisOf(state.facet).ticks[index]}`,
   }));
-  return { spec: { $schema, config, concat: titled, columns: abreast, spacing: 24 }, panels };
+  return { spec: { $schema, config, concat, columns: perRow, spacing: 24 }, panels };
 }
 
 function usedLabels(layers) {
   const used = new Set(layers.flatMap((each) => each.cells.map((cell) => cell.label)));
-  return words.labels.legend.filter((name) => used.has(name));
+  return metadata.labels.legend.filter((name) => used.has(name));
 }
 
-function cellWords(state, panel, place) {
+function cellText(state, panel, place) {
   const [x, y] = [place % panel.across, Math.floor(place / panel.across)];
   const { size, counts, number: value } = panel.cells[place];
-  const where = [`${panel.x.title} ${panel.x.words[x]}`];
-  if (panel.y) where.push(`${panel.y.title} ${panel.y.words[y]}`);
-  if (panel.facet !== null) where.unshift(`${state.facet} ${axisOf(state.facet).words[panel.facet]}`);
+  const where = [`${panel.x.title} ${panel.x.ticks[x]}`];
+  if (panel.y) where.push(`${panel.y.title} ${panel.y.ticks[y]}`);
+  if (panel.facet !== null) where.unshift(`${state.facet} ${axisOf(state.facet).ticks[panel.facet]}`);
   if (!size) return `${where.join(", ")}: no run`;
-  const told = counts.flatMap((count, code) => (count ? [`${count} ${words.labels.names[code]}`] : []));
+  const parts = counts.flatMap((count, code) => (count ? [`${count} ${metadata.labels.names[code]}`] : []));
   if (state.what !== "label") {
     const [name, unit] = quantityOf(state.what);
-    told.unshift(`${state.stat} ${name} ${number(value(state))} ${["1", "any"].includes(unit) ? "" : unit}`.trim());
+    parts.unshift(`${state.stat} ${name} ${numberWithUnit(number(value(state)), unit)}`);
   }
-  return `${where.join(", ")}: ${size} ${size === 1 ? "run" : "runs"}; ${told.join(", ")}`;
+  return `${where.join(", ")}: ${size} ${size === 1 ? "run" : "runs"}; ${parts.join(", ")}`;
 }
 
 function mapTable(state, panels) {
-  const one = (panel, place) => cellWords(state, panel, place).split(": ").slice(1).join(": ");
+  const one = (panel, place) => cellText(state, panel, place).split(": ").slice(1).join(": ");
   return panels.map((panel) => {
-    const ups = panel.y ? panel.y.words : ["all"];
-    const rows = ups.map((word, y) => [word, ...panel.x.words.map((_, x) => one(panel, y * panel.across + x))]).reverse();
+    const ups = panel.y ? panel.y.ticks : ["all"];
+    const rows = ups.map((tick, y) => [tick, ...panel.x.ticks.map((_, x) => one(panel, y * panel.across + x))]).reverse();
     const corner = `${panel.y ? `${panel.y.title} \\ ` : ""}${panel.x.title}`;
-    const made = table([corner, ...panel.x.words], rows);
-    if (panel.facet !== null) made.prepend(element("caption", {}, `${state.facet} ${axisOf(state.facet).words[panel.facet]}`));
+    const made = table([corner, ...panel.x.ticks], rows);
+    if (panel.facet !== null) made.prepend(element("caption", {}, `${state.facet} ${axisOf(state.facet).ticks[panel.facet]}`));
     return made;
   });
 }

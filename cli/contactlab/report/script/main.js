@@ -1,17 +1,17 @@
-// Joins the parts: what is shown follows the state, and the state follows what is clicked.
+// Joins the parts: the page follows the state, and the state follows the reader.
 
 const MOST_FIRST = 12;
 const find = (id) => document.getElementById(id);
 
 async function start() {
-  const columns = await unpacked(JSON.parse(held("columns")));
-  const packed = JSON.parse(held("series"));
+  const columns = await unpacked(JSON.parse(embedded("columns")));
+  const packed = JSON.parse(embedded("series"));
   const series = { runs: packed.runs, columns: await unpacked(packed.packed) };
   await drawing();
   const page = { columns, series, state: readState(), panels: [], focus: null, view: null };
   document.body.classList.add("live");
   if (find("map")) await startMap(page);
-  if (find("tolerances")) await startWeighing(page);
+  if (find("tolerances")) await startEvaluation(page);
   for (const each of document.querySelectorAll("code[data-run]")) {
     each.replaceWith(element("button", { class: "plain", onclick: () => openRun(page, rowOf(columns, each.dataset.run)) }, each.dataset.run));
   }
@@ -47,16 +47,16 @@ function showControls(page) {
     showControls(page);
     showMap(page);
   };
-  const names = (without) => words.axes.filter((axis) => !without.includes(axis.name)).map((axis) => [axis.name, axis.title]);
+  const names = (without) => metadata.axes.filter((axis) => !without.includes(axis.name)).map((axis) => [axis.name, axis.title]);
   const none = [["", "none"]];
-  const others = words.axes.filter((axis) => !words.summed && ![state.x, state.y, state.facet].includes(axis.name));
+  const others = metadata.axes.filter((axis) => !metadata.aggregated && ![state.x, state.y, state.facet].includes(axis.name));
   const focused = document.activeElement?.closest?.("#map-controls label")?.dataset.key;
   const made = {
-    what: choice("shown", [["label", "labels by share"], ...words.quantities.map(([name, unit]) => [name, titled(name, unit)])], state.what, change("what")),
-    stat: state.what === "label" ? null : choice("of a cell's runs", [["worst", "worst"], ["median", "median"], ["mean", "mean"]], state.stat, change("stat")),
-    x: choice("across", names([]), state.x, change("x")),
-    y: words.axes.length > 1 ? choice("upwards", [...none, ...names([state.x])], state.y, change("y")) : null,
-    facet: words.axes.length > 2 && !words.summed ? choice("one map for each", [...none, ...names([state.x, state.y])], state.facet, change("facet")) : null,
+    what: choice("colour", [["label", "labels"], ...metadata.quantities.map(([name, unit]) => [name, withUnit(name, unit)])], state.what, change("what")),
+    stat: state.what === "label" ? null : choice("statistic", [["worst", "worst"], ["median", "median"], ["mean", "mean"]], state.stat, change("stat")),
+    x: choice("horizontal axis", names([]), state.x, change("x")),
+    y: metadata.axes.length > 1 ? choice("vertical axis", [...none, ...names([state.x])], state.y, change("y")) : null,
+    facet: metadata.axes.length > 2 && !metadata.aggregated ? choice("one map per value of", [...none, ...names([state.x, state.y])], state.facet, change("facet")) : null,
   };
   for (const axis of others) {
     made[`only.${axis.name}`] = slider(axis, state.only[axis.name] ?? -1, (place) => {
@@ -65,9 +65,9 @@ function showControls(page) {
       showMap(page);
     });
   }
-  const shown = Object.entries(made).filter(([, each]) => each);
-  for (const [key, each] of shown) each.dataset.key = key;
-  find("map-controls").replaceChildren(...shown.map(([, each]) => each));
+  const controls = Object.entries(made).filter(([, each]) => each);
+  for (const [key, each] of controls) each.dataset.key = key;
+  find("map-controls").replaceChildren(...controls.map(([, each]) => each));
   if (focused) find("map-controls").querySelector(`[data-key="${CSS.escape(focused)}"] :is(select, input)`)?.focus();
 }
 
@@ -91,7 +91,7 @@ function onCell(page, item, then) {
   then([panel, Math.floor(datum.x), Math.floor(datum.y)]);
 }
 
-// Which of several maps a mark lies in: that of its topmost group below the page.
+// The map that a mark belongs to, of several: its topmost group has the map's number.
 function panelOfItem(page, item) {
   let group = item.mark.group;
   while (group && !/^concat_\d+_group$/.test(group.mark?.name ?? "")) group = group.mark?.group;
@@ -107,7 +107,7 @@ function focusCell(page, cell) {
     page.view.data(`ring${each.facet ?? ""}`, ring);
   }
   page.view.runAsync();
-  find("map-cell").textContent = cellWords(page.state, panel, y * panel.across + x);
+  find("map-cell").textContent = cellText(page.state, panel, y * panel.across + x);
 }
 
 function onKey(page, event) {
@@ -123,7 +123,7 @@ function onKey(page, event) {
   event.preventDefault();
 }
 
-// Beyond the side of a map lies the next map.
+// Beyond the side of a map is the next map.
 function moved(page, [right, up]) {
   const [at, x, y] = page.focus;
   const { across, up: height } = page.panels[at];
@@ -141,7 +141,7 @@ function openCell(page, cell, move = true) {
   if (!rows) return;
   page.state.cell = cell;
   focusCell(page, cell);
-  showRuns(page, rows, cellWords(page.state, panel, y * panel.across + x));
+  showRuns(page, rows, cellText(page.state, panel, y * panel.across + x));
   if (rows.length === 1) openRun(page, rows[0], move);
   else {
     closeRun(page);
@@ -153,15 +153,15 @@ function openCell(page, cell, move = true) {
 
 function showRuns(page, rows, title) {
   const list = listOf(page.columns, page.state, rows, (row) => openRun(page, row));
-  const few = words.summed ? element("p", { class: "caption" }, `${rows.length} of these are on this page.`) : null;
+  const few = metadata.aggregated ? element("p", { class: "caption" }, `${rows.length} of these are listed.`) : null;
   find("run-list").replaceChildren(...[element("h3", {}, title), few, ...list].filter(Boolean));
 }
 
-// Before anything is picked: a few runs, those with the worst labels first.
+// Before the reader selects anything: a few runs, the worst labels first.
 function showFirst(page) {
-  const rows = Array.from({ length: words.runs }, (_, row) => row);
+  const rows = Array.from({ length: metadata.runs }, (_, row) => row);
   const worst = rows.sort((a, b) => page.columns.label[a] - page.columns.label[b] || a - b).slice(0, MOST_FIRST);
-  showRuns(page, worst, worst.length < words.runs ? `The worst ${worst.length} of ${words.total} runs` : "All runs");
+  showRuns(page, worst, worst.length < metadata.runs ? `The worst ${worst.length} of ${metadata.total} runs` : "All runs");
 }
 
 function closeRun(page) {
@@ -184,16 +184,16 @@ function openRun(page, row, move = true) {
 
 // Accuracy against time.
 
-async function startWeighing(page) {
+async function startEvaluation(page) {
   const body = find("tolerances").querySelector("tbody");
   for (const row of body.querySelectorAll("tr[data-name]")) makeLimit(page, row);
   addLimits(page, body);
-  await showWeighed(page, Object.keys(page.state.limits).length > 0);
+  await showEvaluation(page, Object.keys(page.state.limits).length > 0);
 }
 
 function makeLimit(page, row) {
   const { name } = row.dataset;
-  const given = page.state.limits[name] ?? words.tradeoff.tolerances[name];
+  const given = page.state.limits[name] ?? metadata.tradeoff.tolerances[name];
   const input = element("input", { class: "limit", value: given ?? "", inputmode: "decimal", "aria-label": `limit of ${name}` });
   input.addEventListener("input", () => {
     const text = input.value.trim();
@@ -202,14 +202,14 @@ function makeLimit(page, row) {
     input.classList.toggle("wrong", wrong);
     input.setAttribute("aria-invalid", wrong);
     if (wrong) return;
-    if (limit === words.tradeoff.tolerances[name]) delete page.state.limits[name];
+    if (limit === metadata.tradeoff.tolerances[name]) delete page.state.limits[name];
     else page.state.limits[name] = limit;
-    showWeighed(page, true);
+    showEvaluation(page, true);
   });
   row.querySelector(".limit").replaceChildren(input);
 }
 
-// A tolerance of any other metric can be added; one from the address is there from the start.
+// Tolerances of other metrics can be added; those in the address are there from the start.
 function addLimits(page, body) {
   const known = Object.keys(page.columns).filter((name) => name.startsWith("worst:")).map((name) => name.slice(6));
   const present = () => [...body.querySelectorAll("tr[data-name]")].map((row) => row.dataset.name);
@@ -233,20 +233,20 @@ function addLimits(page, body) {
     refill();
   });
   refill();
-  find("weigh-command").before(list);
+  find("tradeoff-command").before(list);
 }
 
-async function showWeighed(page, edited) {
+async function showEvaluation(page, edited) {
   const limits = limitsOf(page.state);
-  const weighed = weigh(page.columns, limits);
-  for (const row of find("tolerances").querySelectorAll("tr[data-name]")) showMargin(page, row, weighed.chosen, limits);
-  if (edited) find("advice").replaceChildren(...adviceOf(page.columns, weighed, limits));
+  const evaluated = evaluate(page.columns, limits);
+  for (const row of find("tolerances").querySelectorAll("tr[data-name]")) showMargin(page, row, evaluated.recommended, limits);
+  if (edited) find("recommendation-text").replaceChildren(...recommendationOf(page.columns, evaluated, limits));
   const changed = Object.entries(page.state.limits).map(([name, limit]) => ` --tolerance ${name}=${limit}`);
-  find("weigh-command").textContent = `contactlab tradeoff ${words.store}${changed.join("")}`;
+  find("tradeoff-command").textContent = `contactlab tradeoff ${metadata.store}${changed.join("")}`;
   save(page);
-  if (!words.specs.tradeoff) return;
+  if (!metadata.specs.tradeoff) return;
   const picture = find("chart-picture");
-  const view = await draw(picture, fitted(chartSpec(page.columns, weighed, limits), picture.clientWidth));
+  const view = await draw(picture, fitted(chartSpec(page.columns, evaluated, limits), picture.clientWidth));
   view?.addEventListener("click", (_, item) => onPoint(page, item?.datum));
 }
 
@@ -261,13 +261,13 @@ function showMargin(page, row, place, limits) {
 function onPoint(page, datum) {
   if (datum?.place === undefined) return;
   const rows = [];
-  page.columns.place.forEach((place, row) => { if (place === datum.place) rows.push(row); });
-  const title = configuration(datum.place).map(([name, value]) => `${name} ${value}`).join(", ");
+  page.columns.configuration.forEach((place, row) => { if (place === datum.place) rows.push(row); });
+  const title = configurationOf(datum.place).map(([name, value]) => `${name} ${value}`).join(", ");
   showRuns(page, rows, title || "All runs");
   closeRun(page);
   find("run-list").scrollIntoView({ block: "start", behavior: "instant" });
   find("run-list").querySelector("button")?.focus({ preventScroll: true });
 }
 
-// Without what script needs, the page stays as it was printed.
-start().catch((error) => console.warn(`this page stays without interaction: ${error.message}`));
+// In a browser that lacks a feature, the page stays as it was written.
+start().catch((error) => console.warn(`this page is not interactive: ${error.message}`));

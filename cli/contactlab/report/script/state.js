@@ -1,6 +1,6 @@
-// What is shown, kept in the address so that a link or a reload shows it again.
+// The view, kept in the address so that a link or a reload restores it.
 
-const START = { what: "label", stat: "worst", x: words.plane[0], y: words.plane[1], facet: null };
+const START = { what: "label", stat: "worst", x: metadata.mapAxes[0], y: metadata.mapAxes[1], facet: null };
 
 function readState() {
   const given = new URLSearchParams(location.hash.slice(1));
@@ -19,21 +19,21 @@ function checked(state) {
   if (!["worst", "median", "mean"].includes(state.stat)) state.stat = "worst";
   for (const side of ["x", "y", "facet"]) if (!axisOf(state[side])) state[side] = side === "x" ? START.x : null;
   for (const name of Object.keys(state.only)) {
-    if (!axisOf(name) || !(state.only[name] < axisOf(name).words.length)) delete state.only[name];
+    if (!axisOf(name) || !(state.only[name] < axisOf(name).ticks.length)) delete state.only[name];
   }
-  if (words.summed) [state.facet, state.only] = [null, {}];
+  if (metadata.aggregated) [state.facet, state.only] = [null, {}];
   for (const name of Object.keys(state.limits)) if (!Number.isFinite(state.limits[name])) delete state.limits[name];
   return state;
 }
 
 function writeState(state) {
-  const told = new URLSearchParams();
+  const query = new URLSearchParams();
   for (const key of ["what", "stat", "x", "y", "facet"]) {
-    if (state[key] !== START[key]) told.set(key, state[key] ?? "");
+    if (state[key] !== START[key]) query.set(key, state[key] ?? "");
   }
-  for (const [name, place] of Object.entries(state.only)) told.set(`only.${name}`, place);
-  for (const [name, limit] of Object.entries(state.limits)) told.set(`limit.${name}`, limit);
-  if (state.cell) told.set("cell", state.cell.join("."));
-  if (state.run) told.set("run", state.run);
-  history.replaceState(null, "", `#${told}`);
+  for (const [name, place] of Object.entries(state.only)) query.set(`only.${name}`, place);
+  for (const [name, limit] of Object.entries(state.limits)) query.set(`limit.${name}`, limit);
+  if (state.cell) query.set("cell", state.cell.join("."));
+  if (state.run) query.set("run", state.run);
+  history.replaceState(null, "", `#${query}`);
 }

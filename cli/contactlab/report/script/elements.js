@@ -29,17 +29,17 @@ function choice(name, options, chosen, onchange) {
   return element("label", {}, name, list);
 }
 
-// A slider over the values of an axis; at its left end it stands for all of them.
+// A slider over the values of an axis; its left end means all of them.
 function slider(axis, place, oninput) {
-  const shown = (at) => (at < 0 ? "all" : axis.words[at]);
-  const output = element("output", {}, shown(place));
+  const label = (at) => (at < 0 ? "all" : axis.ticks[at]);
+  const output = element("output", {}, label(place));
   const range = element("input", {
-    type: "range", min: -1, max: axis.words.length - 1, value: place, "aria-label": axis.title,
-    "aria-valuetext": shown(place),
+    type: "range", min: -1, max: axis.ticks.length - 1, value: place, "aria-label": axis.title,
+    "aria-valuetext": label(place),
     oninput: (event) => {
       const at = Number(event.target.value);
-      output.textContent = shown(at);
-      event.target.setAttribute("aria-valuetext", shown(at));
+      output.textContent = label(at);
+      event.target.setAttribute("aria-valuetext", label(at));
       oninput(at);
     },
   });
