@@ -20,8 +20,8 @@ _MANTISSA = 23
 def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     """Return columns of numbers in a form that JSON holds.
 
-    Bytes are ordered by significance, all first bytes of a column first: neighbours are alike, which
-    compresses well. The same columns give the same text.
+    Bytes are ordered by significance, all first bytes of a column first: neighbours are alike,
+    which compresses well. The same columns give the same text.
 
     Args:
         columns: name to values, of a type that browsers have a typed array for.
@@ -54,8 +54,8 @@ def packed_integers(values: NDArray[Any]) -> NDArray[Any]:
 def rounded_floats(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]:
     """Return numbers in single precision, rounded to some bits of mantissa.
 
-    Bits that are rounded away are zero and cost nothing once compressed. The relative error is at most
-    2^-(bits + 1).
+    Bits that are rounded away are zero and cost nothing once compressed. The relative error is at
+    most 2^-(bits + 1).
     """
     with np.errstate(over="ignore"):
         single = values.astype(np.float32)

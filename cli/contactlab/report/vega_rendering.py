@@ -2,6 +2,7 @@
 
 import io
 import re
+from functools import cache
 from typing import Any
 
 import altair as alt
@@ -139,6 +140,7 @@ def _ordered_pdf(pdf: bytes) -> bytes:
     return written.getvalue()
 
 
+@cache
 def vega_bundle() -> str:
     """Return the JavaScript that draws specifications in a browser."""
     return vl_convert.javascript_bundle("window.vegaEmbed = vegaEmbed;")

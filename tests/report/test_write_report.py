@@ -71,10 +71,10 @@ def test_figures_are_those_that_the_store_holds(swept: Swept, tmp_path: Path) ->
 
 def test_bounces_come_as_high_as_restitution_says(swept: Swept) -> None:
     """A bounce is seen up to a step late, as the scene's oracle derives: e within 0.07."""
-    gathered = read_report_data(swept("bounce"))
-    found = bouncing_runs(gathered.store, gathered.axes, ~gathered.outcomes.failed)
-    assert {each.setting for each in found} >= {"restitution 0.9"}
-    for each in found:
+    data = read_report_data(swept("bounce"))
+    runs = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    assert {each.setting for each in runs} >= {"restitution 0.9"}
+    for each in runs:
         assert np.sqrt(each.ratios[0]) == pytest.approx(each.restitution, abs=0.07)
 
 
@@ -86,7 +86,7 @@ def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:
 def test_unknown_formats_are_refused(
     swept: Swept, tmp_path: Path, formats: tuple[str, ...]
 ) -> None:
-    with pytest.raises(OutputError, match="write some of png, svg, pdf"):
+    with pytest.raises(OutputError, match="choose from png, svg, pdf"):
         write_figures(swept("bounce"), tmp_path / "figures", formats)
     assert not (tmp_path / "figures").exists()
 
@@ -98,53 +98,53 @@ def test_a_page_that_cannot_be_written_leaves_nothing(swept: Swept, tmp_path: Pa
 
 
 def test_a_tolerance_of_nothing_is_refused(swept: Swept, tmp_path: Path) -> None:
-    ask = PageRequest(Criteria(None, {"penetration": 1.0}))
+    request = PageRequest(Criteria(None, {"penetration": 1.0}))
     with pytest.raises(SweepFileError, match="penetration_max"):
-        write_page(swept("bounce"), tmp_path / "page.html", ask)
+        write_page(swept("bounce"), tmp_path / "page.html", request)
     assert list(tmp_path.iterdir()) == []
 
 
 def test_missing_libraries_are_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("contactlab.report.vega_rendering.find_spec", lambda _: None)
+    monkeypatch.setattr("contactlab.report.write_report.find_spec", lambda _: None)
     with pytest.raises(OutputError, match=r"contactlab\[figures\]"):
         write_page(swept("bounce"), tmp_path / "page.html")
 
 
-def test_above_its_size_a_page_has_sums(
+def test_above_its_size_a_page_has_aggregated_cells(
     swept: Swept, tmp_path: Path, visit: Callable[..., Any]
 ) -> None:
     """Cells are those of all runs, though few of them are on the page."""
     store = swept("tradeoff")
     full = write_page(store, tmp_path / "full.html")
-    summed = write_page(store, tmp_path / "summed.html", PageRequest(most_bytes=1000))
+    aggregated = write_page(store, tmp_path / "aggregated.html", PageRequest(most_bytes=1000))
     assert full.notes == ()
-    assert "more than fits" in summed.notes[0]
-    told: list[list[str]] = []
-    for name in ("full", "summed"):
+    assert "too many for one page" in aggregated.notes[0]
+    cells: list[list[str]] = []
+    for name in ("full", "aggregated"):
         seen = visit(tmp_path / f"{name}.html", "#what=oracle_error&x=timestep&y=integrator")
         seen.page.locator("#map-data summary").click()
-        told.append(seen.page.locator("#map-data td").all_inner_texts())
+        cells.append(seen.page.locator("#map-data td").all_inner_texts())
         assert seen.complaints == []
-    assert len(told[0]) == 10
-    assert told[0] == told[1]
-    page = (tmp_path / "summed.html").read_text()
+    assert len(cells[0]) == 10
+    assert cells[0] == cells[1]
+    page = (tmp_path / "aggregated.html").read_text()
     columns = page.split('id="columns">')[1].split("</script>")[0]
     lengths = {name: length for name, _, length in json.loads(columns)["columns"]}
     assert lengths["label"] <= store.columns.runs
-    assert "Summed up" in page
+    assert "Aggregated" in page
 
 
-def test_a_baseline_stands_beside(swept: Swept, tmp_path: Path) -> None:
+def test_a_page_compares_with_a_baseline(swept: Swept, tmp_path: Path) -> None:
     before = tmp_path / "before"
     shutil.copytree(swept("bounce").path, before)
-    ask = PageRequest(baseline=Store.open(before))
-    write_page(swept("bounce"), tmp_path / "page.html", ask)
+    request = PageRequest(baseline=Store.open(before))
+    write_page(swept("bounce"), tmp_path / "page.html", request)
     page = (tmp_path / "page.html").read_text()
     assert f"contactlab compare {before} {swept('bounce').path}" in page
     assert compare(before, swept("bounce").path).headline in page
-    versus = page.split('id="versus"')[1].split("</section>")[0]
-    assert versus.count("<svg") == 2, "labels, and the error"
+    comparison = page.split('id="comparison"')[1].split("</section>")[0]
+    assert comparison.count("<svg") == 2, "labels, and the error"
     for title in ("baseline", "candidate", "difference"):
-        assert versus.count(f">{title}</text>") == 2
+        assert comparison.count(f">{title}</text>") == 2
