@@ -75,8 +75,8 @@ def _store_of(file: Path) -> Path:
 def resume(file: Path) -> None:
     """Go on with a sweep of which all runs are stored, and print what it takes as JSON."""
     times = [(time.time(), 0.0, 0)]
+    from contactlab.commands.options import Format  # noqa: PLC0415 - imports are measured
     from contactlab.commands.show_command import print_summary  # noqa: PLC0415
-    from contactlab.commands.terminal import Format  # noqa: PLC0415 - imports are measured
     from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
 
     def take(*_: object) -> None:

@@ -196,7 +196,7 @@ def test_files_are_written_by_their_endings(
     assert "<testsuites>" in (tmp_path / "out/a.xml").read_text()
     code, _, err = contactlab("compare", str(slides["a"]), str(slides["b"]), "-o", "a.html")
     assert code == 2
-    assert "cannot tell from its name how to write a.html" in err
+    assert "a.html: write a name that ends in .txt, .json, .md, .xml" in err
 
 
 @pytest.mark.parametrize("view", ["json", "markdown", "junit", "github"])
@@ -266,7 +266,7 @@ def test_accepting_what_changed(contactlab: Run, slides: dict[str, Path], tmp_pa
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (["--accept", "x"], "say which with --policy FILE"),
+        (["--accept", "x"], "name it with --policy FILE"),
         (["--policy", "none.yaml"], "cannot read none.yaml"),
         (["--policy", "p.yaml", "--accept", "x", "--reason", "y"], "there is no check 'x'"),
     ],

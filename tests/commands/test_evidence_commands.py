@@ -73,7 +73,7 @@ def test_a_damaged_store(contactlab: Run, store: Path, tmp_path: Path) -> None:
     name = trace.relative_to(tmp_path / store).as_posix()
     code, out, err = contactlab("verify", str(store))
     assert (code, out) == (3, f"{name}: missing\n")
-    assert err == "error: store is not sound: 1 problems\n"
+    assert err == "error: store is not sound: 1 problem\n"
     code, out, _ = contactlab("verify", str(store), "--format", "json")
     assert (code, json.loads(out)["problems"]) == (3, [f"{name}: missing"])
 
@@ -115,14 +115,14 @@ def test_replay_finds_the_first_difference(
     """A softer contact changes nothing before the first step with contact."""
     opened = Store.open(store)
     touched = int(opened.trace(opened.record(run_id)).pairs[0].steps[0])
-    prepare = replaying.prepare
+    prepare = replaying.prepare_replay
 
     def prepare_softer(store: Store, run: str) -> PreparedReplay:
         start = prepare(store, run)
         start.prepared.model.geom_solref[:] *= 2
         return start
 
-    monkeypatch.setattr(replaying, "prepare", prepare_softer)
+    monkeypatch.setattr(replaying, "prepare_replay", prepare_softer)
     code, out, err = contactlab("replay", str(store), run_id)
     assert (code, err) == (1, "error: the trajectory is not the stored one\n")
     assert out.startswith(f"run {run_id}: differs\n")
@@ -160,11 +160,11 @@ def test_replay_of_a_run_that_was_not_simulated(
 ) -> None:
     record = Store.open(store).record(run_id)
     lost = record.model_copy(update={"trajectory_hash": None, "trace": None, "steps": 0})
-    prepare = replaying.prepare
+    prepare = replaying.prepare_replay
 
     def prepare_lost(store: Store, run: str) -> PreparedReplay:
         return replace(prepare(store, run), record=lost)
 
-    monkeypatch.setattr(replaying, "prepare", prepare_lost)
+    monkeypatch.setattr(replaying, "prepare_replay", prepare_lost)
     code, out, _ = contactlab("replay", str(store), run_id)
     assert (code, out) == (1, f"run {run_id}: no trajectory was stored\n")

@@ -10,7 +10,7 @@ import pytest
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (("--address", "auto"), "--address is of a Ray cluster; add --executor ray"),
+        (("--address", "auto"), "--address is for a Ray cluster; add --executor ray"),
         (("--executor", "ray", "--workers", "0"), "--workers 0 runs all in this process"),
     ],
 )

@@ -176,7 +176,7 @@ def test_models_run_and_replay(
         (
             "box.xml",
             {"box_xml": BOX.replace("<worldbody>", '<option timestep="0"/><worldbody>')},
-            ["its timestep is 0 s; write one above 0 there, or sweep `timestep`"],
+            ["its timestep is 0 s; write a positive one there, or sweep `timestep`"],
         ),
         (
             "box.xml",

@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.text import Text
 
 from contactlab.commands import terminal as module
-from contactlab.commands.terminal import DRAWN_PER_SECOND, Progress, progress
+from contactlab.commands.terminal import DRAWN_PER_SECOND, ProgressDisplay, progress_display
 from contactlab.run import Finished
 
 LABELS = ("stable", "chatter", "tunneling")
@@ -29,23 +29,23 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return Clock(monkeypatch)
 
 
-def shown(live: bool = True) -> tuple[Progress, io.StringIO]:
+def shown(live: bool = True) -> tuple[ProgressDisplay, io.StringIO]:
     out = io.StringIO()
-    return Progress(Console(file=out, width=200), live=live), out
+    return ProgressDisplay(Console(file=out, width=200), live=live), out
 
 
 def test_a_million_runs_are_drawn_a_few_times_a_second(monkeypatch: pytest.MonkeyPatch) -> None:
     out, drawn = io.StringIO(), [0]
     monkeypatch.setattr(module, "Console", lambda **_: Console(file=out, force_terminal=True))
-    line = Progress.line
+    line = ProgressDisplay.line
 
-    def counted(self: Progress) -> Text:
+    def counted(self: ProgressDisplay) -> Text:
         drawn[0] += 1
         return line(self)
 
-    monkeypatch.setattr(Progress, "line", counted)
+    monkeypatch.setattr(ProgressDisplay, "line", counted)
     began = time.monotonic()
-    with progress() as display:
+    with progress_display() as display:
         display.begin(1_000_000, 0)
         spent = time.process_time()
         for index in range(1_000_000):

@@ -31,7 +31,7 @@ def test_the_file_is_named_on_stdout_and_the_scale_on_stderr(
 ) -> None:
     done = contactlab("render", store[0], store[1][:6], "-o", "run.mcap")
     assert (done.code, done.out) == (0, "run.mcap\n")
-    assert "an arrow is the force on the second side of a pair, 0.0" in done.err
+    assert "an arrow is the force on the second side of a pair: 0.0" in done.err
     assert Path("run.mcap").stat().st_size > 1000
 
 

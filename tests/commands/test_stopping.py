@@ -10,7 +10,7 @@ import pytest
 from contactlab.commands.stopping import stop_on_signals
 from contactlab.run import Stop
 
-SAID = "finishing the runs in flight; again to stop at once\n"
+SAID = "finishing the running jobs; interrupt again to stop at once\n"
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -21,7 +21,7 @@ def test_the_first_is_a_wish_and_the_second_an_order(
 ) -> None:
     stop = Stop()
     with stop_on_signals(stop):
-        with stop.heeded():
+        with stop.watched():
             signal.raise_signal(first)
             assert stop.is_set
             assert capfd.readouterr().err == SAID
@@ -35,7 +35,7 @@ def test_it_is_an_order_where_no_runs_are_under_way(number: signal.Signals) -> N
     stop = Stop()
     with stop_on_signals(stop), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
-    with stop.heeded():
+    with stop.watched():
         pass
     with stop_on_signals(stop), pytest.raises(KeyboardInterrupt):
         signal.raise_signal(number)
@@ -103,7 +103,7 @@ class Interrupted(io.RawIOBase):
 
 stop = Stop()
 sys.stderr = io.TextIOWrapper(io.BufferedWriter(Interrupted()), write_through=True)
-with stop_on_signals(stop), stop.heeded():
+with stop_on_signals(stop), stop.watched():
     sys.stderr.write("progress\\n")
     sys.stderr.flush()
 assert stop.is_set

@@ -79,7 +79,10 @@ MISTAKES = [
     (["sweep", "small.yaml", "--set", "timestep=0"], "error[bad-value]: 0 is not a value of 'time"),
     (["sweep", "small.yaml", "--set", "timestep=nan"], "error[bad-value]: 'nan' is not a value of"),
     (["sweep", "small.yaml", "--set", "timestep"], "error["),
-    (["sweep", "small.yaml", "--only", "timestep=7"], "error[value-not-swept]: 'timestep' takes"),
+    (
+        ["sweep", "small.yaml", "--only", "timestep=7"],
+        "error[value-not-swept]: 'timestep' never",
+    ),
     (["sweep", "small.yaml", "--set", "scene=bal"], "error[unknown-scene]: no shipped scene named"),
     (["sweep", "small.yaml", "--set", "duration=100000000"], "error: a run of 50,000,000,000 st"),
     (["sweep", "small.yaml", "-o", "small.yaml"], "error: cannot write small.yaml: File exists"),

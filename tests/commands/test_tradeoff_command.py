@@ -45,7 +45,7 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     code, out, err = contactlab("tradeoff", swing.name, "--workers", "0")
     assert code == 0, err
     assert "6 configurations of double_pendulum" in out
-    assert "of a timing pass" in out
+    assert "from a timing pass" in out
     assert '<option timestep="' in out
     store = tmp_path / "results/tradeoff/swing"
     assert (store / "manifest.json").is_file()
@@ -70,8 +70,8 @@ def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -
     assert code == 1
     assert "nothing is feasible" in out
     assert err == (
-        "error: none of 6 configurations is feasible; most fail by the tolerance of steps "
-        "(6, and the best has 75)\n"
+        "error: none of 6 configurations is feasible, most often for the tolerance of steps "
+        "(6; the best has 75)\n"
     )
 
 
@@ -100,13 +100,21 @@ MISTAKES = [
     (["swung", "--error", "oracle_eror"], 2, "error: no number 'oracle_eror' in the table of swu"),
     (["swung", "--error", "error_peak"], 3, "error: no run in swung has a value of error_peak; "),
     (["swung", "--tolerance", "depth=1"], 2, "error: no number 'depth' in the table of swung"),
-    (["swung", "--tolerance", "oracle_error"], 2, "error: 'oracle_error' is no tolerance; write"),
-    (["swung", "--tolerance", "oracle_error=-1"], 2, "error: 'oracle_error=-1' is no tolerance"),
-    (["swung", "--tolerance", "oracle_error=nan"], 2, "error: 'oracle_error=nan' is no tolerance"),
+    (
+        ["swung", "--tolerance", "oracle_error"],
+        2,
+        "error: 'oracle_error' is not a tolerance; write",
+    ),
+    (["swung", "--tolerance", "oracle_error=-1"], 2, "error: 'oracle_error=-1' is not a tolerance"),
+    (
+        ["swung", "--tolerance", "oracle_error=nan"],
+        2,
+        "error: 'oracle_error=nan' is not a tolerance",
+    ),
     (["swung", "--figure", "chart.bmp"], 2, "error: chart.bmp: write a name that ends in .png or"),
     (["swung", "--figure", "no/chart.png"], 2, "error: cannot write no/chart.png: no folder no"),
     (["swung", "--write", "no/again.yaml"], 2, "error: cannot write no/again.yaml: no folder no"),
-    (["swung", "-o", "elsewhere"], 2, "error: swung is a folder; -o says where the store of a sw"),
+    (["swung", "-o", "elsewhere"], 2, "error: swung is a folder; -o names the store of a sweep"),
     (["nowhere"], 2, "error: no sweep file and no shipped sweep named 'nowhere'"),
     (["nowhere.yaml"], 2, "error: no sweep file nowhere.yaml"),
     (["."], 3, "error: . is not a store: it has no manifest.json"),

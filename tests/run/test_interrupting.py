@@ -62,8 +62,8 @@ if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
 
     Preparer.watchdog = slow
 """
-FINISHING = "finishing the runs in flight; again to stop at once\n"
-INTERRUPTED = "interrupted; the same command goes on where it stopped\n"
+FINISHING = "finishing the running jobs; interrupt again to stop at once\n"
+INTERRUPTED = "interrupted; run the same command again to resume\n"
 
 
 class Slow:
@@ -140,10 +140,10 @@ def assert_goes_on(sweeper: Any, stored: int) -> None:
 @pytest.mark.parametrize(
     ("asked", "then"),
     [
-        (("stability", "free_fall"), "runs the finished cases again and goes on with this one"),
-        (("tradeoff", "small.yaml"), "goes on where it stopped"),
-        (("effects", "ball_drop"), "starts anew"),
-        (("check", "ball_drop"), "starts anew"),
+        (("stability", "free_fall"), "repeat the finished cases and resume this one"),
+        (("tradeoff", "small.yaml"), "resume"),
+        (("effects", "ball_drop"), "start over"),
+        (("check", "ball_drop"), "start over"),
     ],
     ids=["stability", "tradeoff", "effects", "check"],
 )
@@ -157,7 +157,7 @@ def test_every_command_that_sweeps_can_be_told(
     assert (process.returncode, out) == (130, ""), err
     *_, finishing, interrupted = err.splitlines(keepends=True)
     assert finishing == FINISHING
-    assert interrupted == f"interrupted; the same command {then}\n"
+    assert interrupted == f"interrupted; run the same command again to {then}\n"
     assert slow.command.living(process.pid) == []
 
 
@@ -230,7 +230,7 @@ class After:
 def test_a_pass_stops_and_goes_on(sweeper: Any, label: str, workers: int) -> None:
     sweeper.run(PASSES, "whole")
     after = After(label, 1)
-    with pytest.raises(StoppedError, match="the same command goes on where it stopped"):
+    with pytest.raises(StoppedError, match="run the same command again to resume"):
         run_sweep(sweeper.ask(PASSES, workers=workers), lambda *_: None, after, after.stop)
     sweeper.run(PASSES)
     first, *passes = sweeper.began

@@ -83,7 +83,7 @@ def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> 
     os.killpg(process.pid, signal.SIGINT)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out) == (130, "")
-    assert err.splitlines()[-1] == "interrupted; the same command goes on where it stopped"
+    assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
     assert "Traceback" not in err
     assert command.living(process.pid) == []
     code, out, err = command.run("sweep", "long.yaml", *limit)

@@ -162,7 +162,7 @@ def test_interrupted_and_resumed(  # noqa: PLR0917 - one a fixture
     assert "Traceback" not in err
     if how is signal.SIGINT:
         assert process.returncode == 130, err
-        assert err.splitlines()[-1] == "interrupted; the same command goes on where it stopped"
+        assert err.splitlines()[-1] == "interrupted; run the same command again to resume"
     assert client.find("manifest.json") is None, "the sweep is too short for this test"
     code, _, err = command.run(*asked, str(address))
     assert code == 0, err

@@ -98,7 +98,7 @@ def test_it_is_made_once(notes: Path, cache: Path) -> None:
 def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    made, installed = mujoco_environment.commands(tmp_path, "3.9.0", ["numpy==2.2.0"])
+    made, installed = mujoco_environment.install_commands(tmp_path, "3.9.0", ["numpy==2.2.0"])
     assert made == [sys.executable, "-m", "venv", str(tmp_path)]
     assert installed[:4] == [str(tmp_path / "bin" / "python"), "-m", "pip", "install"]
     assert installed[-2:] == ["mujoco==3.9.0", "numpy==2.2.0"]
@@ -107,7 +107,7 @@ def test_venv_and_pip_do_without_uv(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 def test_uv_as_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(shutil, "which", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: name)
-    made, _ = mujoco_environment.commands(tmp_path, "3.9.0", [])
+    made, _ = mujoco_environment.install_commands(tmp_path, "3.9.0", [])
     assert made[:4] == [sys.executable, "-m", "uv", "venv"]
 
 
@@ -140,28 +140,15 @@ def test_the_engine_of_this_process_needs_no_other(notes: Path) -> None:
     assert not notes.exists()
 
 
-@pytest.mark.parametrize(
-    ("said", "message"),
-    [
-        ("Because there is no version of mujoco==3.17.0 and you", "there is no MuJoCo"),
-        ("ERROR: No matching distribution found for mujoco==3.17.0", "there is no MuJoCo"),
-        ("Because mujoco==3.3.0 has no wheels with a matching Python", "there is no MuJoCo"),
-        ("error sending request for url; dns error", "no connection to the package index"),
-        (
-            "Temporary failure in name resolution\nNo matching distribution found for mujoco",
-            "no co",
-        ),
-        ("Because mujoco==3.17.0 depends on numpy<2", "beside what contactlab needs"),
-    ],
-)
-def test_what_cannot_be_installed(
-    said: str, message: str, notes: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_failing_installer_speaks_for_itself(
+    notes: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    said = "Because there is no version of mujoco==3.17.0\nand you require it"
     monkeypatch.setenv("FAILS", said)
     with pytest.raises(EngineError) as caught:
         find_interpreter(OTHER, lambda _: None)
-    assert message in str(caught.value)
-    assert said.splitlines()[-1] in str(caught.value)
+    assert f"MuJoCo {OTHER} cannot be installed" in str(caught.value)
+    assert str(caught.value).endswith("".join(f"\n  {line}" for line in said.splitlines()))
     assert "--mujoco the path of a Python" in str(caught.value)
     # Nothing half made is left, so that the next try starts anew.
     assert list(cache.glob("mujoco-*")) == []
@@ -218,7 +205,7 @@ def test_bounce_under_another_version(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     options = ("--limit", "6", "--workers", "1", "-o", "store")
     done = run("sweep", "bounce", "--mujoco", "3.11.0", *options, folder=tmp_path)
-    if "cannot download" in done.stderr or "there is no MuJoCo" in done.stderr:
+    if "cannot be installed" in done.stderr:
         pytest.skip(done.stderr)
     assert done.returncode == 0, done.stderr
     assert "6 runs, 6 traces in store" in done.stdout

@@ -1,12 +1,12 @@
-"""`contactlab baseline`: stores that are small enough to be kept in a repository."""
+"""`contactlab baseline`: stores that are small enough to commit, to compare with."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import METAVAR, Address, store_at
-from contactlab.commands.terminal import Format, FormatOption, print_json
+from contactlab.commands.options import STORE, Address, Format, FormatOption, store_at
+from contactlab.commands.terminal import print_json
 
 app = typer.Typer(help="Keep stores to compare with.", no_args_is_help=True)
 
@@ -19,12 +19,13 @@ def baseline() -> None:
 @app.command()
 def update(
     store: Annotated[
-        Address, typer.Argument(parser=store_at, metavar=METAVAR, help="The store that is good.")
+        Address,
+        typer.Argument(parser=store_at, metavar=STORE, help="Store to take as the baseline."),
     ],
-    dest: Annotated[Path, typer.Argument(help="The folder of the baseline, made or replaced.")],
+    dest: Annotated[Path, typer.Argument(help="Folder of the baseline, created or replaced.")],
     output: FormatOption = Format.text,
 ) -> None:
-    """Write a store without traces, small enough to commit."""
+    """Write a store without its traces, small enough to commit."""
     from contactlab.store import write_baseline
 
     manifest = write_baseline(store, dest)

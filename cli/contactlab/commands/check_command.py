@@ -1,4 +1,4 @@
-"""`contactlab check`: practice's checks of one model, before it is trusted."""
+"""`contactlab check`: whether a model can be trusted, and what to change where it cannot."""
 
 from enum import StrEnum
 from pathlib import Path
@@ -6,18 +6,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import cores, folder_at
-from contactlab.commands.stopping import AGAIN, resumable
-from contactlab.commands.terminal import Format, FormatOption, print_table
+from contactlab.commands.options import (
+    RESULTS,
+    Format,
+    FormatOption,
+    SetOption,
+    StudyFolderOption,
+    WorkersOption,
+    worker_count,
+)
+from contactlab.commands.stopping import resumable
+from contactlab.commands.terminal import print_table, progress_display
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.schema import Change, CheckReport, CheckResult, TaskKind
-
-RESULTS = Path("results/check")
+    from contactlab.schema import Change, CheckReport, CheckResult
 
 
-class For(StrEnum):
+class Task(StrEnum):
     """The kind of task that a model is for."""
 
     auto = "auto"
@@ -25,53 +31,46 @@ class For(StrEnum):
     locomotion = "locomotion"
 
 
-def check(  # noqa: PLR0913 - one argument an option
+def check(
     model: Annotated[
-        str, typer.Argument(help="A scene, a folder, an .xml or .urdf file, or menagerie:ROBOT.")
+        str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
     ],
-    assign: Annotated[
-        list[str] | None, typer.Option("--set", help="Check it with a setting: impratio=10")
-    ] = None,
+    assign: SetOption = None,
     only: Annotated[
-        list[str] | None, typer.Option("--only", help="One check by name; may be repeated.")
+        list[str] | None,
+        typer.Option("--only", metavar="CHECK", help="Make only this check; may be repeated."),
     ] = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", parser=folder_at, help="Where the evidence goes."),
-    ] = None,
+    folder: StudyFolderOption = None,
     *,
     keyframe: Annotated[
         str | None,
-        typer.Option(help="Where runs start, as --set keyframe=; qpos0 is the model's own start."),
+        typer.Option(
+            metavar="NAME", help="Keyframe to start from; qpos0 is the model's default pose."
+        ),
     ] = None,
-    kind: Annotated[For, typer.Option(help="What the timestep has to suit.")] = For.auto,
-    workers: Annotated[int | None, typer.Option(min=0, help="Worker processes.")] = None,
+    kind: Annotated[Task, typer.Option(help="Task that the timestep has to suit.")] = Task.auto,
+    workers: WorkersOption = None,
     output: FormatOption = Format.text,
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
-    from contactlab.commands.terminal import progress
     from contactlab.studies.check import CheckRequest, check_model
 
-    ask = CheckRequest(
+    request = CheckRequest(
         model=model,
-        folder=folder or RESULTS / _name(model),
+        folder=folder or RESULTS / "check" / _name(model),
         assign=[*(assign or ()), *([f"keyframe={keyframe}"] if keyframe else [])],
         only=only or (),
-        kind=_task(kind),
-        workers=cores() if workers is None else workers,
+        kind=None if kind is Task.auto else kind.value,
+        workers=worker_count(workers),
     )
-    with resumable(AGAIN) as stop, progress() as shown:
-        report = check_model(ask, shown.begin, shown.advance, stop)
+    with resumable("start over") as stop, progress_display() as display:
+        report = check_model(request, display.begin, display.advance, stop)
     if output is Format.json:
         typer.echo(report.model_dump_json(indent=2))
     else:
-        _print(report, ask.folder)
+        _print(report, request.folder)
     if failed := [each.name for each in report.checks if each.verdict == "fail"]:
         raise ExpectationError(f"{model} fails {', '.join(failed)}")
-
-
-def _task(kind: For) -> "TaskKind | None":
-    return None if kind is For.auto else kind.value
 
 
 def _name(model: str) -> str:
@@ -80,10 +79,10 @@ def _name(model: str) -> str:
 
 
 def _print(report: "CheckReport", folder: Path) -> None:
-    start = f"keyframe {report.keyframe}" if report.keyframe else "its own start"
+    start = f"keyframe {report.keyframe}" if report.keyframe else "its default pose"
     typer.echo(f"{report.scene}, from {start}, for {report.kind} ({report.kind_reason})")
     print_table(
-        ("check", "verdict", "what came out"),
+        ("check", "verdict", "result"),
         [(each.name, each.verdict, each.reason) for each in report.checks],
     )
     for each in report.checks:
@@ -100,7 +99,7 @@ def _print_advice(check: "CheckResult") -> None:
 
 
 def _print_change(name: str, change: "Change") -> None:
-    heads = {True: "cures it", False: "does not cure it", None: "to change"}
-    typer.echo(f"{name}, {heads[change.cures]}: {change.shown}")
+    headings = {True: "this fixes it", False: "this does not fix it", None: "change"}
+    typer.echo(f"{name}, {headings[change.cures]}: {change.shown}")
     for line in change.lines:
         typer.echo(f"    {line}")

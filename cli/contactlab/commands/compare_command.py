@@ -1,4 +1,4 @@
-"""`contactlab compare`: is a store worse than another."""
+"""`contactlab compare`: whether a store is worse than another."""
 
 import os
 import sys
@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import METAVAR, Address, store_at
+from contactlab.commands.options import Address, store_at
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from contactlab.schema import ComparePolicy, ComparisonReport
 
 
-class View(StrEnum):
+class ReportFormat(StrEnum):
     """How a comparison is printed."""
 
     text = "text"
@@ -37,59 +37,78 @@ class Match(StrEnum):
     axes = "axes"
 
 
-_SUFFIXES = {".txt": View.text, ".json": View.json, ".md": View.markdown, ".xml": View.junit}
+_SUFFIXES = {
+    ".txt": ReportFormat.text,
+    ".json": ReportFormat.json,
+    ".md": ReportFormat.markdown,
+    ".xml": ReportFormat.junit,
+}
 
 
-def compare(  # noqa: PLR0913 - one argument an option
+def compare(
     baseline: Annotated[
-        Address, typer.Argument(parser=store_at, metavar=METAVAR, help="The store to compare with.")
+        Address,
+        typer.Argument(parser=store_at, metavar="BASELINE", help="Store to compare with."),
     ],
     candidate: Annotated[
-        Address, typer.Argument(parser=store_at, metavar=METAVAR, help="The store that is judged.")
+        Address, typer.Argument(parser=store_at, metavar="CANDIDATE", help="Store to judge.")
     ],
     policy: Annotated[
-        Path | None, typer.Option(help="The file that says what is worse, and what fails.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Policy file: tolerances, and what fails the job."),
     ] = None,
     match: Annotated[
         Match | None, typer.Option(help="Pair runs by id, or by axis values and seed.")
     ] = None,
     files: Annotated[
         list[Path] | None,
-        typer.Option("-o", "--output", help="Write a file: .md, .json, .xml (JUnit) or .txt."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="File to write: .md, .json, .xml (JUnit) or .txt; may be repeated.",
+        ),
     ] = None,
-    view: Annotated[View, typer.Option("--format", help="How it is printed.")] = View.text,
+    output: Annotated[
+        ReportFormat, typer.Option("--format", help="How results are printed.")
+    ] = ReportFormat.text,
     *,
     thorough: Annotated[
-        bool, typer.Option("--thorough", help="Check every record and every trace first.")
+        bool, typer.Option("--thorough", help="Verify every record and every trace first.")
     ] = False,
     remeasure: Annotated[
-        int | None, typer.Option(min=1, help="Time so many pairs of runs anew, in turns.")
+        int | None,
+        typer.Option(min=1, metavar="N", help="Time N pairs of runs again, interleaved."),
     ] = None,
     baseline_python: Annotated[
-        Path | None, typer.Option(help="The Python that steps the baseline's; this one by default.")
+        Path | None,
+        typer.Option(help="Python that times the baseline's runs; by default this one."),
     ] = None,
     candidate_python: Annotated[
-        Path | None, typer.Option(help="The Python that steps the candidate's.")
+        Path | None,
+        typer.Option(help="Python that times the candidate's runs; by default this one."),
     ] = None,
     accept: Annotated[
-        str | None, typer.Option(metavar="CHECK", help="Write into the policy that it may fail.")
+        str | None,
+        typer.Option(metavar="CHECK", help="Accept a failed check: add it to the policy file."),
     ] = None,
-    reason: Annotated[str, typer.Option(help="Why it may.")] = "",
+    reason: Annotated[str, typer.Option(help="Why it is accepted.")] = "",
     until: Annotated[
-        datetime | None, typer.Option(formats=["%Y-%m-%d"], help="The last day on which it may.")
+        datetime | None,
+        typer.Option(formats=["%Y-%m-%d"], help="Last day on which it is accepted."),
     ] = None,
 ) -> None:
-    """Compare a store with a baseline; exits with 1 if a gate fails."""
+    """Compare a store with a baseline; exit with 1 if a gate fails."""
     if remeasure is None and (baseline_python or candidate_python):
-        raise PolicyError("an interpreter is only used with --remeasure N")
+        raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
     targets = _targets(files or [])
     pythons = (baseline_python, candidate_python)
-    asked = _Asked(baseline, candidate, policy, match, thorough, remeasure, pythons)
+    request = _Request(baseline, candidate, policy, match, thorough, remeasure, pythons)
     if accept is not None:
-        _accept(asked, accept, reason, until.date() if until else None)
-    report = _compared(asked, targets)
+        _accept(request, accept, reason, until.date() if until else None)
+    report = _report(request, targets)
     _publish(report, targets)
-    typer.echo(_rendered(report, view), nl=False)
+    typer.echo(_rendered(report, output), nl=False)
     if report.exit_code == ExpectationError.exit_code:
         raise ExpectationError(report.headline)
     if report.exit_code:
@@ -97,8 +116,8 @@ def compare(  # noqa: PLR0913 - one argument an option
 
 
 @dataclass(frozen=True)
-class _Asked:
-    """What is to be compared, and how."""
+class _Request:
+    """What to compare, and how."""
 
     baseline: Address
     candidate: Address
@@ -109,7 +128,7 @@ class _Asked:
     pythons: tuple[Path | None, Path | None]
 
     def read_policy(self, *, new: bool = False) -> "ComparePolicy":
-        """Return the file's policy, or the default one; a file that is to be made has none."""
+        """Return the policy of the file, or the default one: without a file, or for a new one."""
         from contactlab.compare import DEFAULT_POLICY, read_policy
 
         file = None if new and self.policy and not self.policy.exists() else self.policy
@@ -135,63 +154,61 @@ class _Asked:
         return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
 
 
-def _compared(asked: _Asked, targets: Sequence[tuple[Path, View]]) -> "ComparisonReport":
-    """Compare; stores that cannot be compared are reported like others before the command ends."""
+def _report(request: _Request, targets: Sequence[tuple[Path, ReportFormat]]) -> "ComparisonReport":
+    """Compare; publish a report also of stores that cannot be compared."""
     from contactlab.compare import unreadable_report
 
-    policy = asked.read_policy()
+    policy = request.read_policy()
     try:
-        return asked.report(policy)
+        return request.report(policy)
     except StoreError as error:
         _publish(unreadable_report(error, policy), targets)
         raise
 
 
-def _accept(asked: _Asked, name: str, reason: str, until: date | None) -> None:
+def _accept(request: _Request, name: str, reason: str, until: date | None) -> None:
     from contactlab.compare import accept, acceptance
 
-    if asked.policy is None:
-        raise PolicyError("--accept writes into a policy file; say which with --policy FILE")
-    report = asked.report(asked.read_policy(new=True))
-    accept(asked.policy, acceptance(report, name, reason, until))
+    if request.policy is None:
+        raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
+    report = request.report(request.read_policy(new=True))
+    accept(request.policy, acceptance(report, name, reason, until))
 
 
-def _targets(files: Sequence[Path]) -> list[tuple[Path, View]]:
+def _targets(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:
     unknown = [path for path in files if path.suffix not in _SUFFIXES]
     if unknown:
-        raise OutputError(
-            f"cannot tell from its name how to write {unknown[0]}; end it in {', '.join(_SUFFIXES)}"
-        )
+        raise OutputError(f"{unknown[0]}: write a name that ends in {', '.join(_SUFFIXES)}")
     return [(path, _SUFFIXES[path.suffix]) for path in files]
 
 
-def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, View]]) -> None:
-    """Write the files that were asked for and, in a GitHub job, its annotations and summary."""
+def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
+    """Write the files of `-o` and, in a GitHub job, its annotations and summary."""
     from contactlab.store import atomic_write, write_error
 
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     try:
-        for path, view in targets:
+        for path, format_ in targets:
             path.parent.mkdir(parents=True, exist_ok=True)
             with atomic_write(path) as temporary:
-                temporary.write_text(_rendered(report, view), encoding="utf-8")
+                temporary.write_text(_rendered(report, format_), encoding="utf-8")
         if summary:
             with Path(summary).open("a", encoding="utf-8") as file:
-                file.write(_rendered(report, View.markdown))
+                file.write(_rendered(report, ReportFormat.markdown))
     except OSError as error:
         raise write_error(Path(error.filename), error) from error
     if os.environ.get("GITHUB_ACTIONS") == "true":
-        typer.echo(_rendered(report, View.github), err=True, nl=False)
+        typer.echo(_rendered(report, ReportFormat.github), err=True, nl=False)
 
 
-def _rendered(report: "ComparisonReport", view: View) -> str:
-    from contactlab import compare as room
+def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:
+    from contactlab import compare as formats
 
-    renderers: dict[View, Callable[[ComparisonReport], str]] = {
-        View.text: room.as_text,
-        View.json: lambda each: each.model_dump_json(indent=2) + "\n",
-        View.markdown: room.as_markdown,
-        View.junit: room.as_junit,
-        View.github: room.as_annotations,
+    renderers: dict[ReportFormat, Callable[[ComparisonReport], str]] = {
+        ReportFormat.text: formats.as_text,
+        ReportFormat.json: lambda each: each.model_dump_json(indent=2) + "\n",
+        ReportFormat.markdown: formats.as_markdown,
+        ReportFormat.junit: formats.as_junit,
+        ReportFormat.github: formats.as_annotations,
     }
-    return renderers[view](report)
+    return renderers[format_](report)

@@ -5,9 +5,18 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import cores, folder_at
-from contactlab.commands.stopping import AGAIN, RESULTS, resumable
-from contactlab.commands.terminal import Format, FormatOption, print_table, say
+from contactlab.commands.options import (
+    RESULTS,
+    FigureOption,
+    Format,
+    FormatOption,
+    SetOption,
+    StudyFolderOption,
+    WorkersOption,
+    worker_count,
+)
+from contactlab.commands.stopping import resumable
+from contactlab.commands.terminal import print_table, progress_display, say, write_text
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -16,61 +25,44 @@ if TYPE_CHECKING:
 _REPORT = "effects.json"
 
 
-def effects(  # noqa: PLR0913 - one argument an option
+def effects(
     source: Annotated[
-        str, typer.Argument(metavar="SCENE|SWEEP|MODEL", help="A scene, a sweep file or a model.")
+        str,
+        typer.Argument(metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file."),
     ],
-    assign: Annotated[
-        list[str] | None, typer.Option("--set", help="Set the base configuration: cone=elliptic")
-    ] = None,
-    folder: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", parser=folder_at, help="Where report and evidence go."),
-    ] = None,
+    assign: SetOption = None,
+    folder: StudyFolderOption = None,
     *,
-    seeds: Annotated[int, typer.Option(min=1, help="Seeds to change effects with.")] = 6,
-    figure: Annotated[Path | None, typer.Option(help="Draw it: a .png or .svg file.")] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
-    ] = None,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Seeds, and so runs, per scenario and effect.")
+    ] = 6,
+    figure: FigureOption = None,
+    workers: WorkersOption = None,
     output: FormatOption = Format.text,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
-    from contactlab.commands.terminal import progress
     from contactlab.studies.effects import Ablation, ask, draw
     from contactlab.tradeoff import check_figure
 
     if figure is not None:
         check_figure(figure)
-    question = ask(source, assign or (), seeds, Path())
-    target = folder or RESULTS / "effects" / question.scene.name
-    with resumable(AGAIN) as stop, progress() as shown:
-        processes = cores() if workers is None else workers
-        shows = shown.begin, shown.advance
-        report = Ablation(question, target, processes, *shows, stop=stop).report()
-    _write(target / _REPORT, report)
+    request = ask(source, assign or (), seeds, Path())
+    target = folder or RESULTS / "effects" / request.scene.name
+    with resumable("start over") as stop, progress_display() as display:
+        shows = display.begin, display.advance
+        report = Ablation(request, target, worker_count(workers), *shows, stop=stop).report()
+    write_text(target / _REPORT, report.model_dump_json(indent=2) + "\n")
     if figure is not None:
         draw(report, figure)
         say(f"drew {figure}")
-    _tell(report, target, output)
-    if not report.verification.holds:
-        raise ExpectationError(f"from fresh seeds it does not hold: {report.verification.reason}")
-
-
-def _tell(report: "EffectsReport", target: Path, output: Format) -> None:
     if output is Format.json:
         typer.echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)
-
-
-def _write(path: Path, report: "EffectsReport") -> None:
-    from contactlab.store import write_error
-
-    try:
-        path.write_text(report.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise write_error(path, error) from error
+    if not report.verification.holds:
+        raise ExpectationError(
+            f"the smallest set fails with fresh seeds: {report.verification.reason}"
+        )
 
 
 def _print(report: "EffectsReport", target: Path) -> None:
@@ -78,13 +70,13 @@ def _print(report: "EffectsReport", target: Path) -> None:
     typer.echo(
         f"{report.scene}: each effect changed alone, over {count} runs of {report.duration:g} s"
     )
-    shown = [each for each in report.effects if each.need != "unused"]
+    used = [each for each in report.effects if each.need != "unused"]
     header = ("effect", "in base", "verdict", "time when changed", "why")
-    print_table(header, [_row(each) for each in shown])
+    print_table(header, [_row(each) for each in used])
     unused = [each for each in report.effects if each.need == "unused"]
     for reason in dict.fromkeys(each.reason for each in unused):
         names = ", ".join(each.effect for each in unused if each.reason == reason)
-        typer.echo(f"unused, by proof: {names} ({reason})")
+        typer.echo(f"provably unused: {names} ({reason})")
     for each in (each for each in report.interactions if each.free):
         typer.echo(f"needed one by one, free together: {' and '.join(each.effects)}")
     _print_set(report)

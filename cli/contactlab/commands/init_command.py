@@ -1,4 +1,4 @@
-"""`contactlab init`: a commented sweep file to begin with, and its schema for editors."""
+"""`contactlab init`: a commented sweep file to start from, and its schema for editors."""
 
 import json
 from pathlib import Path
@@ -11,12 +11,14 @@ from contactlab.errors import OutputError
 
 
 def init(
-    scene: Annotated[str, typer.Argument(help="A scene, a folder or a model file.")] = "ball_drop",
-    path: Annotated[Path, typer.Option("-o", "--output", help="The sweep file to write.")] = Path(
-        "sweep.yaml"
-    ),
+    scene: Annotated[
+        str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
+    ] = "ball_drop",
+    path: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE", help="Sweep file to write.")
+    ] = Path("sweep.yaml"),
 ) -> None:
-    """Write a starter sweep file for a scene, with its schema beside it."""
+    """Write a starter sweep file for a scene, and its JSON Schema beside it."""
     from contactlab.plan import SCHEMA_NAME, starter
     from contactlab.run import SceneLoader
     from contactlab.schema import json_schemas

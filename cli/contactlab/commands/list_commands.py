@@ -1,15 +1,17 @@
-"""`contactlab scenes`: the shipped scenes, and what each offers to vary."""
+"""Commands that list what there is: scenes, sweeps, metrics, labels, thresholds."""
 
-from collections.abc import Sequence
 from typing import Annotated
 
 import typer
 
-from contactlab.commands.terminal import Format, FormatOption, print_json, print_table
+from contactlab.commands.options import Format, FormatOption
+from contactlab.commands.terminal import print_rows
 
 
 def scenes(
-    name: Annotated[str | None, typer.Argument(help="A scene, a folder or a model file.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(metavar="[SCENE]", help="Scene, scene folder or model file.")
+    ] = None,
     output: FormatOption = Format.text,
 ) -> None:
     """List the shipped scenes, or every axis that one scene offers."""
@@ -28,9 +30,9 @@ def _list_scenes(output: Format) -> None:
         (each.name, each.manifest.title, each.manifest.duration) for each in found if each.manifest
     ]
     if output is Format.json:
-        print_json([dict(zip(("scene", "title", "duration"), row, strict=True)) for row in rows])
+        print_rows(("scene", "title", "duration"), rows, as_json=True)
     else:
-        print_table(("scene", "what it is", "duration [s]"), rows)
+        print_rows(("scene", "title", "duration [s]"), rows, as_json=False)
 
 
 def _list_axes(name: str, output: Format) -> None:
@@ -42,10 +44,7 @@ def _list_axes(name: str, output: Format) -> None:
         (each.name, each.unit, each.description, ", ".join(each.choices)) for each in specs if each
     ]
     keys = ("axis", "unit", "description", "values")
-    if output is Format.json:
-        print_json([dict(zip(keys, row, strict=True)) for row in rows])
-    else:
-        print_table(keys, rows)
+    print_rows(keys, rows, as_json=output is Format.json)
 
 
 def sweeps(output: FormatOption = Format.text) -> None:
@@ -60,10 +59,7 @@ def sweeps(output: FormatOption = Format.text) -> None:
         read = read_sweep(path, SceneLoader(path.parent).vocabulary)
         rows.append((name, read.sweep.scene, read.plan.count, read.sweep.description or ""))
     keys = ("sweep", "scene", "runs", "description")
-    if output is Format.json:
-        print_json([dict(zip(keys, row, strict=True)) for row in rows])
-    else:
-        print_table(keys, rows)
+    print_rows(keys, rows, as_json=output is Format.json)
 
 
 def metrics(output: FormatOption = Format.text) -> None:
@@ -75,30 +71,24 @@ def metrics(output: FormatOption = Format.text) -> None:
         (each.name, each.unit, each.better, each.version, each.definition)
         for each in METRICS.values()
     ]
-    _print_rows(keys, rows, output)
+    print_rows(keys, rows, as_json=output is Format.json)
 
 
 def labels(output: FormatOption = Format.text) -> None:
-    """List every label, worst first, with its meaning and the thresholds that it reads."""
+    """List every label, worst first: its meaning and the thresholds that it depends on."""
     from contactlab.measure import LABELS
 
     rows = [
         (each.name, each.meaning, ", ".join(limit.name for limit in each.thresholds))
         for each in LABELS.values()
     ]
-    _print_rows(("label", "meaning", "thresholds"), rows, output)
+    print_rows(("label", "meaning", "thresholds"), rows, as_json=output is Format.json)
 
 
 def thresholds(output: FormatOption = Format.text) -> None:
-    """List every threshold that a scene or a sweep may set, with its default and source."""
+    """List every threshold that a scene or a sweep may set: its default, unit and source."""
     from contactlab.measure import THRESHOLDS
 
     rows = [(each.name, each.default, each.unit, each.source) for each in THRESHOLDS.values()]
-    _print_rows(("threshold", "default", "unit", "source"), rows, output)
-
-
-def _print_rows(keys: tuple[str, ...], rows: Sequence[Sequence[object]], output: Format) -> None:
-    if output is Format.json:
-        print_json([dict(zip(keys, row, strict=True)) for row in rows])
-    else:
-        print_table(keys, rows)
+    keys = ("threshold", "default", "unit", "source")
+    print_rows(keys, rows, as_json=output is Format.json)

@@ -1,7 +1,8 @@
-"""The command line. Each command imports its room when it runs, so that --help is instant."""
+"""The command line. A command imports what it needs when it runs, so that --help is instant."""
+
+from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from contactlab.commands.baseline_command import app as baseline
 from contactlab.commands.check_command import check
@@ -16,13 +17,13 @@ from contactlab.commands.schema_command import schema
 from contactlab.commands.show_command import show
 from contactlab.commands.stability_command import stability
 from contactlab.commands.sweep_command import sweep
+from contactlab.commands.terminal import say
 from contactlab.commands.tradeoff_command import tradeoff
 from contactlab.commands.verify_command import verify
 from contactlab.errors import ContactlabError
 
 app = typer.Typer(
     name="contactlab",
-    help="Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -52,14 +53,35 @@ for command in (
 app.add_typer(baseline, name="baseline")
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        from importlib.metadata import version
+
+        typer.echo(f"contactlab {version('contactlab')}")
+        raise typer.Exit
+
+
+@app.callback()
+def contactlab(
+    *,
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Print the version and exit.",
+        ),
+    ] = False,
+) -> None:
+    """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""
+    del version
+
+
 def main() -> None:
-    """Run the command line; failures that a user can act on end in one clear message."""
+    """Run the command line; an error that the user can act on is printed as one message."""
     try:
         app(prog_name="contactlab")
     except ContactlabError as error:
-        _say(f"error: {error}" if not str(error).startswith("error") else str(error))
+        say(f"error: {error}" if not str(error).startswith("error") else str(error))
         raise SystemExit(error.exit_code) from error
-
-
-def _say(message: str) -> None:
-    Console(stderr=True).print(message, markup=False, highlight=False, soft_wrap=True)

@@ -1,33 +1,42 @@
-"""Options that commands share, and what they mean."""
+"""Options that several commands share, and how their values are read."""
 
+import math
 import os
-from collections.abc import Generator
-from contextlib import contextmanager
-from dataclasses import replace
+import sys
+from collections.abc import Sequence
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.run import SweepRequest
     from contactlab.store import Address
+    from contactlab.tradeoff import Criteria
 else:
-    # What people write; the parser makes an address of it. To know its type here, as typer wants
-    # to, would load Arrow before any command is chosen.
+    # The parser turns text into an address. Its type, which typer wants to see at import time,
+    # would load Arrow before any command is chosen.
     Address = str
 
-METAVAR = "STORE"
+RESULTS = Path("results")
+STORE = "STORE"
+
+
+class Format(StrEnum):
+    """How results are printed."""
+
+    text = "text"
+    json = "json"
 
 
 def store_at(text: str) -> "Address":
-    """Return the address that a text means.
+    """Return the address of a store: a folder, or a place in object storage.
 
     Raises:
-        OutputError: it is none of a store.
+        OutputError: the text is neither.
     """
     from contactlab.store import parse_address
 
@@ -35,7 +44,7 @@ def store_at(text: str) -> "Address":
 
 
 def folder_at(text: str) -> Path:
-    """Return the folder that a text means, for commands that write several stores.
+    """Return the folder that a text names, for commands that write several stores.
 
     Raises:
         OutputError: it is an address in object storage.
@@ -48,56 +57,132 @@ def folder_at(text: str) -> Path:
 
 StoreArgument = Annotated[
     Address,
-    typer.Argument(
-        parser=store_at, metavar=METAVAR, help="The store: a folder or s3://BUCKET/PREFIX."
+    typer.Argument(parser=store_at, metavar=STORE, help="Store: a folder or s3://BUCKET/PREFIX."),
+]
+RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="Run id, or its first digits.")]
+SweepStoreOption = Annotated[
+    Address | None,
+    typer.Option(
+        "-o",
+        "--output",
+        parser=store_at,
+        metavar=STORE,
+        help="Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
     ),
 ]
+StudyFolderOption = Annotated[
+    Path | None,
+    typer.Option(
+        "-o",
+        "--output",
+        parser=folder_at,
+        metavar="FOLDER",
+        help="Folder for report and evidence; by default under results/.",
+    ),
+]
+SetOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Replace an axis or a setting: timestep=1e-3; may be repeated.",
+    ),
+]
+WorkersOption = Annotated[
+    int | None,
+    typer.Option(min=0, help="Worker processes; by default one per core, 0 for none."),
+]
+MujocoOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="VERSION|PYTHON",
+        help="Run with another MuJoCo: a version, or the path of a Python that has one.",
+    ),
+]
+ErrorOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="METRIC", help="Measure of accuracy: error_final, oracle_error or any metric."
+    ),
+]
+ToleranceOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="METRIC=VALUE",
+        help="Replace a tolerance of the sweep: oracle_error=1%; may be repeated.",
+    ),
+]
+FigureOption = Annotated[
+    Path | None, typer.Option(metavar="FILE", help="Draw the result: a .png or .svg file.")
+]
+FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
 
 
-def cores() -> int:
-    """Return the number of cores that this process may use."""
+def worker_count(workers: int | None) -> int:
+    """Return the number of worker processes: as given, or one per core that may be used."""
+    if workers is not None:
+        return workers
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
 
 
-class ExecutorName(StrEnum):
-    """Where jobs run."""
-
-    local = "local"
-    ray = "ray"
-
-
-ExecutorOption = Annotated[
-    ExecutorName, typer.Option("--executor", help="Where runs are computed: here, or by Ray.")
-]
-AddressOption = Annotated[
-    str | None,
-    typer.Option(metavar="HOST:PORT|auto", help="The Ray cluster; one is started if left out."),
-]
-
-
-def check_executor(executor: ExecutorName, address: str | None, workers: int | None) -> None:
-    """Refuse options that do not go together.
+def sweep_path(name: str) -> Path:
+    """Return the path of a sweep file, given by path or by shipped name.
 
     Raises:
-        SweepFileError: there are such.
+        SweepFileError: there is none.
     """
-    if executor is ExecutorName.local and address is not None:
-        raise SweepFileError("--address is of a Ray cluster; add --executor ray")
-    if executor is ExecutorName.ray and workers == 0:
-        raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
+    from contactlab import resources
+
+    path = Path(name)
+    if path.suffix in {".yaml", ".yml"} or "/" in name:
+        if not path.is_file():
+            raise SweepFileError(f"no sweep file {path}")
+        return path
+    return resources.sweep_file(name)
 
 
-@contextmanager
-def executing(
-    ask: "SweepRequest", executor: ExecutorName, address: str | None, workers: int | None
-) -> Generator["SweepRequest"]:
-    """Yield what to run with where to run it; a cluster is left at the end."""
-    if executor is ExecutorName.local:
-        yield ask
+def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
+    """Run the same command with another MuJoCo, if `--mujoco` names one, and end with it.
+
+    Args:
+        version: a version or the path of a Python; None and this version change nothing.
+        store: default store or folder, to whose name the version is added; None if `-o` was given.
+
+    Raises:
+        EngineError: there is no such version, or it cannot be installed.
+    """
+    if version is None:
         return
-    from contactlab.run import ray_cluster
+    from contactlab.run import exec_with, find_interpreter, without_option
 
-    with ray_cluster(address, ask.workers if address is None else workers) as cluster:
-        yield replace(ask, cluster=cluster)
+    other = find_interpreter(version, say)
+    if other is None:
+        return
+    target = ["-o", f"{store}-{other.mujoco}"] if store else []
+    exec_with(other, [*without_option(sys.argv[1:], "--mujoco"), *target])
+
+
+def accuracy_criteria(error: str | None, tolerances: Sequence[str] | None) -> "Criteria":
+    """Return what `--error` and `--tolerance` ask of a store.
+
+    Raises:
+        SweepFileError: a tolerance is not written as METRIC=VALUE.
+    """
+    from contactlab.tradeoff import Criteria
+
+    return Criteria(error, dict(_tolerance(text) for text in tolerances or ()))
+
+
+def _tolerance(text: str) -> tuple[str, float]:
+    metric, _, value = text.partition("=")
+    try:
+        limit = float(value.removesuffix("%")) / (100 if value.endswith("%") else 1)
+    except ValueError:
+        limit = math.nan
+    if not metric or not 0 <= limit < math.inf:
+        raise SweepFileError(
+            f"'{text}' is not a tolerance; write METRIC=VALUE, such as oracle_error=1%"
+        )
+    return metric, limit

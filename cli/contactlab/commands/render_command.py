@@ -1,46 +1,50 @@
-"""`contactlab render`: a stored run as a file to look at."""
+"""`contactlab render`: a stored run for a 3D viewer, as a film or as pictures."""
 
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import StoreArgument
+from contactlab.commands.options import RunArgument, StoreArgument
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError
 
 
-def render(  # noqa: PLR0913, PLR0917 - one argument an option
+def render(
     store: StoreArgument,
-    run: Annotated[str, typer.Argument(help="The run's id, or the start of it.")],
+    run: RunArgument,
     target: Annotated[
         Path,
         typer.Option(
             "-o",
             "--output",
-            help="The file: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif or .png.",
+            metavar="FILE",
+            help="File to write: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif or .png.",
         ),
     ],
     at: Annotated[
-        list[float] | None, typer.Option(help="A moment [s] for a .png; repeat for more.")
+        list[float] | None,
+        typer.Option(metavar="SECONDS", help="Time of a .png; may be repeated."),
     ] = None,
     speed: Annotated[
-        float | None, typer.Option(help="Speed of a film; 0.1 is slow motion.")
+        float | None, typer.Option(help="Playback speed of a film; 0.1 is slow motion.")
     ] = None,
-    size: Annotated[str | None, typer.Option(help="Pixels of a picture: 640x480.")] = None,
-    camera: Annotated[str | None, typer.Option(help="A camera of the model.")] = None,
+    size: Annotated[
+        str | None, typer.Option(metavar="WIDTHxHEIGHT", help="Size in pixels: 640x480.")
+    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Camera of the model.")] = None,
 ) -> None:
-    """Show a stored run in 3D with its contact forces: for a viewer, as a film or as pictures."""
+    """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
     from contactlab.store import Store
     from contactlab.view import PictureOptions
     from contactlab.view import render as write
 
-    look = PictureOptions(_size(size), camera, speed, tuple(at or ()))
-    motion = write(Store.open(store), run, target, look)
+    options = PictureOptions(_size(size), camera, speed, tuple(at or ()))
+    motion = write(Store.open(store), run, target, options)
     if len(motion.forces.frame):
         say(
-            f"an arrow is the force on the second side of a pair, {motion.scale:g} m long for 1 N "
-            f"and cut at {motion.longest:.3g} m"
+            f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
+            f"at most {motion.longest:.3g} m"
         )
     typer.echo(target)
 

@@ -1,12 +1,13 @@
 """`contactlab replay`: simulate a stored run again from its store alone."""
 
+from collections.abc import Iterator
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import StoreArgument
-from contactlab.commands.terminal import Format, FormatOption, print_json
+from contactlab.commands.options import Format, FormatOption, RunArgument, StoreArgument
+from contactlab.commands.terminal import print_json
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -15,12 +16,14 @@ if TYPE_CHECKING:
 
 def replay(
     store: StoreArgument,
-    run: Annotated[str, typer.Argument(help="The run's id, or the start of it.")],
+    run: RunArgument,
     *,
-    view: Annotated[bool, typer.Option("--view", help="Open MuJoCo's viewer on it.")] = False,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
+    ] = False,
     output: FormatOption = Format.text,
 ) -> None:
-    """Run a stored run again and say whether every state is equal, bit for bit."""
+    """Simulate a stored run again and check that every state is bitwise equal."""
     from contactlab.run import prepare_replay
     from contactlab.run import replay as run_again
     from contactlab.store import Store
@@ -36,23 +39,23 @@ def replay(
     if output is Format.json:
         print_json(asdict(result))
     else:
-        typer.echo(_verdict(result))
+        for line in _lines(result):
+            typer.echo(line)
     if not result.equal:
         raise ExpectationError("the trajectory is not the stored one")
 
 
-def _verdict(result: "ReplayResult") -> str:
+def _lines(result: "ReplayResult") -> Iterator[str]:
     if result.equal:
-        return f"run {result.run_id}: bitwise equal ({result.hash})"
+        yield f"run {result.run_id}: bitwise equal ({result.hash})"
+        return
     if result.stored_hash is None:
-        return f"run {result.run_id}: no trajectory was stored"
-    lines = [
-        f"run {result.run_id}: differs",
-        f"  stored {result.stored_hash}",
-        f"  now    {result.hash}",
-    ]
+        yield f"run {result.run_id}: no trajectory was stored"
+        return
+    yield f"run {result.run_id}: differs"
+    yield f"  stored {result.stored_hash}"
+    yield f"  now    {result.hash}"
     if result.step is not None:
         amount = "" if result.difference is None else f" by {result.difference:.3g}"
-        lines.append(f"  first after step {result.step}{amount}")
-    lines.append(f"  stored with {result.stored_engine}")
-    return "\n".join(lines)
+        yield f"  first after step {result.step}{amount}"
+    yield f"  stored with {result.stored_engine}"

@@ -5,69 +5,74 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import METAVAR, Address, StoreArgument, store_at
+from contactlab.commands.options import (
+    STORE,
+    Address,
+    ErrorOption,
+    StoreArgument,
+    ToleranceOption,
+    accuracy_criteria,
+    store_at,
+)
 from contactlab.commands.terminal import say
-from contactlab.commands.tradeoff_command import tolerances_of
 from contactlab.errors import OutputError
 
 _ALL = 1_000_000
 
 
-def report(  # noqa: PLR0913 - one argument an option
+def report(
     store: StoreArgument,
     target: Annotated[
         Path | None,
         typer.Option(
             "-o",
             "--output",
-            help="The page; STORE.html beside a store that is a folder, or here, if left out.",
+            metavar="FILE",
+            help="Page to write; by default STORE.html, beside a store that is a folder.",
         ),
     ] = None,
     *,
-    error: Annotated[
-        str | None, typer.Option(help="What stands for accuracy, as in `contactlab tradeoff`.")
-    ] = None,
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(help="What is accurate enough, over the sweep's: oracle_error=1%"),
-    ] = None,
+    error: ErrorOption = None,
+    tolerance: ToleranceOption = None,
     traces: Annotated[
-        str, typer.Option(help="Runs whose time series the page has: a number, all or none.")
+        str,
+        typer.Option(metavar="N|all|none", help="Runs whose time series the page includes."),
     ] = "60",
     max_mb: Annotated[
-        float, typer.Option(min=1, help="Above it the page has sums over runs instead of runs.")
+        float,
+        typer.Option(min=1, help="Size above which the page has statistics instead of runs [MB]."),
     ] = 25.0,
     baseline: Annotated[
         Address | None,
         typer.Option(
             parser=store_at,
-            metavar=METAVAR,
-            help="A store to compare with, as `contactlab compare` does.",
+            metavar=STORE,
+            help="Store to compare with, as `contactlab compare` does.",
         ),
     ] = None,
     figures: Annotated[
-        Path | None, typer.Option(help="Write figures into this folder instead of a page.")
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Write figures into this folder instead of a page."),
     ] = None,
-    forms: Annotated[
-        str, typer.Option("--format", help="What figures are: some of png, svg, pdf.")
+    formats: Annotated[
+        str, typer.Option("--format", help="File formats of the figures: png, svg, pdf.")
     ] = "png",
 ) -> None:
-    """Draw a store as one page that needs no network: maps, accuracy against time, every run."""
+    """Draw a store as one page that works offline: maps, accuracy against time, every run."""
     from contactlab.report import PageRequest, write_figures, write_page
     from contactlab.store import Store
-    from contactlab.tradeoff import Criteria
 
-    question = Criteria(error, tolerances_of(tolerance or ()))
+    criteria = accuracy_criteria(error, tolerance)
     if figures is not None:
-        for path in write_figures(Store.open(store), figures, forms.split(","), question):
+        for path in write_figures(Store.open(store), figures, formats.split(","), criteria):
             typer.echo(path)
         return
     against = Store.open(baseline) if baseline else None
-    ask = PageRequest(question, _count(traces), int(max_mb * 1e6), against)
+    request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
     page = target or _beside(store)
     opened = Store.open(store)
     _check_target(page)
-    written = write_page(opened, page, ask)
+    written = write_page(opened, page, request)
     for note in written.notes:
         say(f"note: {note}")
     say(f"{written.bytes / 1e6:.2g} MB")

@@ -1,4 +1,4 @@
-"""`contactlab schema`: print or check the published JSON Schemas."""
+"""`contactlab schema`: print, write or check the published JSON Schemas."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,28 +12,24 @@ _SUFFIX = ".schema.json"
 
 
 def schema(
-    name: Annotated[str | None, typer.Argument(help="Which one; all names if left out.")] = None,
-    write: Annotated[Path | None, typer.Option(help="Write all of them into a folder.")] = None,
-    check: Annotated[Path | None, typer.Option(help="Check a folder of them.")] = None,
+    name: Annotated[
+        str | None, typer.Argument(help="Schema to print; lists all names by default.")
+    ] = None,
+    write: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="Write all schemas into a folder.")
+    ] = None,
+    check: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Fail unless a folder holds the current schemas."),
+    ] = None,
 ) -> None:
     """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
-    from contactlab.schema import json_schemas, schema_drift, write_json_schemas
+    from contactlab.schema import json_schemas
 
     if write is not None:
-        from contactlab.store import write_error
-
-        try:
-            names = [path.name for path in write_json_schemas(write)]
-        except OSError as error:
-            raise write_error(write, error) from error
-        say(f"wrote {', '.join(names)}")
+        _write(write)
     elif check is not None:
-        differs = schema_drift(check)
-        if differs:
-            raise ExpectationError(
-                f"{check} is out of date: {', '.join(differs)}; write it anew with "
-                f"`contactlab schema --write {check}`"
-            )
+        _check(check)
     elif name is None:
         for each in json_schemas():
             typer.echo(each)
@@ -44,3 +40,24 @@ def schema(
             names = [each.removesuffix(_SUFFIX) for each in known]
             raise SweepFileError(f"no schema '{name}'{did_you_mean(name, names)}")
         print_json(found)
+
+
+def _write(folder: Path) -> None:
+    from contactlab.schema import write_json_schemas
+    from contactlab.store import write_error
+
+    try:
+        names = [path.name for path in write_json_schemas(folder)]
+    except OSError as error:
+        raise write_error(folder, error) from error
+    say(f"wrote {', '.join(names)}")
+
+
+def _check(folder: Path) -> None:
+    from contactlab.schema import schema_drift
+
+    if differing := schema_drift(folder):
+        raise ExpectationError(
+            f"{folder} is out of date: {', '.join(differing)}; update it with "
+            f"`contactlab schema --write {folder}`"
+        )

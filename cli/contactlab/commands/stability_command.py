@@ -2,59 +2,60 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import cores, folder_at
-from contactlab.commands.stopping import RESULTS, MujocoOption, rerun_with_mujoco, resumable
-from contactlab.commands.terminal import Format, FormatOption, print_json, print_table, say
+from contactlab.commands.options import (
+    RESULTS,
+    Format,
+    FormatOption,
+    MujocoOption,
+    StudyFolderOption,
+    WorkersOption,
+    rerun_with_mujoco,
+    worker_count,
+)
+from contactlab.commands.stopping import resumable
+from contactlab.commands.terminal import print_json, print_table, progress_display, say
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.studies.stability_cases import CaseResult
 
 _MOST_MISSES = 5
-_RESULTS = RESULTS / "stability"
-_GOES_ON = "runs the finished cases again and goes on with this one"
+_THEN = "repeat the finished cases and resume this one"
 
 
 def stability(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="[NAME]...", help="Cases, or model files; all cases if left out."),
+        typer.Argument(metavar="NAME", help="Cases or model files; all cases by default."),
     ] = None,
-    results: Annotated[
-        Path,
-        typer.Option(
-            "-o", "--output", parser=folder_at, help="The folder of the stores, one a case."
-        ),
-    ] = _RESULTS,
-    workers: Annotated[int | None, typer.Option(min=0, help="Worker processes.")] = None,
+    folder: StudyFolderOption = None,
+    workers: WorkersOption = None,
     mujoco: MujocoOption = None,
     output: FormatOption = Format.text,
 ) -> None:
-    """Run hard cases and say what held, what failed, and whether that is what should."""
-    from contactlab.commands.terminal import progress
+    """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.studies.stability_cases import find_cases, run_case
 
-    rerun_with_mujoco(mujoco, None if results != _RESULTS else results)
-    processes = cores() if workers is None else workers
+    target = folder or RESULTS / "stability"
+    rerun_with_mujoco(mujoco, None if folder else target)
     done: list[CaseResult] = []
     cases = find_cases(names or [])
     for number, case in enumerate(cases, 1):
-        with resumable(_GOES_ON) as stop, progress() as shown:
-            result = run_case(case, results, processes, shown.begin, shown.advance, stop)
+        with resumable(_THEN) as stop, progress_display() as display:
+            shows = display.begin, display.advance
+            result = run_case(case, target, worker_count(workers), *shows, stop)
         say(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
         done += [result] if result.runs else []
     if output is Format.json:
         print_json([{**asdict(each), "store": str(each.store)} for each in done])
     else:
         _print(done)
-    unmet = [each.name for each in done if not each.passed]
-    if unmet:
-        raise ExpectationError(f"{len(unmet)} of {len(done)} cases failed: {', '.join(unmet)}")
+    if failed := [each.name for each in done if not each.passed]:
+        raise ExpectationError(f"{len(failed)} of {len(done)} cases failed: {', '.join(failed)}")
 
 
 def _verdict(result: "CaseResult") -> str:
@@ -65,7 +66,16 @@ def _verdict(result: "CaseResult") -> str:
 
 
 def _print(done: "Sequence[CaseResult]") -> None:
-    header = ("case", "runs", "as asked", "controls", "found", "oracle error", "step", "seconds")
+    header = (
+        "case",
+        "runs",
+        "as expected",
+        "controls",
+        "labels",
+        "oracle error",
+        "step",
+        "seconds",
+    )
     print_table(
         header,
         [

@@ -1,103 +1,138 @@
 """`contactlab sweep`: run a declared sweep and write a store of evidence."""
 
+from collections.abc import Generator
+from contextlib import contextmanager
+from dataclasses import replace
+from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from contactlab.commands.options import (
-    METAVAR,
-    Address,
-    AddressOption,
-    ExecutorName,
-    ExecutorOption,
-    check_executor,
-    cores,
-    executing,
-    store_at,
-)
-from contactlab.commands.stopping import (
     RESULTS,
+    Format,
+    FormatOption,
     MujocoOption,
+    SetOption,
+    SweepStoreOption,
+    WorkersOption,
     rerun_with_mujoco,
-    resumable,
     sweep_path,
+    worker_count,
 )
-from contactlab.commands.terminal import Format, FormatOption, say
+from contactlab.commands.show_command import format_value, print_summary
+from contactlab.commands.stopping import resumable
+from contactlab.commands.terminal import print_json, print_table, progress_display, say
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
+    from contactlab.plan import Plan
+    from contactlab.run import Forecast, SweepRequest
     from contactlab.schema import StoreManifest
 
 
-def sweep(  # noqa: PLR0913 - one argument an option
-    name: Annotated[str, typer.Argument(metavar="SWEEP", help="A sweep file or a shipped sweep.")],
-    store: Annotated[
-        Address | None,
+class ExecutorName(StrEnum):
+    """Where jobs run."""
+
+    local = "local"
+    ray = "ray"
+
+
+def sweep(
+    name: Annotated[str, typer.Argument(metavar="SWEEP", help="Sweep file or shipped sweep.")],
+    store: SweepStoreOption = None,
+    assign: SetOption = None,
+    only: Annotated[
+        list[str] | None,
         typer.Option(
-            "-o",
-            "--output",
-            parser=store_at,
-            metavar=METAVAR,
-            help="The store: a folder or s3://BUCKET/PREFIX; results/SWEEP if left out.",
+            "--only",
+            metavar="NAME=VALUE",
+            help="Keep runs with a value: cone=elliptic; may be repeated.",
         ),
     ] = None,
-    assign: Annotated[
-        list[str] | None, typer.Option("--set", help="Replace an axis or a key: timestep=1e-3,2e-3")
+    limit: Annotated[
+        int | None, typer.Option(min=1, metavar="N", help="Keep the first N runs.")
     ] = None,
-    only: Annotated[
-        list[str] | None, typer.Option("--only", help="Keep runs with a value: cone=elliptic")
-    ] = None,
-    limit: Annotated[int | None, typer.Option(min=1, help="Keep the first so many runs.")] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
-    ] = None,
+    workers: WorkersOption = None,
     *,
-    executor: ExecutorOption = ExecutorName.local,
-    address: AddressOption = None,
+    executor: Annotated[
+        ExecutorName, typer.Option(help="Where jobs run: on this machine, or on a Ray cluster.")
+    ] = ExecutorName.local,
+    address: Annotated[
+        str | None,
+        typer.Option(metavar="HOST:PORT|auto", help="Ray cluster to join; by default starts one."),
+    ] = None,
     mujoco: MujocoOption = None,
-    plan: Annotated[bool, typer.Option("--plan", help="Say what would run; run nothing.")] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Run more than 100,000 runs.")] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Replace a store that is there.")] = False,
+    plan: Annotated[
+        bool, typer.Option("--plan", help="Print runs, time and disk space; run nothing.")
+    ] = False,
+    yes: Annotated[bool, typer.Option("--yes", help="Allow more than 100,000 runs.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Replace an existing store.")] = False,
     retry_failed: Annotated[
         bool,
-        typer.Option("--retry-failed", help="Run again what crashed, timed out or erred."),
+        typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed."),
     ] = False,
     output: FormatOption = Format.text,
 ) -> None:
-    """Run a sweep into a store; the same command resumes one that was interrupted."""
-    from contactlab.commands.show_command import print_plan, print_summary
+    """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab.plan import Overrides
     from contactlab.run import forecast, read_request, run_sweep
 
-    check_executor(executor, address, workers)
+    _check_executor(executor, address, workers)
     path = sweep_path(name)
-    rerun_with_mujoco(mujoco, None if store else RESULTS / path.stem)
     target = store or RESULTS / path.stem
-    ask = read_request(
+    rerun_with_mujoco(mujoco, None if store else RESULTS / path.stem)
+    request = read_request(
         path,
         path.stem,
         target,
         folder=path.parent,
-        workers=cores() if workers is None else workers,
+        workers=worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
         fresh=fresh,
         retry_failed=retry_failed,
     )
-    for warning in ask.plan.warnings:
+    for warning in request.plan.warnings:
         say(str(warning))
     if plan:
-        print_plan(ask.plan, forecast(ask.plan, ask.scene, ask.workers), output)
+        _print_plan(request.plan, forecast(request.plan, request.scene, request.workers), output)
         return
-    _confirm(ask.plan.count, yes=yes)
-    from contactlab.commands.terminal import progress
-
-    placed = executing(ask, executor, address, workers)
-    with resumable() as stop, progress() as shown, placed as ask:
-        manifest = run_sweep(ask, shown.begin, shown.advance, stop)
+    _confirm(request.plan.count, yes=yes)
+    cluster = _on_cluster(request, executor, address, workers)
+    with resumable() as stop, progress_display() as display, cluster as request:
+        manifest = run_sweep(request, display.begin, display.advance, stop)
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
     print_summary(target, manifest, output)
     _fail_on(manifest)
+
+
+def _check_executor(executor: ExecutorName, address: str | None, workers: int | None) -> None:
+    if executor is ExecutorName.local and address is not None:
+        raise SweepFileError("--address is for a Ray cluster; add --executor ray")
+    if executor is ExecutorName.ray and workers == 0:
+        raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
+
+
+@contextmanager
+def _on_cluster(
+    request: "SweepRequest", executor: ExecutorName, address: str | None, workers: int | None
+) -> Generator["SweepRequest"]:
+    """Yield the request with the cluster that it runs on, if any; the cluster is left at the end.
+
+    Args:
+        request: what to run.
+        executor: where jobs run.
+        address: the cluster to join; None starts one with the request's number of workers.
+        workers: processes to use of a cluster that is joined; all of it if None.
+    """
+    if executor is ExecutorName.local:
+        yield request
+        return
+    from contactlab.run import ray_cluster
+
+    with ray_cluster(address, request.workers if address is None else workers) as cluster:
+        yield replace(request, cluster=cluster)
 
 
 def _confirm(count: int, *, yes: bool) -> None:
@@ -109,10 +144,40 @@ def _confirm(count: int, *, yes: bool) -> None:
         )
 
 
+def _print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
+    axes = [(axis.name, axis.role, axis.count, _range(axis.values)) for axis in plan.axes]
+    if output is Format.json:
+        keys = ("name", "role", "count", "values")
+        listed = [dict(zip(keys, axis, strict=True)) for axis in axes]
+        print_json({"axes": listed, "seeds": len(plan.sweep.seed_values), **vars(forecast)})
+        return
+    print_table(("axis", "role", "values", "range"), axes)
+    typer.echo(f"runs   {forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
+    typer.echo(f"steps  {forecast.steps:,}")
+    typer.echo(f"time   {_seconds(forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
+    passes = {"accuracy": forecast.accuracy_seconds, "timing": forecast.timing_seconds}
+    for name, seconds in passes.items():
+        if seconds:
+            typer.echo(f"       {_seconds(seconds)} of it for {name}")
+    least, most = (size / 1e6 for size in forecast.bytes)
+    typer.echo(f"disk   {least:.3g} to {most:.3g} MB of traces")
+    for warning in forecast.warnings:
+        typer.echo(f"warning: {warning}")
+
+
+def _range(values: tuple[object, ...]) -> str:
+    shown = values if len(values) <= 6 else (*values[:2], "...", values[-1])
+    return ", ".join(format_value(value) for value in shown)
+
+
+def _seconds(seconds: float) -> str:
+    return f"{seconds:.2g} s" if seconds < 120 else f"{seconds / 60:.2g} min"
+
+
 def _fail_on(manifest: "StoreManifest") -> None:
     lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
     if lost:
-        raise RunFailedError(f"{lost} of {manifest.runs} runs crashed or ran out of time")
+        raise RunFailedError(f"{lost} of {manifest.runs} runs crashed or timed out")
     unmet = manifest.expectations.get("unmet", 0)
     if unmet:
         raise ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")

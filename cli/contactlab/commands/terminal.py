@@ -1,12 +1,16 @@
-"""How commands print: results to stdout as text or JSON, everything else to stderr."""
+"""Printing: results to stdout as tables or JSON, messages and progress to stderr.
+
+The progress display counts runs as they finish and is drawn by the clock, a few times a second, so
+that its cost does not grow with the number of runs.
+"""
 
 import json
 import time
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 from rich import box
@@ -19,25 +23,23 @@ if TYPE_CHECKING:
     from contactlab.run import Finished
 
 
-class Format(StrEnum):
-    """How results are printed."""
-
-    text = "text"
-    json = "json"
-
-
-FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
-
-
-def print_json(data: Any) -> None:  # noqa: ANN401 - anything that JSON holds
+def print_json(data: object) -> None:
     """Print data as JSON to stdout."""
     typer.echo(json.dumps(data, indent=2, allow_nan=False))
 
 
-def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
-    """Print a plain table to stdout; columns that hold only numbers are aligned to the right.
+def print_rows(keys: Sequence[str], rows: Sequence[Sequence[object]], *, as_json: bool) -> None:
+    """Print rows to stdout: as a table, or as a JSON list of objects with these keys."""
+    if as_json:
+        print_json([dict(zip(keys, row, strict=True)) for row in rows])
+    else:
+        print_table(keys, rows)
 
-    A column "label" has the colours of labels, which repeat what the word says already.
+
+def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
+    """Print a table to stdout; columns of numbers are aligned to the right.
+
+    A column "label" has the colours of labels, which repeat what the word says.
     """
     table = Table(box=box.SIMPLE_HEAD, pad_edge=False, padding=(0, 1, 0, 0))
     for index, name in enumerate(header):
@@ -67,7 +69,7 @@ def label_style(name: str) -> str:
 
 
 def stdout() -> Console:
-    """Return the console for results; as wide as they need where nobody looks."""
+    """Return the console for results; lines are not wrapped unless it is a terminal."""
     console = Console()
     return console if console.is_terminal else Console(width=10_000)
 
@@ -75,6 +77,20 @@ def stdout() -> Console:
 def say(message: str) -> None:
     """Print a message for people to stderr."""
     Console(stderr=True).print(message, markup=False, highlight=False, soft_wrap=True)
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a file.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    from contactlab.store import write_error
+
+    try:
+        path.write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise write_error(path, error) from error
 
 
 def _cell(value: object) -> str:
@@ -87,15 +103,15 @@ def _cell(value: object) -> str:
 
 DRAWN_PER_SECOND = 4
 _QUIET_SECONDS = 10.0
-# Rates are those of the last half minute, and not told before the first second is over.
+# Rates are those of the last half minute, and not shown in the first second.
 _RECENT_SECONDS = 30.0
 _LEAST_SECONDS = 1.0
 _BAR = 24
 _MOST_LABELS = 6
 
 
-class Progress:
-    """Counts finished runs, and says so."""
+class ProgressDisplay:
+    """Counts finished runs and prints how many there are."""
 
     def __init__(self, console: Console, *, live: bool) -> None:
         self._console = console
@@ -103,14 +119,14 @@ class Progress:
         self._total = self._done = 0
         self._labels: Counter[str] = Counter()
         self._recent: deque[tuple[float, int]] = deque()
-        self._said = time.monotonic()
+        self._printed = time.monotonic()
 
     def begin(self, total: int, done: int) -> None:
-        """Say how many runs there are, and how many are stored already."""
+        """Start to count: of so many runs in total, some are done already."""
         self._total, self._done = total, done
         self._labels = Counter()
-        self._said = time.monotonic()
-        self._recent = deque([(self._said, done)])
+        self._printed = time.monotonic()
+        self._recent = deque([(self._printed, done)])
         if done:
             self._console.print(f"{done:,} of {total:,} runs are stored already", highlight=False)
 
@@ -119,12 +135,12 @@ class Progress:
         self._done += len(finished)
         for each in finished:
             self._labels[each.label] += 1
-        if not self._live and time.monotonic() - self._said > _QUIET_SECONDS:
-            self._said = time.monotonic()
+        if not self._live and time.monotonic() - self._printed > _QUIET_SECONDS:
+            self._printed = time.monotonic()
             self._console.print(self.line(), soft_wrap=True)
 
     def line(self) -> Text:
-        """Return what there is to say now, as one line; nothing before there are runs."""
+        """Return the current state as one line: bar, counts, rate, time left, labels."""
         if not self._total:
             return Text()
         filled, rate = _BAR * self._done // self._total, self._rate()
@@ -132,14 +148,16 @@ class Progress:
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
         if rate:
-            line.append(f"  {_rate(rate)}  {_time((self._total - self._done) / rate)} left")
-        # The display has a thread of its own: a copy, lest a new label come while it looks.
+            line.append(
+                f"  {_format_rate(rate)}  {_duration((self._total - self._done) / rate)} left"
+            )
+        # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
             line.append("  ").append(label, label_style(label)).append(f" {count:,}")
         return line
 
     def _rate(self) -> float:
-        """Return runs per second [1/s] of late; 0 if that cannot be told yet."""
+        """Return the recent rate of runs [1/s]; 0 if it is not known yet."""
         now, recent = time.monotonic(), self._recent
         recent.append((now, self._done))
         while len(recent) > 2 and recent[1][0] < now - _RECENT_SECONDS:
@@ -149,27 +167,27 @@ class Progress:
 
 
 @contextmanager
-def progress() -> Generator[Progress]:
+def progress_display() -> Generator[ProgressDisplay]:
     """Yield a display on stderr: live on a terminal, else a plain line every ten seconds."""
     console = Console(stderr=True)
-    shown = Progress(console, live=console.is_terminal)
+    display = ProgressDisplay(console, live=console.is_terminal)
     if not console.is_terminal:
-        yield shown
+        yield display
         return
     with Live(
         console=console,
-        get_renderable=shown.line,
+        get_renderable=display.line,
         refresh_per_second=DRAWN_PER_SECOND,
         transient=True,
     ):
-        yield shown
+        yield display
 
 
-def _rate(rate: float) -> str:
+def _format_rate(rate: float) -> str:
     return f"{rate:,.0f}/s" if rate >= 10 else f"{rate:.2g}/s"
 
 
-def _time(seconds: float) -> str:
+def _duration(seconds: float) -> str:
     minutes, rest = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     days, hours = divmod(hours, 24)

@@ -1,15 +1,34 @@
 """`contactlab tradeoff`: what accuracy costs in time, and which configuration to use."""
 
-import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import METAVAR, Address, cores, store_at
-from contactlab.commands.stopping import RESULTS, resumable, sweep_path
-from contactlab.commands.terminal import Format, FormatOption, print_json, print_table, say
+from contactlab.commands.options import (
+    RESULTS,
+    Address,
+    ErrorOption,
+    FigureOption,
+    Format,
+    FormatOption,
+    SweepStoreOption,
+    ToleranceOption,
+    WorkersOption,
+    accuracy_criteria,
+    store_at,
+    sweep_path,
+    worker_count,
+)
+from contactlab.commands.stopping import resumable
+from contactlab.commands.terminal import (
+    print_json,
+    print_table,
+    progress_display,
+    say,
+    write_text,
+)
 from contactlab.errors import ExpectationError, OutputError, SweepFileError
 
 if TYPE_CHECKING:
@@ -26,52 +45,38 @@ if TYPE_CHECKING:
     from contactlab.tradeoff import Criteria
 
 _MANIFEST = "manifest.json"
+_MOST_METHODS = 12
+_MOST_RATES = 40
 
 
-def tradeoff(  # noqa: PLR0913 - one argument an option
+def tradeoff(
     name: Annotated[
-        str, typer.Argument(metavar="STORE|SWEEP", help="A store, a sweep file or a shipped sweep.")
+        str, typer.Argument(metavar="STORE|SWEEP", help="Store, sweep file or shipped sweep.")
     ],
     *,
-    error: Annotated[
-        str | None,
-        typer.Option(help="What stands for accuracy: error_final, oracle_error or any metric."),
-    ] = None,
-    tolerance: Annotated[
-        list[str] | None,
-        typer.Option(help="What is accurate enough, over the sweep's: oracle_error=1%"),
-    ] = None,
-    figure: Annotated[Path | None, typer.Option(help="Draw it: a .png or .svg file.")] = None,
+    error: ErrorOption = None,
+    tolerance: ToleranceOption = None,
+    figure: FigureOption = None,
     write: Annotated[
-        Path | None, typer.Option(help="Write a sweep file of the recommendation alone.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Write a sweep file of the recommended settings."),
     ] = None,
-    store: Annotated[
-        Address | None,
-        typer.Option(
-            "-o",
-            "--output",
-            parser=store_at,
-            metavar=METAVAR,
-            help="A sweep's store; results/tradeoff/SWEEP if left out.",
-        ),
-    ] = None,
-    workers: Annotated[
-        int | None, typer.Option(min=0, help="Worker processes; one for each core if left out.")
-    ] = None,
+    store: SweepStoreOption = None,
+    workers: WorkersOption = None,
     output: FormatOption = Format.text,
 ) -> None:
-    """Weigh accuracy against time, and recommend the cheapest configuration that will do."""
+    """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
     from contactlab.store import Store
-    from contactlab.tradeoff import Criteria, analyse, draw, recommended_sweep
+    from contactlab.tradeoff import analyse, draw, recommended_sweep
 
-    question = Criteria(error, tolerances_of(tolerance or ()))
+    criteria = accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
-    opened = Store.open(_store(name, store, cores() if workers is None else workers, question))
-    report = analyse(opened, question)
+    opened = Store.open(_store(name, store, worker_count(workers), criteria))
+    report = analyse(opened, criteria)
     if output is Format.json:
         print_json(report.model_dump(mode="json"))
     else:
-        print_tradeoff(report)
+        _print(report)
     if figure is not None:
         draw(report, figure)
         say(f"drew {figure}")
@@ -81,7 +86,7 @@ def tradeoff(  # noqa: PLR0913 - one argument an option
 
 
 def _check_outputs(figure: Path | None, write: Path | None) -> None:
-    """Refuse what cannot be written before anything is run for it."""
+    """Refuse files that cannot be written, before anything is run."""
     from contactlab.tradeoff import check_figure
 
     if figure is not None:
@@ -93,65 +98,38 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
         raise OutputError(f"{write} exists; choose another file with --write")
 
 
-def tolerances_of(texts: Sequence[str]) -> dict[str, float]:
-    """Return tolerances that are written as METRIC=VALUE.
-
-    Raises:
-        SweepFileError: one is not.
-    """
-    found: dict[str, float] = {}
-    for text in texts:
-        name, _, value = text.partition("=")
-        number = _number(value)
-        if not name or number is None:
-            raise SweepFileError(
-                f"'{text}' is no tolerance; write METRIC=VALUE, such as oracle_error=1%"
-            )
-        found[name] = number
-    return found
-
-
-def _number(text: str) -> float | None:
-    try:
-        number = float(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
-    except ValueError:
-        return None
-    return number if math.isfinite(number) and number >= 0 else None
-
-
-def _store(name: str, target: Address | None, workers: int, question: "Criteria") -> Address:
-    """Return the store to weigh, after running the sweep if it is one."""
+def _store(name: str, target: Address | None, workers: int, criteria: "Criteria") -> Address:
+    """Return the store to analyse; a sweep is run first."""
     path = store_at(name)
     if not isinstance(path, Path):
         if target is not None:
-            raise SweepFileError(f"{path} is a store; -o says where the store of a sweep goes")
+            raise SweepFileError(f"{path} is a store; -o names the store of a sweep")
         return path
     if path.is_dir() and (target is not None or (path / _MANIFEST).is_file()):
         if target is not None:
-            raise SweepFileError(f"{path} is a folder; -o says where the store of a sweep goes")
+            raise SweepFileError(f"{path} is a folder; -o names the store of a sweep")
         return path
-    return path if path.is_dir() else _run(sweep_path(name), target, workers, question)
+    return path if path.is_dir() else _run(sweep_path(name), target, workers, criteria)
 
 
-def _run(path: Path, target: Address | None, workers: int, question: "Criteria") -> Address:
-    from contactlab.commands.terminal import progress
+def _run(path: Path, target: Address | None, workers: int, criteria: "Criteria") -> Address:
     from contactlab.run import run_sweep
 
-    ask = _ask(path, target or RESULTS / "tradeoff" / path.stem, workers, question)
-    for warning in ask.plan.warnings:
+    request = _request(path, target or RESULTS / "tradeoff" / path.stem, workers, criteria)
+    for warning in request.plan.warnings:
         say(str(warning))
-    with resumable() as stop, progress() as shown:
-        run_sweep(ask, shown.begin, shown.advance, stop)
-    return ask.store
+    with resumable() as stop, progress_display() as display:
+        run_sweep(request, display.begin, display.advance, stop)
+    return request.store
 
 
-def _ask(path: Path, store: Address, workers: int, question: "Criteria") -> "SweepRequest":
-    """Return what to run: the sweep, with errors and times measured even if it does not ask."""
+def _request(path: Path, store: Address, workers: int, criteria: "Criteria") -> "SweepRequest":
+    """Return the sweep to run, with errors and times measured even if its file does not say so."""
     from contactlab.plan import Overrides
     from contactlab.run import read_request
 
     plain = read_request(path, path.stem, store, folder=path.parent, workers=workers)
-    added = _added(plain.plan.sweep, question)
+    added = _added(plain.plan.sweep, criteria)
     return read_request(
         path,
         path.stem,
@@ -162,16 +140,15 @@ def _ask(path: Path, store: Address, workers: int, question: "Criteria") -> "Swe
     )
 
 
-def _added(sweep: "Sweep", question: "Criteria") -> tuple[str, ...]:
-    """Return what a sweep is to measure that its file leaves out.
+def _added(sweep: "Sweep", criteria: "Criteria") -> tuple[str, ...]:
+    """Return what to measure besides what the sweep file says.
 
-    Runs against a reference cost more than all others; they are left out where the error is of
-    another kind.
+    Reference runs cost more than all others; an error of another kind needs none.
     """
     from contactlab.schema import ERRORS
     from contactlab.tradeoff import chosen_error
 
-    error = question.error or chosen_error({**sweep.tolerances, **question.tolerances})
+    error = criteria.error or chosen_error({**sweep.tolerances, **criteria.tolerances})
     wanted = error is None or error in ERRORS
     accuracy = ("accuracy={error: auto}",) if wanted and sweep.accuracy is None else ()
     timing = ("timing={rounds: 3}",) if sweep.timing is None else ()
@@ -181,33 +158,27 @@ def _added(sweep: "Sweep", question: "Criteria") -> tuple[str, ...]:
 def _fail_on(report: "TradeoffReport") -> None:
     if report.recommendation is not None:
         return
-    most = report.blockers[0] if report.blockers else None
-    what = ""
-    if most is not None:
-        best = "" if most.best is None else f", and the best has {most.best:.3g}"
-        kind = "tolerance of " if most.kind == "tolerance" else "label "
-        what = f"; most fail by the {kind}{most.name} ({most.configurations}{best})"
-    raise ExpectationError(f"none of {len(report.configurations)} configurations is feasible{what}")
+    reason = ""
+    if report.blockers:
+        first = report.blockers[0]
+        best = "" if first.best is None else f"; the best has {first.best:.3g}"
+        kind = "tolerance of" if first.kind == "tolerance" else "label"
+        reason = f", most often for the {kind} {first.name} ({first.configurations}{best})"
+    raise ExpectationError(
+        f"none of {len(report.configurations)} configurations is feasible{reason}"
+    )
 
 
 def _write(path: Path, text: str, report: "TradeoffReport") -> None:
     from contactlab.schema import ERRORS
-    from contactlab.store import write_error
 
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise write_error(path, error) from error
+    write_text(path, text)
     command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
     say(f"wrote {path}\nnext: contactlab {command} {path}")
 
 
-_MOST_METHODS = 12
-_MOST_RATES = 40
-
-
-def print_tradeoff(report: "TradeoffReport") -> None:
-    """Print a report: the front, the methods, and what to use."""
+def _print(report: "TradeoffReport") -> None:
+    """Print a report: Pareto front, convergence, and the recommendation."""
     typer.echo("\n".join(_head(report)))
     _print_front(report)
     if len(report.methods) < len(report.configurations):
@@ -225,20 +196,20 @@ def _head(report: "TradeoffReport") -> Iterator[str]:
     unit = f" [{report.error.unit}]" if report.error.unit not in {"", "any"} else ""
     source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
     yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
-    yield f"  runs of each  {report.cases} (scenarios {', '.join(report.scenarios) or 'one'})"
+    yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
     kind = f"{report.error.kind}, {report.error.against}" if report.error.against else ""
     kind = kind or report.error.kind
-    yield f"  error         {report.error.name}{unit}, the worst of its runs ({kind})"
-    yield f"  time          CPU seconds per simulated second, the mean of its runs, of {source}"
+    yield f"  error         {report.error.name}{unit}, largest over the runs ({kind})"
+    yield f"  time          CPU seconds per simulated second, mean over the runs, from {source}"
     limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
     yield f"  tolerances    {limits or 'none'}"
     yield f"  feasible      {feasible}"
 
 
 def _print_front(report: "TradeoffReport") -> None:
-    line, what = report.front, "front of the feasible configurations"
+    line, what = report.front, "Pareto front of the feasible configurations"
     if not line:
-        line, what = report.unconstrained_front, "front, none of which is feasible"
+        line, what = report.unconstrained_front, "Pareto front; no configuration is feasible"
     typer.echo(f"\n{what}")
     varying = _varying(report.configurations)
     header = [*varying, "error", "CPU s per s", "x real time"]
@@ -251,9 +222,9 @@ def _front_row(each: "FrontPoint", varying: Sequence[str]) -> list[object]:
 
 
 def _print_methods(methods: "Sequence[Method]") -> None:
-    telling = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
-    rows = [(each.name, _order(each), _floor(each)) for each in telling]
-    typer.echo("\nhow the error falls with the timestep")
+    ordered = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
+    rows = [(each.name, _order(each), _floor(each)) for each in ordered]
+    typer.echo("\nconvergence of the error with the timestep")
     print_table(("method", "order", "floor"), rows[:_MOST_METHODS])
     if len(rows) > _MOST_METHODS:
         typer.echo(f"and {len(rows) - _MOST_METHODS} more methods, see --format json")
@@ -273,7 +244,7 @@ def _floor(method: "Method") -> str:
 
 
 def _print_rates(report: "TradeoffReport") -> None:
-    typer.echo("\nchaotic: what holds is how often a run is as wanted, with its 95 % interval")
+    typer.echo("\nchaotic: fraction of runs as expected, with its 95 % confidence interval")
     varying = _varying(report.configurations)
     rows = [
         (
@@ -283,7 +254,7 @@ def _print_rates(report: "TradeoffReport") -> None:
         )
         for each in report.configurations
     ]
-    print_table((*varying, "as wanted", "rate"), rows[:_MOST_RATES])
+    print_table((*varying, "as expected", "rate"), rows[:_MOST_RATES])
     if len(rows) > _MOST_RATES:
         typer.echo(f"and {len(rows) - _MOST_RATES} more configurations, see --format json")
 
@@ -304,7 +275,7 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
         yield f"with a margin of 1.25 on every tolerance, {cost}"
         yield from _described(report, robust)
     yield _next(report)
-    yield "\nin the model"
+    yield "\nin the MJCF"
     yield from (f"  {line}" for line in chosen.mjcf)
     yield from (f"  <!-- {name}: {value} -->" for name, value in chosen.other.items())
 
@@ -317,18 +288,18 @@ def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[s
     if chosen.margins:
         yield f"  margins: {', '.join(_margin(*each) for each in chosen.margins.items())}"
     if chosen.equally_fast:
-        yield f"  as fast, within 5 %, and no more accurate: {len(chosen.equally_fast)} others"
+        yield f"  {len(chosen.equally_fast)} others are as fast (within 5 %) and no more accurate"
     yield f"  look closer: contactlab show {report.store} {chosen.run_id[:8]}"
 
 
 def _margin(name: str, value: float | None) -> str:
-    return f"{name} untouched" if value is None else f"{name} {value:.3g}"
+    return f"{name} unlimited" if value is None else f"{name} {value:.3g}"
 
 
 def _next(report: "TradeoffReport") -> str:
     after = report.next_step
     if after is None:
-        return "next step: nothing that was tried is more accurate and within tolerance"
+        return "next step: no feasible configuration is more accurate"
     gain = "without error" if after.error_ratio is None else f"{after.error_ratio:.3g}x less error"
     values = _values(after.configuration, _varying(report.configurations))
     return f"next step: {after.time_ratio:.3g}x the time buys {gain}: {values}"
@@ -343,8 +314,8 @@ def _nothing(report: "TradeoffReport") -> Iterator[str]:
 
 def _values(configuration: "Settings", varying: Sequence[str]) -> str:
     values = [(name, configuration[name]) for name in varying]
-    told = [f"{name} {value}" for name, value in values if value is not None]
-    return ", ".join(told) or "as the scene has it"
+    shown = [f"{name} {value}" for name, value in values if value is not None]
+    return ", ".join(shown) or "the scene's own settings"
 
 
 def _varying(configurations: "Sequence[Configuration]") -> list[str]:

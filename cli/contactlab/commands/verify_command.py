@@ -1,9 +1,9 @@
-"""`contactlab verify`: is a store whole and unchanged."""
+"""`contactlab verify`: whether a store is complete and unchanged."""
 
 import typer
 
-from contactlab.commands.options import StoreArgument
-from contactlab.commands.terminal import Format, FormatOption, print_json
+from contactlab.commands.options import Format, FormatOption, StoreArgument
+from contactlab.commands.terminal import print_json
 from contactlab.errors import StoreError
 
 
@@ -26,4 +26,5 @@ def verify(
         for problem in problems:
             typer.echo(problem)
     if problems:
-        raise StoreError(f"{store} is not sound: {len(problems)} problems")
+        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+        raise StoreError(f"{store} is not sound: {count}")

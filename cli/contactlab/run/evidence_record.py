@@ -1,4 +1,4 @@
-"""Put together the EvidenceRecord of a run."""
+"""The evidence record of a run, and the provenance that it states."""
 
 import hashlib
 import math
@@ -42,13 +42,13 @@ def metric_versions() -> dict[str, int]:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """All that decides one run.
+    """All that determines one run.
 
     Attributes:
-        run: what was planned.
-        resolved: what it was resolved to.
+        run: its place in the plan, id and axis values.
+        resolved: its settings.
         prepared: its model.
-        start: its start state, n being 1.
+        start: its initial state (a batch of one).
     """
 
     run: PlannedRun
@@ -59,19 +59,20 @@ class RunPlan:
 
 @dataclass(frozen=True)
 class RunOutcome:
-    """All that came of one run.
+    """All that one run produced.
 
     Attributes:
-        plan: what decided it.
+        plan: what determined it.
         assessment: of the group of runs that it was measured with.
         row: its place in that group.
         steps: steps made.
         warnings: engine warnings by name.
         error: the engine's error, or None.
         trajectory_hash: of its state rows.
-        cpu: thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
+        cpu: thread CPU time of the stepping [s]; NaN where that includes more than the engine.
         started: when its job started.
-        twin_label: the label of the same run from a start 1e-6 away, if it was asked for.
+        twin_label: the label of the same run from an initial state 1e-6 away; None unless the
+            sweep asks for it.
     """
 
     plan: RunPlan
@@ -94,11 +95,11 @@ class RecordMaker:
         self._scene_hash = scene_hash
 
     def now(self) -> str:
-        """Return the time, UTC, as records have it."""
+        """Return the time (UTC) as it is written in records."""
         return datetime.now(UTC).isoformat(timespec="milliseconds")
 
     def make(self, outcome: RunOutcome) -> EvidenceRecord:
-        """Return a run's record without cost and clock: equal runs have equal records."""
+        """Return a run's record without cost and times of day: equal runs have equal records."""
         metrics = {
             name: _finite(values[outcome.row])
             for name, values in outcome.assessment.metrics.items()
@@ -115,7 +116,7 @@ class RecordMaker:
             knife_edge=_is_knife_edge(outcome),
         )
 
-    def lost(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
+    def crashed(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
         """Return the record of a run whose worker died twice: `crashed` or `timeout`."""
         return self._record(
             plan,
@@ -138,8 +139,8 @@ class RecordMaker:
         **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
     ) -> EvidenceRecord:
         run, resolved, sweep = plan.run, plan.resolved, self._task.sweep
-        picked = [each for match, each in self._task.expected if match.holds(run.values)]
-        verdict = judge(picked, [entry.label for entry in labels], metrics)
+        selected = [each for match, each in self._task.expected if match.holds(run.values)]
+        verdict = judge(selected, [entry.label for entry in labels], metrics)
         return EvidenceRecord(
             run_id=run.run_id,
             index=run.index,
@@ -176,7 +177,7 @@ class RecordMaker:
         return self._task.engine
 
     def with_cost(self, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
-        """Return a record with what the run took, and when."""
+        """Return a record with the run's cost and times of day."""
         clock = {"started": outcome.started, "finished": self.now()}
         if math.isnan(outcome.cpu):
             return record.model_copy(update=clock)
@@ -208,7 +209,7 @@ def _initial(start: InitialStates) -> InitialState:
 
 
 def as_written(value: object) -> bool | int | float | str:
-    """Return an axis value as its column has it: several numbers as one word, "0.02 1"."""
+    """Return an axis value as it is in its column: several numbers as one string, "0.02 1"."""
     if isinstance(value, tuple):
         return " ".join(_short(number) for number in value)
     assert isinstance(value, (bool, int, float, str))
@@ -221,13 +222,13 @@ def _short(number: object) -> str:
 
 
 def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
-    found = tuple(
+    labels = tuple(
         LabelEntry(label=label, reason=reason, step=step)
         for label, reason, step in outcome.assessment.labels[outcome.row]
     )
     if outcome.error is None:
-        return found
-    return (LabelEntry(label="invalid", reason=outcome.error, step=0), *found)
+        return labels
+    return (LabelEntry(label="invalid", reason=outcome.error, step=0), *labels)
 
 
 def _status(outcome: RunOutcome) -> str:
@@ -259,7 +260,7 @@ def engine() -> Engine:
 
 
 def provenance() -> Provenance:
-    """Return what will write the records, with the revision of the folder's git repository."""
+    """Return versions and machine, with the git revision of the current directory."""
     return Provenance(
         contactlab=version("contactlab"),
         git_revision=_revision(),
@@ -281,7 +282,7 @@ def _host() -> Host:
 
 
 def _cpu_info() -> dict[str, str]:
-    """Return the first processor's entries; none where the system has no such file."""
+    """Return the first processor's entries in /proc/cpuinfo; none without such a file."""
     if not _CPUINFO.is_file():
         return {}
     first = _CPUINFO.read_text(encoding="utf-8").split("\n\n")[0]

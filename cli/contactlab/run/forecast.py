@@ -1,4 +1,4 @@
-"""What a sweep will take, before it runs: counts, time, disk, and settings that look wrong."""
+"""What a sweep will cost, before it runs: runs, time, disk; and settings that look wrong."""
 
 import time
 from collections.abc import Iterator
@@ -19,25 +19,25 @@ from contactlab.scene import ResolvedRun, RowGroup, Scene, has_batch, silence_mu
 _FASTEST = 0.8
 _SAMPLES = 12
 _SAMPLE_STEPS = 200
-_MOST_LOOKED = 1 << 12
-# What recording, metrics and traces add to the stepping, least and most.
+_MAX_CACHED = 1 << 12
+# Recording, metrics and traces take so many times what stepping takes, least and most.
 _OVERHEAD = (1.2, 2.5)
-# What compression leaves of a trace, least and most.
+# Size of a compressed trace, least and most, as a share of the recorded arrays.
 _COMPRESSED = (0.1, 0.6)
 
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a sweep will take.
+    """The expected cost of a sweep.
 
     Attributes:
         runs: distinct runs.
         steps: steps of all runs.
-        seconds: wall time of all passes, least and most likely [s].
-        accuracy_seconds: how much of it references and what is held against them take [s].
-        timing_seconds: how much of it times and work take [s].
-        bytes: size of the traces, least and most likely.
-        warnings: what looks wrong but stops nothing.
+        seconds: wall time of all passes, lower and upper estimate [s].
+        accuracy_seconds: of it, for references and errors [s].
+        timing_seconds: of it, for times and work [s].
+        bytes: size of the traces, lower and upper estimate.
+        warnings: about settings that look wrong but do not prevent the sweep.
     """
 
     runs: int
@@ -51,14 +51,14 @@ class Forecast:
 
 @dataclass
 class _Sums:
-    """What is added up over the runs.
+    """Sums over the runs.
 
     Attributes:
         steps: of all runs.
-        bytes: that they record.
-        fast: runs that step too far for their contacts.
+        bytes: of recorded arrays.
+        fast: runs whose timestep is too long for their contacts.
         clamped: runs whose solref refsafe changes.
-        sampled: some of them.
+        sampled: runs whose cost is measured.
     """
 
     steps: int = 0
@@ -69,13 +69,13 @@ class _Sums:
 
 
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
-    """Return what a sweep will take, from a few hundred steps of a few of its runs."""
-    roster = RunIndex(plan, scene)
-    sums, sweep = _summed(roster, scene), plan.sweep
+    """Estimate the cost of a sweep from a few hundred steps of a few of its runs."""
+    index = RunIndex(plan, scene)
+    sums, sweep = _summed(index, scene), plan.sweep
     per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
     share = sums.steps / max(1, workers)
     likely = float(np.median(per_step))
-    passes = roster.runs() if sweep.accuracy or sweep.timing else ()
+    passes = index.runs() if sweep.accuracy or sweep.timing else ()
     resolved = {run.run_id: each for run, each in passes}
     evaluations = reference_steps(sweep.accuracy, resolved, scene) if sweep.accuracy else 0.0
     accuracy = likely * evaluations / max(1, workers)
@@ -84,9 +84,9 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     steps = [each.steps for each in resolved.values()]
     clocked = timing_seconds(sweep.timing, steps, likely) if sweep.timing else 0.0
     timing = counting + clocked
-    size = sums.bytes * _traced(sweep.trace, len(roster))
+    size = sums.bytes * _traced(sweep.trace, len(index))
     return Forecast(
-        runs=len(roster),
+        runs=len(index),
         steps=sums.steps,
         seconds=(
             float(np.quantile(per_step, 0.25)) * share * _OVERHEAD[0] + accuracy + timing,
@@ -95,22 +95,22 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
         accuracy_seconds=accuracy,
         timing_seconds=timing,
         bytes=(size * _COMPRESSED[0], size * _COMPRESSED[1]),
-        warnings=tuple(_warnings(plan, len(roster), sums)),
+        warnings=tuple(_warnings(plan, len(index), sums)),
     )
 
 
-def _summed(roster: RunIndex, scene: Scene) -> _Sums:
+def _summed(index: RunIndex, scene: Scene) -> _Sums:
     sums, bytes_of = _Sums(), cache(partial(_bytes_of, scene))
-    stride, runs = max(1, len(roster) // _SAMPLES), 0
-    for row, count in roster.rows():
+    stride, runs = max(1, len(index) // _SAMPLES), 0
+    for row, count in index.rows():
         steps, shape, solref = row.steps, row.shape, row.setting("solref")
         sums.steps += count * steps
         sums.bytes += count * bytes_of(shape, steps)
         if isinstance(solref, tuple):
-            looked = _contact(solref, row.timestep, shape.first.flags["refsafe"])
-            sums.fast += count * looked.fast
-            sums.clamped += count * looked.clamped
-        # One for each multiple of the stride among the places of the row's runs.
+            contact = _timestep(solref, row.timestep, shape.first.flags["refsafe"])
+            sums.fast += count * contact.fast
+            sums.clamped += count * contact.clamped
+        # One for each multiple of the stride among the indices of the row's runs.
         samples = -(-(runs + count) // stride) - -(-runs // stride)
         sums.sampled += [row.resolved(seed) for seed in range(samples)]
         runs += count
@@ -122,14 +122,14 @@ def _bytes_of(scene: Scene, shape: RowGroup, steps: int) -> int:
 
 
 def _step_cost(scene: Scene, resolved: ResolvedRun) -> float:
-    """Return CPU seconds a step."""
+    """Return the CPU time of a step [s]."""
     silence_mujoco()
     steps = min(resolved.steps, _SAMPLE_STEPS)
     starts = scene.starts([resolved])
     model = scene.prepare(resolved, starts).model
     begin = time.thread_time()
     cost = float(roll_out([model], starts, steps, Buffers()).cost[0])
-    # Where Python makes the steps, what it takes for them counts as well.
+    # Where Python makes the steps, its own time counts as well.
     return (cost if has_batch() else time.thread_time() - begin) / steps
 
 
@@ -143,33 +143,33 @@ def _traced(rule: str, runs: int) -> float:
 def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:
     yield from (warning.message for warning in plan.warnings)
     if plan.count > runs:
-        yield f"{plan.count - runs:,} runs are the same as others and run once"
+        yield f"{plan.count - runs:,} runs are equal to others and run only once"
     if sums.fast:
         yield (
-            f"{sums.fast:,} of {runs:,} runs step too far for their contacts: "
+            f"in {sums.fast:,} of {runs:,} runs the timestep is too long for the contacts: "
             f"timestep / (timeconst * dampratio) is above {_FASTEST}, where contacts gain energy"
         )
     if sums.clamped:
         yield (
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
-            "2 timesteps, so that solref is not what the sweep says"
+            "2 timesteps, so that the solref of the sweep is not the one in use"
         )
 
 
-class _Contact(NamedTuple):
-    """What a timestep is for a contact: too long, or so long that refsafe changes solref."""
+class _Timestep(NamedTuple):
+    """Whether a timestep is too long for a contact, or so long that refsafe changes its solref."""
 
     fast: bool
     clamped: bool
 
 
-def _contact(solref: tuple[float, ...], timestep: float, refsafe: bool) -> _Contact:
+def _timestep(solref: tuple[float, ...], timestep: float, refsafe: bool) -> _Timestep:
     clamped = refsafe and raises_solref(solref, timestep)
     used = (2 * timestep, solref[1]) if clamped else solref
-    return _Contact(round(timestep * _frequency(used), 1) > _FASTEST, clamped)
+    return _Timestep(round(timestep * _frequency(used), 1) > _FASTEST, clamped)
 
 
-@lru_cache(_MOST_LOOKED)
+@lru_cache(_MAX_CACHED)
 def _frequency(solref: tuple[float, ...]) -> float:
     """Return the natural frequency of a contact [rad/s]."""
     return float(stiffness_damping(solref)[0]) ** 0.5

@@ -1,4 +1,4 @@
-"""Run contactlab on another version of MuJoCo: this very code, in an environment of its own."""
+"""Run this contactlab on another version of MuJoCo, in a virtual environment of its own."""
 
 import hashlib
 import importlib.util
@@ -19,59 +19,66 @@ from contactlab.errors import EngineError
 from contactlab.run.evidence_record import engine
 
 _VERSION = re.compile(r"\d+(\.\w+)+")
+_NAME = re.compile(r"[\w.-]+")
 _OLDEST, _TOO_NEW = (3, 3), (5,)
-_MAIN = "from contactlab.commands.main import main; main()"
-_PROBE = "import mujoco, contactlab.run, contactlab.commands.main; print(mujoco.__version__)"
+# Robots that sweeps may name; no other optional package steps a model.
+_OPTIONAL = ("mujoco-menagerie",)
+# Of what a failing installer prints.
+_MAX_LINES = 6
 
 
 class Interpreter(NamedTuple):
-    """A Python that has another engine and all that contactlab needs.
+    """A Python with another version of MuJoCo and all that contactlab needs.
 
     Attributes:
         python: its path.
-        mujoco: the engine's version.
+        mujoco: the version of MuJoCo.
     """
 
     python: Path
     mujoco: str
 
 
-def exec_with(other: Interpreter, arguments: Sequence[str]) -> NoReturn:
-    """Go on as contactlab on another engine; this process becomes the other one.
+def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter | None:
+    """Return a Python with another version of MuJoCo; None if this one has the right version.
 
-    So exit codes, signals and all output are the other's own.
-
-    Args:
-        other: what has the engine.
-        arguments: of contactlab.
-    """
-    command = [str(other.python), "-c", _MAIN, *arguments]
-    os.execve(other.python, command, _surroundings(_linked()))  # noqa: S606
-
-
-def find_interpreter(asked: str, tell: Callable[[str], None]) -> Interpreter | None:
-    """Return a Python that has another engine; None if this process has what is asked for.
+    An environment is made when it is needed for the first time, and kept in the user's cache.
 
     Args:
-        asked: a version of MuJoCo, or the path of a Python that has one.
-        tell: told of what takes time.
+        request: a version of MuJoCo, or the path of a Python that has one.
+        notify: called with a message before anything that takes time.
 
     Raises:
-        EngineError: there is no such version, or it cannot be had.
+        EngineError: there is no such version, or it cannot be installed.
     """
-    if asked == engine().version:
+    if request == engine().version:
         return None
-    if not _VERSION.fullmatch(asked):
-        return _given(asked)
-    numbers = tuple(int(part) for part in asked.split(".") if part.isdigit())
+    if not _VERSION.fullmatch(request):
+        return _existing(request)
+    numbers = tuple(int(part) for part in request.split(".") if part.isdigit())
     if not _OLDEST <= numbers < _TOO_NEW:
-        raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer, below 5; not on {asked}")
-    others = pins()
-    folder = _cache() / f"mujoco-{asked}-py{platform.python_version()}-{_short(others)}"
+        raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer, below 5; not on {request}")
+    others = _requirements()
+    folder = _cache() / f"mujoco-{request}-py{platform.python_version()}-{_short_hash(others)}"
     if not folder.is_dir():
-        tell(f"setting up MuJoCo {asked} in {folder}, once")
-        _make(folder, asked, others)
-    return Interpreter(folder / "bin" / "python", asked)
+        notify(f"setting up MuJoCo {request} in {folder}, once")
+        _make(folder, request, others)
+    return Interpreter(folder / "bin" / "python", request)
+
+
+def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
+    """Replace this process by the contactlab command on another interpreter.
+
+    So exit codes, signals and all output are those of the other process.
+
+    Args:
+        interpreter: what runs it.
+        arguments: of the command.
+    """
+    module, function = _command()
+    code = f"from {module} import {function}; {function}()"
+    command = [str(interpreter.python), "-c", code, *arguments]
+    os.execve(interpreter.python, command, _environment_variables())  # noqa: S606
 
 
 def without_option(arguments: Sequence[str], option: str) -> list[str]:
@@ -86,127 +93,14 @@ def without_option(arguments: Sequence[str], option: str) -> list[str]:
     return left
 
 
-def _given(asked: str) -> Interpreter:
-    """Return an interpreter that the user names, after trying it."""
-    python = Path(asked).expanduser().absolute()
-    if not (python.is_file() and os.access(python, os.X_OK)):
-        raise EngineError(
-            f"'{asked}' is neither a version of MuJoCo, such as 3.17.0, nor the path of a Python"
-        )
-    return Interpreter(python, _try(python, asked))
-
-
-def _make(folder: Path, mujoco: str, others: Sequence[str]) -> None:
-    """Make an environment beside where it goes, and move it there when it is whole."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
-        made = Path(beside) / "environment"
-        install(made, mujoco, others)
-        _try(made / "bin" / "python", f"MuJoCo {mujoco}")
-        if not folder.exists():
-            made.rename(folder)
-
-
-def _try(python: Path, name: str) -> str:
-    """Return the version of the engine that contactlab finds there."""
-    done = subprocess.run(  # noqa: S603
-        [python, "-c", _PROBE],
-        capture_output=True,
-        text=True,
-        check=False,
-        env=_surroundings(_linked()),
-    )
-    if done.returncode:
-        said = (done.stderr.strip().splitlines() or ["it said nothing"])[-1]
-        needs = " ".join(["mujoco", *pins()])
-        raise EngineError(f"{name} cannot run contactlab: {said}\nit needs: {needs}")
-    return done.stdout.strip()
-
-
-def _linked() -> Path:
-    """Return a folder that holds this contactlab, and nothing else that could be imported.
-
-    Another environment must not see what is installed here beside it, least of all MuJoCo.
-    """
-    package = Path(contactlab.__file__).resolve().parent
-    own = distribution("contactlab")
-    described = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
-    folder = _cache() / f"contactlab-{own.version}-{_short([str(package), str(described)])}"
-    folder.mkdir(parents=True, exist_ok=True)
-    for target, name in ((package, "contactlab"), (described, described.name)):
-        link = folder / name
-        if not link.exists():
-            _replace_link(link, target)
-    return folder
-
-
-def _replace_link(link: Path, target: Path) -> None:
-    """Make a link in one step, so that another process that makes it too does no harm."""
-    beside = Path(tempfile.mkdtemp(dir=link.parent, prefix="new-"))
-    (beside / "link").symlink_to(target, target_is_directory=True)
-    (beside / "link").replace(link)
-    shutil.rmtree(beside)
-
-
-def _surroundings(folder: Path) -> dict[str, str]:
-    """Return the environment variables of the other process."""
-    kept = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
-    return {**kept, "PYTHONPATH": str(folder)}
-
-
-def _cache() -> Path:
-    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(root) / "contactlab"
-
-
-def _short(parts: Sequence[str]) -> str:
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]
-
-
-_NAME = re.compile(r"[\w.-]+")
-# Robots that sweeps may name; nothing else of what is optional steps a model.
-_ALSO = ("mujoco-menagerie",)
-_NO_SUCH = re.compile(
-    r"no matching distribution found for mujoco|no version of mujoco|mujoco==\S+ has no wheels|"
-    r"no wheels with a matching|mujoco==\S+ has no usable wheels",
-    re.IGNORECASE,
-)
-_NO_NETWORK = re.compile(
-    r"name resolution|dns error|connection (error|refused|reset|broken)|new connection|timed? ?out|"
-    r"failed to fetch|error sending request|network (is unreachable|was disabled)|proxyerror",
-    re.IGNORECASE,
-)
-_MOST_LINES = 6
-
-
-def pins() -> list[str]:
-    """Return what contactlab needs beside MuJoCo, each at the version that is installed here."""
-    needed = [each for each in requires("contactlab") or () if "extra ==" not in each]
-    names = [match[0] for each in needed if (match := _NAME.match(each))]
-    return [f"{name}=={version(name)}" for name in names if name != "mujoco"] + [
-        f"{name}=={found}" for name in _ALSO if (found := _installed(name))
-    ]
-
-
-def install(folder: Path, mujoco: str, others: Sequence[str]) -> None:
-    """Make an environment of this Python in a folder.
+def install_commands(folder: Path, mujoco: str, others: Sequence[str]) -> list[list[str]]:
+    """Return the commands that make an environment: by uv if there is one, else by venv and pip.
 
     Args:
         folder: where.
         mujoco: the version of MuJoCo.
         others: further requirements.
-
-    Raises:
-        EngineError: it cannot be had.
     """
-    for command in commands(folder, mujoco, others):
-        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
-        if done.returncode:
-            raise EngineError(_failure(mujoco, done.stderr or done.stdout))
-
-
-def commands(folder: Path, mujoco: str, others: Sequence[str]) -> list[list[str]]:
-    """Return the commands that make the environment: with uv if there is one."""
     python = str(folder / "bin" / "python")
     # Building an old engine from its sources needs more than most machines have.
     wanted = ["--only-binary", "mujoco", f"mujoco=={mujoco}", *others]
@@ -221,36 +115,65 @@ def commands(folder: Path, mujoco: str, others: Sequence[str]) -> list[list[str]
     ]
 
 
-def _uv() -> list[str] | None:
-    if found := shutil.which("uv"):
-        return [found]
-    return [sys.executable, "-m", "uv"] if importlib.util.find_spec("uv") else None
-
-
-def _failure(mujoco: str, told: str) -> str:
-    """Return what went wrong, what to write instead, and what the installer said."""
-    lines = [line for line in told.strip().splitlines() if line.strip()]
-    said = "\n".join(f"  {line.rstrip()}" for line in lines[-_MOST_LINES:])
-    return f"{_cause(mujoco, told)}\n{said}"
-
-
-def _cause(mujoco: str, told: str) -> str:
-    python = f"Python {platform.python_version()}"
-    if _NO_NETWORK.search(told):
-        return (
-            f"cannot download MuJoCo {mujoco}: no connection to the package index; "
-            "give --mujoco the path of a Python that has it"
+def _existing(request: str) -> Interpreter:
+    """Return an interpreter that the user names, after trying it."""
+    python = Path(request).expanduser().absolute()
+    if not (python.is_file() and os.access(python, os.X_OK)):
+        raise EngineError(
+            f"'{request}' is neither a version of MuJoCo, such as 3.17.0, nor the path of a Python"
         )
-    if _NO_SUCH.search(told):
-        return (
-            f"there is no MuJoCo {mujoco} for {python} on this system; take another version "
-            "(`pip index versions mujoco` lists them), or give --mujoco the path of a Python "
-            "that has it"
-        )
+    return Interpreter(python, _probe(python, request))
+
+
+def _make(folder: Path, mujoco: str, others: Sequence[str]) -> None:
+    """Make an environment beside its folder, and move it there when it is complete."""
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=folder.parent, prefix="new-") as beside:
+        made = Path(beside) / "environment"
+        for command in install_commands(made, mujoco, others):
+            done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603
+            if done.returncode:
+                raise EngineError(_failure(mujoco, done.stderr or done.stdout))
+        _probe(made / "bin" / "python", f"MuJoCo {mujoco}")
+        if not folder.exists():
+            made.rename(folder)
+
+
+def _failure(mujoco: str, output: str) -> str:
+    lines = [line for line in output.strip().splitlines() if line.strip()]
+    last = "\n".join(f"  {line.rstrip()}" for line in lines[-_MAX_LINES:])
     return (
-        f"MuJoCo {mujoco} cannot be installed for {python} beside what contactlab needs; "
-        "give --mujoco the path of a Python that has it"
+        f"MuJoCo {mujoco} cannot be installed for Python {platform.python_version()}; take another "
+        "version (`pip index versions mujoco` lists them), or give --mujoco the path of a Python "
+        f"that has it. The installer says:\n{last}"
     )
+
+
+def _probe(python: Path, name: str) -> str:
+    """Return the version of MuJoCo that contactlab finds there."""
+    module, _ = _command()
+    code = f"import mujoco, {__name__}, {module}; print(mujoco.__version__)"
+    done = subprocess.run(  # noqa: S603
+        [python, "-c", code],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=_environment_variables(),
+    )
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or ["it printed nothing"])[-1]
+        needs = " ".join(["mujoco", *_requirements()])
+        raise EngineError(f"{name} cannot run contactlab: {last}\nit needs: {needs}")
+    return done.stdout.strip()
+
+
+def _requirements() -> list[str]:
+    """Return what contactlab needs beside MuJoCo, each at the version that is installed here."""
+    needed = [each for each in requires("contactlab") or () if "extra ==" not in each]
+    names = [match[0] for each in needed if (match := _NAME.match(each))]
+    return [f"{name}=={version(name)}" for name in names if name != "mujoco"] + [
+        f"{name}=={installed}" for name in _OPTIONAL if (installed := _installed(name))
+    ]
 
 
 def _installed(name: str) -> str | None:
@@ -258,3 +181,56 @@ def _installed(name: str) -> str | None:
         return version(name)
     except PackageNotFoundError:
         return None
+
+
+def _uv() -> list[str] | None:
+    if path := shutil.which("uv"):
+        return [path]
+    return [sys.executable, "-m", "uv"] if importlib.util.find_spec("uv") else None
+
+
+def _command() -> tuple[str, str]:
+    """Return module and function of the command `contactlab`, as the package declares it."""
+    name = contactlab.__name__
+    (entry,) = distribution(name).entry_points.select(group="console_scripts", name=name)
+    return entry.module, entry.attr
+
+
+def _environment_variables() -> dict[str, str]:
+    """Return the variables of a process of another interpreter, which runs this contactlab."""
+    kept = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
+    return {**kept, "PYTHONPATH": str(_isolated_contactlab())}
+
+
+def _isolated_contactlab() -> Path:
+    """Return a folder that has this contactlab, and nothing else that could be imported.
+
+    Another environment must not see what is installed here beside it, least of all MuJoCo.
+    """
+    package = Path(contactlab.__file__).resolve().parent
+    own = distribution("contactlab")
+    metadata = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
+    folder = _cache() / f"contactlab-{own.version}-{_short_hash([str(package), str(metadata)])}"
+    folder.mkdir(parents=True, exist_ok=True)
+    for target, name in ((package, "contactlab"), (metadata, metadata.name)):
+        link = folder / name
+        if not link.exists():
+            _replace_link(link, target)
+    return folder
+
+
+def _replace_link(link: Path, target: Path) -> None:
+    """Make a link in one step, so that another process that makes it too does no harm."""
+    beside = Path(tempfile.mkdtemp(dir=link.parent, prefix="new-"))
+    (beside / "link").symlink_to(target, target_is_directory=True)
+    (beside / "link").replace(link)
+    shutil.rmtree(beside)
+
+
+def _cache() -> Path:
+    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(root) / "contactlab"
+
+
+def _short_hash(parts: Sequence[str]) -> str:
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:12]

@@ -6,7 +6,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from contactlab.accuracy import InterleavedTimer, Note, accuracies, families, timings
-from contactlab.run.pass_jobs import note, noted
 from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
@@ -20,6 +19,8 @@ from contactlab.run.tasks import (
     Purpose,
     Stop,
     Task,
+    note,
+    noted,
     results_of,
 )
 from contactlab.scene import ResolvedRun, Scene
@@ -27,12 +28,12 @@ from contactlab.schema import ERRORS, Accuracy, AccuracyRequest, Timing
 from contactlab.store import Column, StoreWriter, as_ratios
 
 
-class Outcome(NamedTuple):
-    """What the later passes must know of a recorded run.
+class RecordedOutcome(NamedTuple):
+    """The outcome of a recorded run, as far as later passes need it.
 
     Attributes:
-        status: whether it went through.
-        tolerances_met: whether every tolerance is met, those of errors aside; None without any.
+        status: `ok`, or why it ended early.
+        tolerances_met: whether every tolerance is met except those of errors; None without any.
     """
 
     status: str
@@ -40,37 +41,37 @@ class Outcome(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Session:
-    """A sweep whose runs are all recorded.
+class SweepSession:
+    """A sweep that is running, and what runs it.
 
     Attributes:
-        task: what its jobs have in common.
+        task: what its jobs share.
         scene: its scene.
         store: where its runs are.
-        roster: all of them.
+        index: all of its runs.
         executor: where they are run.
-        stop: set when the sweep should end soon.
-        begin: told how many runs a pass has and how many of them are done already.
-        progress: told of runs as a pass is done with them.
+        stop: set to end the sweep soon.
+        begin: called with the number of runs of a pass and how many of them are done already.
+        progress: called with runs as a pass finishes them.
     """
 
     task: Task
     scene: Scene
     store: StoreWriter
-    roster: RunIndex
+    index: RunIndex
     executor: Executor
     stop: Stop
     begin: BeginCallback
     progress: ProgressCallback
 
     @cached_property
-    def outcomes(self) -> dict[str, Outcome]:
-        """What came of each run, by its id."""
+    def outcomes(self) -> dict[str, RecordedOutcome]:
+        """The outcome of each run, by its id."""
         # A row that was in a table before says whether errors, too, were within theirs.
         tolerances = self.task.sweep.tolerances
         others = tolerances.keys() - set(ERRORS)
         return {
-            row["run_id"]: Outcome(
+            row["run_id"]: RecordedOutcome(
                 row["status"], within_tolerances(tolerances, {name: row[name] for name in others})
             )
             for row in self.store.rows()
@@ -78,12 +79,12 @@ class Session:
 
     @cached_property
     def planned(self) -> Planned:
-        """All of its runs at once, with what they resolve to; only small sweeps have passes."""
-        return list(self.roster.runs())
+        """All of its runs at once, with their settings; only small sweeps have passes."""
+        return list(self.index.runs())
 
     @cached_property
     def repeatable(self) -> Planned:
-        """The runs that the engine computed to their end; no others are run again."""
+        """The runs that the engine completed; no others are run again."""
         return [
             (run, resolved)
             for run, resolved in self.planned
@@ -103,7 +104,7 @@ class PassColumns(NamedTuple):
     columns: Sequence[Column]
 
 
-def run_passes(session: Session) -> PassColumns:
+def run_passes(session: SweepSession) -> PassColumns:
     """Compute the errors, work and times that the sweep asks for.
 
     What was noted before an interruption is not done again.
@@ -122,7 +123,7 @@ def run_passes(session: Session) -> PassColumns:
     return PassColumns(values, columns)
 
 
-def _accuracies(session: Session, request: AccuracyRequest) -> dict[str, Accuracy]:
+def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
     runs = {run.run_id: run for run, _ in session.repeatable}
     grouped = families(_resolved(session.repeatable), session.scene)
     jobs = [tuple(runs[run_id] for run_id in family) for family in grouped]
@@ -134,7 +135,7 @@ def _resolved(planned: Planned) -> dict[str, ResolvedRun]:
     return {run.run_id: resolved for run, resolved in planned}
 
 
-def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
+def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     """Return the columns of a run's accuracy, and whether it still meets every tolerance."""
     row = accuracy.model_dump()
     errors = within_tolerances(session.task.sweep.tolerances, {name: row[name] for name in ERRORS})
@@ -143,7 +144,7 @@ def _row(session: Session, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     return {**row, "tolerances_met": all(known) if known else None}
 
 
-def _timings(session: Session, rounds: int) -> dict[str, Timing]:
+def _timings(session: SweepSession, rounds: int) -> dict[str, Timing]:
     runs = session.repeatable
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
@@ -151,7 +152,7 @@ def _timings(session: Session, rounds: int) -> dict[str, Timing]:
     return timings(_resolved(session.planned), rounds, work, times)
 
 
-def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
+def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dict[str, Note]:
     """Return what workers find in a pass, by run id; nothing of runs that crash a worker."""
     done = noted(session.store.notes(), purpose)
     rest = [job for job in jobs if any(run.run_id not in done for run in job)]
@@ -159,14 +160,14 @@ def _pooled(session: Session, purpose: Purpose, jobs: Sequence[Job]) -> dict[str
     session.begin(runs, runs - sum(map(len, rest)))
     task = replace(session.task, purpose=purpose)
     for result in results_of(task, rest, session.executor, session.stop):
-        lost = isinstance(result, Crashed)
-        each = [note(purpose, run.run_id, {}) for run in result.job] if lost else result
+        crashed = isinstance(result, Crashed)
+        each = [note(purpose, run.run_id, {}) for run in result.job] if crashed else result
         session.store.note([one.row for one in each])
         session.progress(each)
     return noted(session.store.notes(), purpose)
 
 
-def _timed(session: Session, rounds: int, work: dict[str, Note]) -> dict[str, Note]:
+def _timed(session: SweepSession, rounds: int, work: dict[str, Note]) -> dict[str, Note]:
     """Return the times of all runs, which are taken together or not at all."""
     times = noted(session.store.notes(), "times")
     runs = {

@@ -1,4 +1,4 @@
-"""Every run of a plan, by its id alone, so that a plan of any size fits into memory."""
+"""From a plan to its distinct runs, and to jobs of runs that a worker does at once."""
 
 import hashlib
 import math
@@ -13,43 +13,56 @@ from contactlab.plan import Plan
 from contactlab.run.tasks import Job, PlannedRun
 from contactlab.scene import ID_BYTES, CompiledScene, ResolvedRow, ResolvedRun, RowGroup, Scene
 
+MAX_RUNS = 32
+"""Runs of a job at most."""
+# Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
+JOB_BYTES = 32 << 20
+RUN_BYTES = 1 << 30
+# Compiled models of a worker; one with meshes may take tens of MiB.
+MODEL_BYTES = 256 << 20
+_MAX_OPEN = 64
+
+Key = tuple[object, ...]
+Planned = Sequence[tuple[PlannedRun, ResolvedRun]]
 _ID = np.dtype(">u8")
 _DIGITS = 2 * ID_BYTES
-# Start states that are remembered as checked.
+# Initial states that are remembered as checked.
 _MAX_CHECKED = 1 << 12
 
 
 class RunIndex:
-    """The distinct runs of a plan, in its order; of runs that are equal, the first counts.
+    """The distinct runs of a plan, in its order; of equal runs, the first counts.
+
+    It has 9 bytes of each run, so that a plan of any size fits into memory.
 
     Attributes:
         firsts: for each shape of rows, in order of appearance, the values of its first row.
     """
 
     def __init__(self, plan: Plan, scene: Scene) -> None:
-        """Find every run's id, a few microseconds each.
+        """Compute every run's id, a few microseconds each.
 
         Raises:
-            SceneError: the model's own timestep is none, and the sweep sets no other; or a run's
-                control or hold has times that make no sense.
+            SceneError: the model's timestep is not positive, and the sweep sets no other; or the
+                times of a run's control or hold are inconsistent.
         """
         self._plan = plan
         self._rows = scene.rows(plan.sweep.duration)
         self.firsts: dict[RowGroup, Mapping[str, object]] = {}
-        found = bytearray()
+        ids = bytearray()
         check = _Check(scene)
         for row in plan.rows():
             resolved = self._rows.row(row.values)
             check(resolved)
             self.firsts.setdefault(resolved.shape, row.values)
-            found += resolved.run_ids(row.seeds)
-        self._ids = bytes(found)
-        self._kept = np.zeros(len(self._ids) // ID_BYTES, bool)
-        self._kept[np.unique(np.frombuffer(self._ids, _ID), return_index=True)[1]] = True
+            ids += resolved.run_ids(row.seeds)
+        self._ids = bytes(ids)
+        self._distinct = np.zeros(len(self._ids) // ID_BYTES, bool)
+        self._distinct[np.unique(np.frombuffer(self._ids, _ID), return_index=True)[1]] = True
 
     def __len__(self) -> int:
         """Return the number of distinct runs."""
-        return int(np.count_nonzero(self._kept))
+        return int(np.count_nonzero(self._distinct))
 
     @cached_property
     def hash(self) -> str:
@@ -62,74 +75,62 @@ class RunIndex:
         return sum(text[at : at + _DIGITS] in done for at in range(0, len(text), _DIGITS))
 
     def runs(self, done: Collection[str] = ()) -> Iterator[tuple[PlannedRun, ResolvedRun]]:
-        """Yield every run, but for those that are done, with what it resolves to."""
-        kept = self._kept.tobytes()
+        """Yield every run that is not done, with its settings."""
+        distinct = self._distinct.tobytes()
         for row in self._plan.rows():
             resolved = None
             for index, seed in enumerate(row.seeds, row.first):
                 run_id = self._ids[ID_BYTES * index : ID_BYTES * (index + 1)].hex()
-                if kept[index] and run_id not in done:
+                if distinct[index] and run_id not in done:
                     resolved = resolved or self._rows.row(row.values)
                     run = PlannedRun(index, run_id, row.values, seed)
                     yield run, resolved.resolved(seed)
 
     def rows(self) -> Iterator[tuple[ResolvedRow, int]]:
-        """Yield what rows resolve to, each with the number of its runs that count."""
-        starts = range(0, len(self._kept), len(self._plan.sweep.seed_values))
-        counts = np.add.reduceat(self._kept, starts, dtype=np.int64).tolist()
+        """Yield the settings of rows, each with the number of its distinct runs."""
+        starts = range(0, len(self._distinct), len(self._plan.sweep.seed_values))
+        counts = np.add.reduceat(self._distinct, starts, dtype=np.int64).tolist()
         for row, count in zip(self._plan.rows(), counts, strict=True):
             if count:
                 yield self._rows.row(row.values), count
 
     def _text(self) -> str:
-        return np.frombuffer(self._ids, _ID)[self._kept].tobytes().hex()
+        return np.frombuffer(self._ids, _ID)[self._distinct].tobytes().hex()
 
 
 class _Check:
-    """Checks what rows resolve to before anything runs."""
+    """Checks the settings of rows before anything runs."""
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._fine: set[object] = set()
+        self._checked: set[object] = set()
 
     def __call__(self, row: ResolvedRow) -> None:
         if not 0 < row.timestep < math.inf:
             raise SceneError(
-                f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write one above "
-                "0 there, or sweep `timestep`"
+                f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write a "
+                "positive one there, or sweep `timestep`"
             )
-        if not self._scene.initial.is_timed or (start := row.start) in self._fine:
+        if not self._scene.initial.is_timed or (start := row.start) in self._checked:
             return
         self._scene.initial.check(row.resolved(0))
-        if len(self._fine) < _MAX_CHECKED:
-            self._fine.add(start)
-
-
-MAX_RUNS = 32
-# A job's records; with its temporary arrays a worker needs about three times as much.
-JOB_BYTES = 32 << 20
-RUN_BYTES = 1 << 30
-# A worker's models; one with meshes may take tens of MiB.
-MODEL_BYTES = 256 << 20
-_MAX_OPEN = 64
-
-Key = tuple[object, ...]
-Planned = Sequence[tuple[PlannedRun, ResolvedRun]]
+        if len(self._checked) < _MAX_CHECKED:
+            self._checked.add(start)
 
 
 def pack_jobs(
     runs: Iterable[tuple[PlannedRun, ResolvedRun]], count: int, scene: Scene, workers: int
 ) -> Iterator[Job]:
-    """Yield jobs, each bounded by `MOST_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
+    """Yield jobs, each bounded by `MAX_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
-    Runs are taken as they are needed: some hundred more than what is yielded. Towards the end jobs
-    become smaller, so that no worker is left with a large one while the others have none.
+    Runs are consumed lazily, some hundred ahead of what is yielded. Jobs become smaller towards the
+    end, so that no worker has a large one while the others have none.
 
     Args:
-        runs: what is left to do.
-        count: how many runs these are.
-        scene: theirs.
-        workers: jobs stay small enough that each worker gets several.
+        runs: the runs that are not done yet.
+        count: how many these are.
+        scene: their scene.
+        workers: how many there are; jobs stay small enough that each gets several.
 
     Raises:
         SweepFileError: a run would record more than 1 GiB.
@@ -168,7 +169,7 @@ def _max_runs(scene: Scene, resolved: ResolvedRun, most: int) -> int:
     if size > RUN_BYTES:
         raise SweepFileError(
             f"a run of {resolved.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
-            "the bound is 1 GiB. Shorten `duration` or grade fewer pairs"
+            "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
         )
     return max(1, min(most, JOB_BYTES // size, max_models(base)))
 

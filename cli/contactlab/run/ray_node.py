@@ -41,11 +41,11 @@ class NodeRequirements:
 
 def digest(folder: Path) -> str:
     """Return the SHA-256 over names and bytes of all files in a folder."""
-    found = hashlib.sha256()
+    hashed = hashlib.sha256()
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         data = path.read_bytes()
-        found.update(f"{path.relative_to(folder).as_posix()}\0{len(data)}\0".encode() + data)
-    return found.hexdigest()
+        hashed.update(f"{path.relative_to(folder).as_posix()}\0{len(data)}\0".encode() + data)
+    return hashed.hexdigest()
 
 
 def refusal(requirements: NodeRequirements) -> str | None:

@@ -1,7 +1,8 @@
-"""Time stored runs on command: what `contactlab compare --remeasure` talks to.
+"""Times stored runs again, in processes that `contactlab compare --remeasure` talks to.
 
-Each line of the input asks for a run: {"run": id, "repeats": n}. Each line of the output answers:
-{"seconds": CPU time, "steps": made}, or {"error": why not}. The first line says who answers.
+Each line of such a process's input requests a run: {"run": id, "repeats": n}. Each line of its
+output answers: {"seconds": CPU time, "steps": made}, or {"error": why not}. The first line names
+the engine.
 """
 
 import gc
@@ -20,22 +21,24 @@ from contactlab.run.stored_runs import stored_run
 from contactlab.scene import compile_without_sensors, prepare_without_sensors, silence_mujoco
 from contactlab.store import Store
 
-MOST_STEPS = 2_000
+MAX_STEPS = 2_000
 """Steps that are timed from each of the places along a run."""
+_END_TIMEOUT = 10.0
+"""How long a process may take to end once its input is closed [s]."""
 
 
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
-    """Yield who answers, then an answer to each line."""
+    """Yield engine and version, then an answer to each line."""
     yield {"engine": f"mujoco {version('mujoco')}", "contactlab": version("contactlab")}
     prepared: dict[str, Segments] = {}
     for line in lines:
-        asked = json.loads(line)
+        request = json.loads(line)
         try:
-            run = str(asked["run"])
+            run = str(request["run"])
             if run not in prepared:
-                # One at a time: what is timed in turns is the same run in two processes.
+                # One at a time: two processes time the same run, interleaved.
                 prepared = {run: segments_of(store, run)}
-            seconds, steps = time_segments(prepared[run], MOST_STEPS, int(asked["repeats"]))
+            seconds, steps = time_segments(prepared[run], MAX_STEPS, int(request["repeats"]))
             yield {"seconds": seconds, "steps": steps}
         except ContactlabError as error:
             yield {"error": str(error)}
@@ -70,10 +73,6 @@ def main() -> None:
         raise SystemExit(f"error: {error}") from error
 
 
-_PATIENCE = 10.0
-"""How long a process may take to end when it is told to [s]."""
-
-
 class TimingProcess:
     """Times runs; made by `timing_process`.
 
@@ -81,9 +80,9 @@ class TimingProcess:
         engine: the engine that steps the runs, with its version.
     """
 
-    def __init__(self, python: Path, asks: IO[str], answers: IO[str]) -> None:
+    def __init__(self, python: Path, requests: IO[str], answers: IO[str]) -> None:
         self._python = python
-        self._asks = asks
+        self._requests = requests
         self._answers = answers
         self.engine = str(self._answer()["engine"])
 
@@ -94,8 +93,8 @@ class TimingProcess:
             StoreError: the run cannot be timed.
         """
         with suppress(BrokenPipeError):
-            self._asks.write(json.dumps({"run": run, "repeats": repeats}) + "\n")
-            self._asks.flush()
+            self._requests.write(json.dumps({"run": run, "repeats": repeats}) + "\n")
+            self._requests.flush()
         answer = self._answer()
         if "error" in answer:
             raise StoreError(f"{self._python} cannot time run {run}: {answer['error']}")
@@ -133,11 +132,11 @@ def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
         _end(process, process.stdin, process.stdout)
 
 
-def _end(process: subprocess.Popen[str], asks: IO[str], answers: IO[str]) -> None:
+def _end(process: subprocess.Popen[str], requests: IO[str], answers: IO[str]) -> None:
     with suppress(BrokenPipeError):
-        asks.close()
+        requests.close()
     try:
-        process.wait(_PATIENCE)
+        process.wait(_END_TIMEOUT)
     except subprocess.TimeoutExpired:
         process.kill()
         process.wait()

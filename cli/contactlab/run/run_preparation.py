@@ -1,4 +1,4 @@
-"""From planned runs to all that decides them; models are kept between jobs."""
+"""From planned runs to compiled models and initial states; models are kept between jobs."""
 
 import faulthandler
 import signal
@@ -26,21 +26,21 @@ Proceed = Callable[[], bool]
 
 
 def always() -> bool:
-    """Return that whoever asks may proceed."""
+    """Return that the next run may begin."""
     return True
 
 
 class AbandonedError(Exception):
-    """What was under way is not worth ending, since the sweep should stop."""
+    """A pass over runs was abandoned, since the sweep should stop."""
 
 
 class Preparer:
     """Prepares the runs of one sweep.
 
     Attributes:
-        task: what all jobs of the sweep have in common.
-        scene: theirs, as the store has it.
-        proceed: says between runs whether the next one should begin.
+        task: what all jobs of the sweep share.
+        scene: their scene, from the store's copy.
+        proceed: returns, between runs, whether the next one should begin.
     """
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
@@ -54,15 +54,15 @@ class Preparer:
         self._models: OrderedDict[str, PreparedModel] = OrderedDict()
 
     def plans(self, job: Job) -> list[RunPlan]:
-        """Return all that decides the runs of a job of one structure."""
+        """Return settings, model and initial state of each run of a job of one structure."""
         resolved = [
             self.scene.resolve(run.values, run.seed, self.task.sweep.duration) for run in job
         ]
         starts = self.scene.starts(resolved)
-        picked = [starts.pick(place) for place in range(len(job))]
+        initial = [starts.pick(place) for place in range(len(job))]
         return [
             RunPlan(run, each, self._prepared(each, start), start)
-            for run, each, start in zip(job, resolved, picked, strict=True)
+            for run, each, start in zip(job, resolved, initial, strict=True)
         ]
 
     def _prepared(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
@@ -77,15 +77,16 @@ class Preparer:
 
     @contextmanager
     def watchdog(self) -> Generator[Callable[[], None]]:
-        """End this process when a run takes too long, even one that never gives Python a turn.
+        """Yield what starts the time limit of a run, which ends this process when it is exceeded.
 
-        It dies of SIGALRM, and where it was then stands in the marker, which else is empty.
+        Even where a run never returns to Python: the process dies of SIGALRM, and its traceback is
+        in the marker, which is empty otherwise.
         """
         if self._marker is None:
             yield lambda: None
             return
         with self._marker.open("w") as file:
-            # A timer takes one call to the system; faulthandler's own starts a thread each time.
+            # A timer takes one system call; faulthandler's own starts a thread each time.
             faulthandler.register(signal.SIGALRM, file=file, all_threads=False, chain=True)
             try:
                 yield self._start_clock
@@ -95,10 +96,10 @@ class Preparer:
 
     @contextmanager
     def watchdog_or_give_up(self) -> Generator[Callable[[], None]]:
-        """Do the same, and give up before the next run where the sweep should stop.
+        """Do the same, and abandon the pass before the next run if the sweep should stop.
 
         Raises:
-            AbandonedError: it should.
+            AbandonedError: from what is yielded, if the sweep should stop.
         """
 
         def watch() -> None:

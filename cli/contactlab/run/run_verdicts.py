@@ -1,4 +1,4 @@
-"""Hold a run's outcome against what its sweep expects and tolerates."""
+"""What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -13,12 +13,12 @@ from contactlab.schema import Expectation
 
 @dataclass(frozen=True)
 class ExpectationVerdict:
-    """What an outcome amounts to.
+    """Whether a run meets its expectations.
 
     Attributes:
-        expected: labels of which one was expected, or None.
-        met: whether everything expected came out; None if nothing was expected.
-        reason: what was missed, or None.
+        expected: labels of which one is expected; None without such an expectation.
+        met: whether every expectation is met; None without any.
+        reason: which are not met, or None.
     """
 
     expected: tuple[str, ...] | None
@@ -27,32 +27,33 @@ class ExpectationVerdict:
 
 
 def judge(
-    picked: Sequence[Expectation],
+    expectations: Sequence[Expectation],
     labels: Sequence[str],
     metrics: Mapping[str, float | None],
 ) -> ExpectationVerdict:
     """Return whether a run meets every expectation.
 
     Args:
-        picked: the expectations whose condition picks the run.
+        expectations: those whose condition selects the run.
         labels: the run's labels, worst first; a run without any is stable.
         metrics: the run's metrics.
     """
-    missed = [miss for each in picked for miss in _misses(each, labels, metrics)]
-    expected = [label for each in picked for label in each.label or ()]
+    unmet = [reason for each in expectations for reason in _unmet(each, labels, metrics)]
+    expected = [label for each in expectations for label in each.label or ()]
     return ExpectationVerdict(
         expected=tuple(dict.fromkeys(expected)) or None,
-        met=None if not picked else not missed,
-        reason="; ".join(missed) or None,
+        met=None if not expectations else not unmet,
+        reason="; ".join(unmet) or None,
     )
 
 
 def within_tolerances(
     tolerances: Mapping[str, float], metrics: Mapping[str, float | None]
 ) -> bool | None:
-    """Return whether every tolerated metric was measured and is small enough; None without any.
+    """Return whether every metric with a tolerance is within it; None if none of them is here.
 
-    What these metrics do not name, errors against a reference, is measured later or was before.
+    A metric that could not be measured is not within. Errors against a reference are judged apart
+    from the others, since a later pass computes them.
     """
     measured = {name: metrics[name] for name in tolerances if name in metrics}
     if not measured:
@@ -62,7 +63,7 @@ def within_tolerances(
     )
 
 
-def _misses(
+def _unmet(
     expectation: Expectation, labels: Sequence[str], metrics: Mapping[str, float | None]
 ) -> Iterator[str]:
     allowed = expectation.label
@@ -85,15 +86,15 @@ Moving = Callable[[PairTrace, int], NDArray[np.float64]]
 
 
 def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:
-    """Return the effects that are off although the bodies called for them, with what was seen.
+    """Return the effects that the run needed although they were off, each with the evidence.
 
-    Only effects that the model has and that were left out are looked for: friction against what
-    bodies in contact do, and limits that joints pass.
+    Only effects that the model has and that were turned off are considered: friction that would
+    oppose motion in contacts, and limits that joints exceed.
 
     Args:
         trace: the arrays of a group of runs.
-        run: the run's place in it.
-        prepared: the run's model, with its effects.
+        run: the run's index in them.
+        prepared: its model, with its effects.
     """
     off = {name for name, each in prepared.effects.items() if not each.on}
     left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
@@ -104,7 +105,7 @@ def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str
 
 
 def _motion(trace: Trace, run: int, name: str) -> str | None:
-    """Return the first motion in a contact that a friction effect would act against."""
+    """Return the first motion in a contact that a friction effect would oppose."""
     word, unit, least, measure = _MOTIONS[name]
     first: tuple[int, str, float] | None = None
     for pair in trace.pairs:
@@ -138,7 +139,7 @@ _MOTIONS: Mapping[str, tuple[str, str, float, Moving]] = {
 
 
 def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
-    """Return the first joint that passes its limit."""
+    """Return which joint exceeds its limit first, and when."""
     model = prepared.model
     first: tuple[int, str] | None = None
     for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():

@@ -1,4 +1,4 @@
-"""Simulate a stored run again from its store alone, and compare the trajectories bit for bit."""
+"""Stored runs, simulated again from their store alone and compared bit for bit."""
 
 from dataclasses import dataclass
 
@@ -22,17 +22,17 @@ from contactlab.store import Store
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """What came of running a stored run again.
+    """A replay, compared with the stored run.
 
     Attributes:
         run_id: the run.
         equal: whether every state is equal, bit for bit.
         stored_hash: of the stored trajectory.
         hash: of the new one.
-        step: first step after which the states differ; None if equal, if no trace was
-            kept, or if the trace is equal although its hash is not.
+        step: first step after which the states differ; None if they are equal, if there is no
+            trace, or if the trace is equal although its hash is not.
         difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
-        stored_engine: engine and version that stored it.
+        stored_engine: engine and version that computed the stored run.
     """
 
     run_id: str
@@ -46,7 +46,7 @@ class ReplayResult:
 
 @dataclass(frozen=True)
 class PreparedReplay:
-    """A stored run, ready to be simulated again."""
+    """A stored run that is ready to be simulated again."""
 
     record: EvidenceRecord
     base: CompiledScene
@@ -54,7 +54,7 @@ class PreparedReplay:
     state: InitialStates
 
     def roll_out(self) -> Rollout:
-        """Simulate it by the engine that it was stored with."""
+        """Simulate it by the engine that computed it."""
         steps = self.record.steps_asked
         if self.record.engine.name == IMPULSE:
             return roll_out_by_impulse(self.base, [self.prepared], self.state, steps, Buffers())
@@ -62,10 +62,10 @@ class PreparedReplay:
 
 
 def prepare_replay(store: Store, run: str) -> PreparedReplay:
-    """Return a stored run's model and start state, made from the store's own files.
+    """Return a stored run's model and initial state, made from the store's own files.
 
     Raises:
-        StoreError: no such run, or its start state is not what its settings give.
+        StoreError: there is no such run, or its settings do not give its id.
         SceneError: the stored scene does not compile with this engine.
     """
     record, scene, resolved = stored_run(store, run)
@@ -76,10 +76,10 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
 
 
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:
-    """Return a stored run, its scene and what it resolves to, made from the store's own files.
+    """Return a stored run, its scene and its settings, made from the store's own files.
 
     Raises:
-        StoreError: no such run, or its settings do not give its id.
+        StoreError: there is no such run, or its settings do not give its id.
     """
     record = store.record(run)
     identity = store.manifest.sweep
@@ -96,19 +96,19 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
 
 
 def replay(store: Store, run: str) -> ReplayResult:
-    """Simulate a stored run again and say whether it is the same, or where it first differs."""
+    """Simulate a stored run again; return whether it is equal, or where it first differs."""
     silence_mujoco()
     start = prepare_replay(store, run)
     record = start.record
     rollout = start.roll_out()
-    found = trajectory_hash(rollout, 0)
-    equal = found == record.trajectory_hash
+    new_hash = trajectory_hash(rollout, 0)
+    equal = new_hash == record.trajectory_hash
     step, difference = (None, None) if equal else _first_difference(store, record, rollout)
     return ReplayResult(
         run_id=record.run_id,
         equal=equal,
         stored_hash=record.trajectory_hash,
-        hash=found,
+        hash=new_hash,
         step=step,
         difference=difference,
         stored_engine=f"{record.engine.name} {record.engine.version}",
@@ -118,7 +118,7 @@ def replay(store: Store, run: str) -> ReplayResult:
 def _stored_start(
     record: EvidenceRecord, prepared: PreparedModel, again: InitialStates
 ) -> InitialStates:
-    """Return the state as stored; what drives it over time is part of scene and settings."""
+    """Return the stored state; controls and holds over time come from scene and settings."""
     initial = record.initial
     applied = initial.applied or (0.0,) * (6 * prepared.model.nbody)
     rows = (initial.qpos, initial.qvel, initial.ctrl, applied)

@@ -1,4 +1,4 @@
-"""From a sweep file to what `run_sweep` is asked."""
+"""From a sweep file to a request: its plan, its scene, and what may be named in it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -22,12 +22,12 @@ class SweepRequest:
         scene: its scene.
         name: the sweep's name.
         source: the sweep file's text.
-        overrides: options that changed it, as given.
+        overrides: the options that changed it, as given.
         store: where the store is written.
-        workers: processes; 0 for none but this one.
-        fresh: whether to replace a store that is there.
-        left_out: why runs are left out of the plan that only newer engines can do.
-        cluster: where runs are computed, if not by worker processes of this machine.
+        workers: worker processes; 0 to run everything in this process.
+        fresh: whether to replace an existing store.
+        left_out: why runs that only newer engines support are left out of the plan.
+        cluster: what runs the jobs, if not worker processes of this machine.
         retry_failed: whether stored runs that failed are run again.
     """
 
@@ -56,29 +56,29 @@ def read_request(  # noqa: PLR0913 - one argument an option
     partly: bool = False,
     retry_failed: bool = False,
 ) -> SweepRequest:
-    """Read a sweep and return what to run.
+    """Read a sweep.
 
     Args:
         source: the sweep file's path, or its text.
         name: the sweep's name.
         store: where the store is written.
         folder: where relative paths of scenes start.
-        workers: processes; 0 for none but this one.
-        overrides: options of the command line.
-        fresh: whether to replace a store that is there.
-        partly: whether to leave out what only newer engines can do, rather than to refuse it.
+        workers: worker processes; 0 to run everything in this process.
+        overrides: of the command line.
+        fresh: whether to replace an existing store.
+        partly: whether to leave out runs that only newer engines support, instead of refusing them.
         retry_failed: whether stored runs that failed are run again.
 
     Raises:
-        SweepFileError: the file or the options hold mistakes; all are named.
+        SweepFileError: the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
     scenes = SceneLoader(folder)
     vocabulary = lenient_vocabulary(scenes.vocabulary) if partly else scenes.vocabulary
     read = read_sweep(source, vocabulary, options)
-    possible = supported_plan(read.plan)
+    supported = supported_plan(read.plan)
     return SweepRequest(
-        plan=possible.plan,
+        plan=supported.plan,
         scene=scenes.open(read.sweep.scene).with_effects(effects_base(read.sweep.effects)),
         name=name,
         source=read.text,
@@ -86,7 +86,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         store=store,
         workers=workers,
         fresh=fresh,
-        left_out=possible.reasons,
+        left_out=supported.reasons,
         retry_failed=retry_failed,
     )
 
@@ -102,11 +102,11 @@ def _given(overrides: Overrides) -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class SupportedPlan:
-    """What an engine can do of a plan.
+    """The part of a plan that this engine supports.
 
     Attributes:
-        plan: the runs that are left.
-        reasons: why others are not, each once.
+        plan: its runs.
+        reasons: why others are left out, each once.
     """
 
     plan: Plan
@@ -114,17 +114,17 @@ class SupportedPlan:
 
 
 def lenient_vocabulary(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str], Vocabulary]:
-    """Return vocabularies that know what other versions of the engine know as well."""
+    """Return vocabularies that also have what other versions of the engine support."""
 
-    def known(reference: str) -> Vocabulary:
+    def with_other_versions(reference: str) -> Vocabulary:
         own = vocabulary(reference)
         return replace(own, axes=LenientCatalogue(own.axes))
 
-    return known
+    return with_other_versions
 
 
 def supported_plan(plan: Plan) -> SupportedPlan:
-    """Return a plan without the rows that hold what this engine lacks."""
+    """Return a plan without the rows that this engine does not support."""
     if not any(_lacks(name, values) for name, values in _values(plan)):
         return SupportedPlan(plan, ())
     rows = list(plan.grid.rows())
@@ -132,8 +132,8 @@ def supported_plan(plan: Plan) -> SupportedPlan:
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
     grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left)
     count = min(plan.count, len(left) * len(plan.sweep.seed_values))
-    told = dict.fromkeys(filter(None, reasons))
-    return SupportedPlan(replace(plan, grid=grid, count=count), tuple(told))
+    distinct = dict.fromkeys(filter(None, reasons))
+    return SupportedPlan(replace(plan, grid=grid, count=count), tuple(distinct))
 
 
 def _values(plan: Plan) -> Iterator[tuple[str, Iterable[object]]]:
@@ -146,8 +146,8 @@ def _lacks(name: str, values: Iterable[object]) -> bool:
 
 
 def _reason(row: Mapping[str, object]) -> str | None:
-    found = (why_unsupported(name, value) for name, value in row.items())
-    return next((reason for reason in found if reason), None)
+    reasons = (why_unsupported(name, value) for name, value in row.items())
+    return next((reason for reason in reasons if reason), None)
 
 
 @dataclass

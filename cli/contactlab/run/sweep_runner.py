@@ -12,7 +12,7 @@ from contactlab.run.evidence_record import (
     metric_versions,
     provenance,
 )
-from contactlab.run.passes import Session, run_passes
+from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
@@ -42,114 +42,117 @@ from contactlab.store import (
 
 
 def run_sweep(
-    ask: SweepRequest, begin: BeginCallback, progress: ProgressCallback, stop: Stop | None = None
+    request: SweepRequest,
+    begin: BeginCallback,
+    progress: ProgressCallback,
+    stop: Stop | None = None,
 ) -> StoreManifest:
     """Run what is not stored yet and publish the store.
 
     Args:
-        ask: the sweep.
-        begin: told how many runs there are and how many of them are done already.
-        progress: told of runs as they finish.
-        stop: set when the sweep should end soon.
+        request: the sweep and where it goes.
+        begin: called with the number of runs and how many of them are done already.
+        progress: called with runs as they finish.
+        stop: set to end the sweep soon.
 
     Raises:
-        SweepFileError: the sweep cannot be run as asked.
+        SweepFileError: the sweep has no runs, or cannot be run.
         OutputError: the store cannot be written.
-        StoreError: the store is another sweep's.
-        StoppedError: it was told to stop; the store is resumable.
+        StoreError: the store is of another sweep.
+        StoppedError: `stop` was set; the same call goes on where it stopped.
     """
-    roster = RunIndex(ask.plan, ask.scene)
-    if not len(roster):
-        raise SweepFileError(f"sweep '{ask.name}' has no runs; see `--plan`")
-    columns = _columns(ask, roster)
-    identity = _identity(ask, roster)
-    content = ask.scene.source.content
-    begun = open_writer(
-        ask.store, identity, content, fresh=ask.fresh, retry_failed=ask.retry_failed
+    index = RunIndex(request.plan, request.scene)
+    if not len(index):
+        raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
+    columns = _columns(request, index)
+    identity = _identity(request, index)
+    content = request.scene.source.content
+    writer = open_writer(
+        request.store, identity, content, fresh=request.fresh, retry_failed=request.retry_failed
     )
-    with begun as store:
+    with writer as store:
         if isinstance(store, StoreManifest):
-            begin(len(roster), len(roster))
+            begin(len(index), len(index))
             return store
-        session = Session(
-            task=_task(ask, store, len(roster)),
-            scene=ask.scene,
+        session = SweepSession(
+            task=_task(request, store, len(index)),
+            scene=request.scene,
             store=store,
-            roster=roster,
-            executor=ask.cluster or LocalPool(ask.workers),
+            index=index,
+            executor=request.cluster or LocalPool(request.workers),
             stop=stop or Stop(),
             begin=begin,
             progress=progress,
         )
         _run_remaining(session)
-        found = run_passes(session)
-        columns = [*columns, *found.columns]
-        return store.finish(columns, _shared(ask), session.task.provenance, found.values)
+        added = run_passes(session)
+        columns = [*columns, *added.columns]
+        return store.finish(columns, _shared(request), session.task.provenance, added.values)
 
 
-def _run_remaining(session: Session) -> None:
-    roster, store, executor = session.roster, session.store, session.executor
-    done = roster.count(store.done)
-    session.begin(len(roster), done)
-    rest = roster.runs(store.done)
-    jobs = pack_jobs(rest, len(roster) - done, session.scene, executor.workers)
+def _run_remaining(session: SweepSession) -> None:
+    index, store, executor = session.index, session.store, session.executor
+    done = index.count(store.done)
+    session.begin(len(index), done)
+    rest = index.runs(store.done)
+    jobs = pack_jobs(rest, len(index) - done, session.scene, executor.workers)
     for finished in run_all_jobs(session.task, jobs, executor, session.stop):
         store.append([each.row for each in finished])
         session.progress(finished)
 
 
-def _task(ask: SweepRequest, store: StoreWriter, runs: int) -> Task:
+def _task(request: SweepRequest, store: StoreWriter, runs: int) -> Task:
     return Task(
-        sweep=ask.plan.sweep,
-        expected=ask.plan.expected,
-        name=ask.name,
+        sweep=request.plan.sweep,
+        expected=request.plan.expected,
+        name=request.name,
         runs=runs,
-        store=absolute_address(ask.store),
-        scene=ask.scene.name,
+        store=absolute_address(request.store),
+        scene=request.scene.name,
         scene_folder=store.scene_folder.resolve(),
-        scene_model=ask.scene.source.content.model.as_posix(),
+        scene_model=request.scene.source.content.model.as_posix(),
         engine=engine(),
         provenance=provenance(),
     )
 
 
-def _identity(ask: SweepRequest, roster: RunIndex) -> SweepIdentity:
-    manifest = ask.scene.source.manifest
+def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
+    manifest = request.scene.source.manifest
     return SweepIdentity(
-        name=ask.name,
-        source=ask.source,
-        overrides=ask.overrides,
-        resolved=ask.plan.sweep.model_dump(mode="json"),
-        scene=ask.scene.name,
-        scene_hash=ask.scene.hash,
-        scene_model=ask.scene.source.content.model.as_posix(),
+        name=request.name,
+        source=request.source,
+        overrides=request.overrides,
+        resolved=request.plan.sweep.model_dump(mode="json"),
+        scene=request.scene.name,
+        scene_hash=request.scene.hash,
+        scene_model=request.scene.source.content.model.as_posix(),
         engine=engine(),
         metric_versions=metric_versions(),
-        runs_asked=len(roster),
+        runs_asked=len(index),
         lacking=null_fields(driven=bool(manifest and manifest.control)),
-        plan_hash=roster.hash,
+        plan_hash=index.hash,
     )
 
 
-def _shared(ask: SweepRequest) -> Mapping[str, Any]:
+def _shared(request: SweepRequest) -> Mapping[str, Any]:
     return {
         "schema_version": RECORD_VERSION,
-        "sweep": ask.name,
+        "sweep": request.name,
         "units": metric_units(),
         "metric_versions": metric_versions(),
         "severity": list(LABELS),
     }
 
 
-def _columns(ask: SweepRequest, roster: RunIndex) -> list[Column]:
+def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
     """Return the columns of axes, typed by their values, of metrics, settings and effects."""
     values: dict[str, Sequence[object]] = {}
     settings: dict[str, object] = {}
-    for shape, first in roster.firsts.items():
+    for shape, first in index.firsts.items():
         settings |= shape.first.values
         values |= {name: [value] for name, value in first.items()}
-    values |= {axis.name: axis.values for axis in ask.plan.axes if axis.name in values}
-    axes = [_axis_column(ask.scene, name, taken) for name, taken in values.items()]
+    values |= {axis.name: axis.values for axis in request.plan.axes if axis.name in values}
+    axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
     metrics = [_metric_column(metric) for metric in METRICS.values()]
     effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
     return [*axes, *metrics, struct_column("settings", settings), effects]
@@ -180,36 +183,36 @@ def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:
 def run_all_jobs(
     task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop
 ) -> Iterator[list[Finished]]:
-    """Yield what comes of every job, once for each run.
+    """Yield the results of every job, once for each run.
 
-    A job that is lost is run again, run by run. A run that then runs out of time is the culprit, or
-    one that is lost twice by itself: once may be chance, as when others need the memory.
+    The runs of a job that crashed are run again one by one. The culprit is the run that then times
+    out, or that crashes twice by itself: once may be chance, as when others need the memory.
 
     Raises:
-        StoppedError: the sweep was wished to stop; lost jobs are left for another time.
+        StoppedError: `stop` was set; jobs that crashed are left for the next time.
     """
-    lost: list[Job] = []
+    crashed: list[Job] = []
     for result in results_of(task, jobs, executor, stop):
         if isinstance(result, Crashed):
-            lost.append(result.job)
+            crashed.append(result.job)
         else:
             yield result
     for last in (False, True):
-        if not lost:
+        if not crashed:
             return
         recorder = Worker(task, None)
-        alone, lost = [(run,) for job in lost for run in job], []
+        alone, crashed = [(run,) for job in crashed for run in job], []
         for result in results_of(task, alone, executor, stop):
             if not isinstance(result, Crashed):
                 yield result
             elif last or result.timed_out:
                 yield [_record_crash(task, recorder, result)]
             else:
-                lost.append(result.job)
+                crashed.append(result.job)
 
 
-def _record_crash(task: Task, recorder: Worker, lost: Crashed) -> Finished:
-    (run,) = lost.job
-    label = "timeout" if lost.timed_out else "crashed"
-    reason = f"over {task.sweep.timeout:g} s: {lost.reason}" if lost.timed_out else lost.reason
-    return recorder.lost(run, LabelEntry(label=label, reason=reason, step=None))
+def _record_crash(task: Task, recorder: Worker, crash: Crashed) -> Finished:
+    (run,) = crash.job
+    label = "timeout" if crash.timed_out else "crashed"
+    reason = f"over {task.sweep.timeout:g} s: {crash.reason}" if crash.timed_out else crash.reason
+    return recorder.crashed(run, LabelEntry(label=label, reason=reason, step=None))

@@ -1,5 +1,9 @@
-"""What goes to a worker and what comes back; all of it pickles."""
+"""Tasks and jobs, what comes of them, and how to stop: all that workers and sweeps exchange.
 
+All data here can be pickled.
+"""
+
+import json
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -7,6 +11,7 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import Literal, Protocol
 
+from contactlab.accuracy import Note
 from contactlab.errors import StoppedError
 from contactlab.plan import Match
 from contactlab.schema import Engine, Expectation, Provenance, Sweep
@@ -14,42 +19,43 @@ from contactlab.store import Address
 
 
 class Stop:
-    """Set once, from a signal handler or another thread; then runs in flight end and no more begin.
+    """A request to stop: runs in flight end, and no more begin.
 
-    It can be waited for beside pipes, since it has a `fileno`.
+    It is set once, from a signal handler or another thread. It can be waited for beside pipes,
+    since it has a `fileno`.
     """
 
     def __init__(self) -> None:
         self._reader, self._writer = Pipe(duplex=False)
-        self._wished = self._heeded = False
+        self._is_set = self._is_watched = False
 
     @property
     def is_set(self) -> bool:
         """Whether to stop."""
-        return self._wished
+        return self._is_set
 
     @property
-    def is_heeded(self) -> bool:
-        """Whether runs are under way that end by themselves once it is set."""
-        return self._heeded
+    def is_watched(self) -> bool:
+        """Whether runs are in flight that end by themselves once this is set."""
+        return self._is_watched
 
     def set(self) -> None:
-        """Wish to stop; safe in a signal handler."""
-        if not self._wished:
-            self._wished = True
+        """Request to stop; safe in a signal handler."""
+        if not self._is_set:
+            self._is_set = True
             self._writer.send_bytes(b"stop")
 
     @contextmanager
-    def heeded(self) -> Generator[None]:
-        """Say that it is looked at for as long as this lasts."""
-        self._heeded = True
+    def watched(self) -> Generator[None]:
+        """Mark the time in which runs are in flight."""
+        self._is_watched = True
         try:
             yield
         finally:
-            self._heeded = False
+            self._is_watched = False
 
     def fileno(self) -> int:
-        """Return what becomes readable when it is set."""
+        """Return the file descriptor that becomes readable when this is set."""
         return self._reader.fileno()
 
 
@@ -58,21 +64,21 @@ Purpose = Literal["record", "errors", "work", "times"]
 
 @dataclass(frozen=True)
 class Task:
-    """What all jobs of a sweep have in common; sent to a worker once.
+    """What all jobs of a sweep share; sent to a worker once.
 
     Attributes:
         sweep: the sweep file.
-        expected: conditions, with what is expected of the runs that each picks.
+        expected: conditions, each with what is expected of the runs that it selects.
         name: the sweep's name.
         runs: how many runs there are in all.
         store: where the store is.
         scene: the scene's name.
         scene_folder: the store's copy of the scene, on the machine that runs the sweep.
         scene_model: the model file, relative to it.
-        engine: what computes.
-        provenance: what writes.
-        purpose: what is done with the runs: recorded, held against a reference, or counted;
-            times are taken where the sweep itself runs.
+        engine: MuJoCo and its version.
+        provenance: versions and machine that write the records.
+        purpose: what is done with the runs: they are recorded, compared with a reference, or their
+            work is counted; times are taken by the process of the sweep itself.
     """
 
     sweep: Sweep
@@ -96,7 +102,7 @@ class PlannedRun:
         index: its place in the plan.
         run_id: its identity.
         values: canonical axis values by name.
-        seed: what perturbs its start.
+        seed: of the perturbation of its initial state.
     """
 
     index: int
@@ -112,13 +118,13 @@ Job = tuple[PlannedRun, ...]
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A run that is done; its trace, if one is kept, is in the store.
+    """A finished run; its trace, if one is kept, is in the store.
 
     Attributes:
         row: its journal line.
         label: its worst label.
-        status: whether it went through.
-        expectation_met: whether what was expected came out; None if nothing was.
+        status: `ok`, or why it ended early.
+        expectation_met: whether it met its expectations; None without any.
     """
 
     row: bytes
@@ -129,7 +135,7 @@ class Finished:
 
 @dataclass(frozen=True, slots=True)
 class Crashed:
-    """A job whose worker died.
+    """A job whose worker process died.
 
     Attributes:
         job: its runs.
@@ -150,14 +156,14 @@ class Executor(Protocol):
 
     @property
     def workers(self) -> int:
-        """How many jobs run at once; 0 if each is run by who asks for it."""
+        """How many jobs run at once; 0 if they run in this process."""
         ...
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs as they come, in any order.
 
         Args:
-            task: what the jobs have in common.
+            task: what the jobs share.
             jobs: taken lazily, as workers become idle.
             stop: once it is set, no more jobs begin; those in flight end, some with a part of
                 their runs.
@@ -165,7 +171,7 @@ class Executor(Protocol):
         ...
 
 
-# Told how many runs there are and how many of them are done already; then of runs as they finish.
+# Called with the number of runs and how many of them are done already; then with finished runs.
 BeginCallback = Callable[[int, int], None]
 ProgressCallback = Callable[[Sequence[Finished]], None]
 
@@ -174,9 +180,28 @@ def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) 
     """Yield the results of jobs as they come.
 
     Raises:
-        StoppedError: the sweep was wished to stop; what was in flight then has been yielded.
+        StoppedError: `stop` was set; the results of jobs in flight have been yielded.
     """
-    with stop.heeded():
+    with stop.watched():
         yield from executor.run(task, jobs, stop)
     if stop.is_set:
-        raise StoppedError("interrupted; the same command goes on where it stopped")
+        raise StoppedError("interrupted; run the same command again to resume")
+
+
+_NOTE_LABELS: Mapping[Purpose, str] = {
+    "record": "recorded",
+    "errors": "held against references",
+    "work": "counted",
+    "times": "timed",
+}
+
+
+def note(purpose: Purpose, run_id: str, result: Note) -> Finished:
+    """Return what a pass found of a run, as a worker returns it."""
+    row = json.dumps({"pass": purpose, "run_id": run_id, "found": result}).encode()
+    return Finished(row=row, label=_NOTE_LABELS[purpose], status="ok", expectation_met=None)
+
+
+def noted(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:
+    """Return what a pass found, by run id."""
+    return {each["run_id"]: each["found"] for each in notes if each["pass"] == purpose}

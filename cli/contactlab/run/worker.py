@@ -1,4 +1,4 @@
-"""Run a job: models, rollouts, metrics, labels, traces, records."""
+"""Runs jobs: rolls runs out, measures and labels them, writes traces and records."""
 
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic_core import to_json
 
+from contactlab.accuracy import count_works, discretization_errors
 from contactlab.contact import SelfChecks, Setup, Trace
 from contactlab.engines import (
     Buffers,
@@ -21,25 +22,28 @@ from contactlab.engines import (
 )
 from contactlab.measure import Assessment, assess
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
-from contactlab.run.pass_jobs import errors_of, work_of
 from contactlab.run.run_preparation import AbandonedError, Preparer, Proceed, always
 from contactlab.run.run_verdicts import missing_effects
-from contactlab.run.tasks import IMPULSE, Finished, Job, PlannedRun, Task
+from contactlab.run.tasks import IMPULSE, Finished, Job, PlannedRun, Task, note
 from contactlab.scene import InitialStates, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store import TraceSink, record_to_row
 from contactlab.store.mcap import TraceExtras
+
+# How long a job's second pass may go on once the sweep should stop [s].
+_GRACE = 1.0
+_RECORD_SCHEMA = b'{"type":"object"}'
 
 CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
 
 
 @dataclass(frozen=True)
 class MeasuredGroup:
-    """Runs, and the arrays and measurements that hold them.
+    """Some runs of a job, with their arrays and measurements.
 
     Attributes:
-        places: their places in the job.
-        rows: their places in the arrays and measurements.
+        places: indices of the runs in the job.
+        rows: indices of the runs in the arrays and measurements.
         trace: the arrays.
         assessment: metrics and labels.
     """
@@ -53,14 +57,16 @@ class MeasuredGroup:
 def measured_groups(
     trace: Trace, setup: Setup, rollout: Rollout, rule: str, check: CheckRuns
 ) -> Iterator[MeasuredGroup]:
-    """Yield every run of a job in one group.
+    """Measure and label runs: complete ones together, those cut short one by one.
+
+    Every run is in one of the groups.
 
     Args:
         trace: the job's arrays.
-        setup: what is known of its runs.
-        rollout: what the engine returned.
-        rule: which whole runs get a second pass: all, flagged or none.
-        check: makes the second pass over the runs at some places of the job.
+        setup: properties of its runs that are not in the trace.
+        rollout: of the engine.
+        rule: which complete runs get a second pass: all, flagged or none.
+        check: makes the second pass over the runs at some indices of the job.
     """
     trace = _without_momentum(trace, setup)
     whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
@@ -75,12 +81,12 @@ def measured_groups(
 def _checked(
     places: Sequence[int], trace: Trace, setup: Setup, rule: str, check: CheckRuns
 ) -> Iterator[MeasuredGroup]:
-    """Yield whole runs as measured, and those that the rule asks for once more, with checks.
+    """Yield complete runs as measured; those that the rule selects are measured again with checks.
 
-    Of the latter some are missing if the second pass is cut short.
+    Some of the latter are missing if the second pass is cut short.
     """
     assessment = assess(trace, setup)
-    suspects = [row for row in range(trace.runs) if _asks(rule, assessment, row)]
+    suspects = [row for row in range(trace.runs) if _selects(rule, assessment, row)]
     others = sorted(set(range(trace.runs)) - set(suspects))
     yield MeasuredGroup([places[row] for row in others], others, trace, assessment)
     if suspects:
@@ -92,7 +98,7 @@ def _checked(
         yield MeasuredGroup([places[suspects[row]] for row in done], done, checked, again)
 
 
-def _asks(rule: str, assessment: Assessment, row: int) -> bool:
+def _selects(rule: str, assessment: Assessment, row: int) -> bool:
     return rule == "all" or (rule == "flagged" and assessment.labels[row][0].label != "stable")
 
 
@@ -106,11 +112,6 @@ def _without_momentum(trace: Trace, setup: Setup) -> Trace:
         momentum=np.where(falling, np.nan, trace.momentum),
         angular_momentum=np.where(falling, np.nan, trace.angular_momentum),
     )
-
-
-# How long a job's second pass lasts before it looks whether to stop [s].
-_GRACE = 1.0
-_RECORD_SCHEMA = b'{"type":"object"}'
 
 
 class Worker:
@@ -128,7 +129,7 @@ class Worker:
         self._model_xml = model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
-        """Do what the task is for with a job of runs, or with a part of them if it should stop."""
+        """Do the task's purpose with the runs of a job, or with some of them if it should stop."""
         if not self._proceed():
             return []
         with suppress(AbandonedError):
@@ -137,9 +138,9 @@ class Worker:
 
     def _do(self, job: Job) -> list[Finished]:
         if self._task.purpose == "errors":
-            return errors_of(self._preparer, job)
+            return _errors(self._preparer, job)
         if self._task.purpose == "work":
-            return work_of(self._preparer, job)
+            return _work(self._preparer, job)
         return self._record(job)
 
     def _record(self, job: Job) -> list[Finished]:
@@ -172,7 +173,7 @@ class Worker:
     def _measure(
         self, plans: Sequence[RunPlan], starts: InitialStates, buffers: Buffers, proceed: Proceed
     ) -> tuple[Rollout, Iterator[MeasuredGroup]]:
-        """Simulate runs from the given starts, and measure and label them; the first if told so."""
+        """Roll runs out, measure and label them; fewer of them if it should stop."""
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
@@ -191,38 +192,38 @@ class Worker:
 
         def check(places: Sequence[int], picked: Trace) -> SelfChecks:
             some = [prepared[place] for place in places]
-            return run_checks(base, some, starts.rows(places), picked, self._not_for_long())
+            return run_checks(base, some, starts.rows(places), picked, self._grace_period())
 
         rule = "none" if by_hand else sweep.checks
         return rollout, measured_groups(trace, setup, rollout, rule, check)
 
     def _twin_labels(self, plans: Sequence[RunPlan], starts: InitialStates) -> dict[int, str]:
-        """Return the label that each run gets from a start that is hardly another, if asked."""
+        """Return each run's label from an initial state 1e-6 away, if the sweep asks for it."""
         if not self._task.sweep.knife_edge:
             return {}
         resolved = [plan.resolved for plan in plans]
         nudged = self._scene.initial.nudged(starts.rows(range(len(plans))), resolved)
-        _, groups = self._measure(plans, nudged, self._twin_buffers, self._not_for_long())
+        _, groups = self._measure(plans, nudged, self._twin_buffers, self._grace_period())
         return {
             place: group.assessment.labels[row][0].label
             for group in groups
             for row, place in zip(group.rows, group.places, strict=True)
         }
 
-    def _not_for_long(self) -> Proceed:
-        """Return what lets a second pass over runs go on a little, so that they need not go."""
+    def _grace_period(self) -> Proceed:
+        """Return what lets a second pass run on a little, so that its runs need not be dropped."""
         end = time.monotonic() + _GRACE
         return lambda: time.monotonic() < end or self._proceed()
 
-    def lost(self, run: PlannedRun, label: LabelEntry) -> Finished:
-        """Return the outcome of a run that no worker survives; it has no trace."""
+    def crashed(self, run: PlannedRun, label: LabelEntry) -> Finished:
+        """Record a run that crashes every worker; it has no trace."""
         self._traces.remove(run.run_id)
         (plan,) = self._preparer.plans((run,))
-        return _finished(self._records.lost(plan, label))
+        return _finished(self._records.crashed(plan, label))
 
     def _finish(self, outcome: RunOutcome, group: MeasuredGroup) -> Finished:
-        missed = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
-        record = self._records.make(outcome).model_copy(update={"effects_missed": missed})
+        missing = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
+        record = self._records.make(outcome).model_copy(update={"effects_missed": missing})
         if self._keeps_trace(outcome.plan.run, record):
             trace = self._write_trace(record, outcome, group)
             record = record.model_copy(update={"trace": trace})
@@ -239,7 +240,7 @@ class Worker:
     def _write_trace(
         self, record: EvidenceRecord, outcome: RunOutcome, group: MeasuredGroup
     ) -> TraceFile:
-        """Write a run's trace; its record there has neither cost nor clock, so that it repeats."""
+        """Write a run's trace; its record has neither cost nor times of day, so that it repeats."""
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),
             record_schema=_RECORD_SCHEMA,
@@ -248,6 +249,24 @@ class Worker:
         )
         series = outcome.assessment.series
         return self._traces.add(record.run_id, group.trace, outcome.row, series, extras)
+
+
+def _errors(preparer: Preparer, job: Job) -> list[Finished]:
+    """Return a note of the discretisation errors of each run of a family."""
+    request = preparer.task.sweep.accuracy
+    assert request is not None
+    plans = preparer.plans(job)
+    with preparer.watchdog_or_give_up() as watch:
+        errors = discretization_errors(preparer.scene, plans, request, watch)
+    return [note("errors", run.run_id, each) for run, each in zip(job, errors, strict=True)]
+
+
+def _work(preparer: Preparer, job: Job) -> list[Finished]:
+    """Return a note of the work of each run of a job."""
+    plans = preparer.plans(job)
+    with preparer.watchdog_or_give_up() as watch:
+        works = list(count_works(preparer.scene, plans, watch))
+    return [note("work", run.run_id, each) for run, each in zip(job, works, strict=True)]
 
 
 def _finished(record: EvidenceRecord) -> Finished:
