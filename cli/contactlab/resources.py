@@ -61,3 +61,17 @@ def sweep_file(name: str) -> Path:
             f"no sweep file and no shipped sweep named '{name}'{hint}\nsee `contactlab sweeps`"
         )
     return sweeps() / f"{name}.yaml"
+
+
+def find_sweep(name: str) -> Path:
+    """Return the path of a sweep file, given by its path or as the name of a shipped sweep.
+
+    Raises:
+        SweepFileError: there is none.
+    """
+    path = Path(name)
+    if path.suffix not in {".yaml", ".yml"} and "/" not in name:
+        return sweep_file(name)
+    if not path.is_file():
+        raise SweepFileError(f"no sweep file {path}")
+    return path

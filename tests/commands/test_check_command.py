@@ -105,7 +105,7 @@ def test_it_is_run_again_in_the_same_folder(contactlab: Run) -> None:
         (["own.xml", "--set", "timestp=1"], ["did you mean 'timestep'?"]),
         (["own.xml", "--set", "cone=round", "--set", "impratio=-1"], ["'round'", "above 0"]),
         (["own.xml", "--set", "solref=0.02 1,0.005 1"], ["one value, not 2"]),
-        (["own.xml", "--set", "seeds=3"], ["axes of the model, and duration"]),
+        (["own.xml", "--set", "seeds=3"], ["axes of the scene and duration only"]),
         (["own.xml", "--set", "engine=impulse"], ["engine"]),
         (["open.xml"], ["does not compile", "body 'rotor'", "1 + 1 < 3"]),
     ],

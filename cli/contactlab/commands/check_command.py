@@ -13,10 +13,9 @@ from contactlab.commands.options import (
     SetOption,
     StudyFolderOption,
     WorkersOption,
-    worker_count,
 )
-from contactlab.commands.stopping import resumable
-from contactlab.commands.terminal import print_table, progress_display
+from contactlab.commands.stopping import study_session
+from contactlab.commands.terminal import print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -53,22 +52,21 @@ def check(
     output: FormatOption = Format.text,
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
-    from contactlab.studies.check import CheckRequest, check_model
+    from contactlab.studies.check import CheckRequest, run
 
     request = CheckRequest(
         model=model,
-        folder=folder or RESULTS / "check" / _name(model),
         assign=[*(assign or ()), *([f"keyframe={keyframe}"] if keyframe else [])],
         only=only or (),
         kind=None if kind is Task.auto else kind.value,
-        workers=worker_count(workers),
     )
-    with resumable("start over") as stop, progress_display() as display:
-        report = check_model(request, display.begin, display.advance, stop)
+    target = folder or RESULTS / "check" / _name(model)
+    with study_session(target, workers, "start over") as session:
+        report = run(request, session)
     if output is Format.json:
         typer.echo(report.model_dump_json(indent=2))
     else:
-        _print(report, request.folder)
+        _print(report, target)
     if failed := [each.name for each in report.checks if each.verdict == "fail"]:
         raise ExpectationError(f"{model} fails {', '.join(failed)}")
 

@@ -13,16 +13,13 @@ from contactlab.commands.options import (
     SetOption,
     StudyFolderOption,
     WorkersOption,
-    worker_count,
 )
-from contactlab.commands.stopping import resumable
-from contactlab.commands.terminal import print_table, progress_display, say, write_text
+from contactlab.commands.stopping import study_session
+from contactlab.commands.terminal import print_table, say
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.schema import EffectFinding, EffectsReport, Ratio
-
-_REPORT = "effects.json"
 
 
 def effects(
@@ -41,18 +38,18 @@ def effects(
     output: FormatOption = Format.text,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
-    from contactlab.studies.effects import Ablation, ask, draw
+    from contactlab.studies.effects import EffectsRequest, run
     from contactlab.tradeoff import check_figure
 
     if figure is not None:
         check_figure(figure)
-    request = ask(source, assign or (), seeds, Path())
-    target = folder or RESULTS / "effects" / request.scene.name
-    with resumable("start over") as stop, progress_display() as display:
-        shows = display.begin, display.advance
-        report = Ablation(request, target, worker_count(workers), *shows, stop=stop).report()
-    write_text(target / _REPORT, report.model_dump_json(indent=2) + "\n")
+    request = EffectsRequest(source, assign or (), seeds)
+    target = folder or RESULTS / "effects" / request.setup.scene.name
+    with study_session(target, workers, "start over") as session:
+        report = run(request, session)
     if figure is not None:
+        from contactlab.studies.effects.effects_chart import draw
+
         draw(report, figure)
         say(f"drew {figure}")
     if output is Format.json:
@@ -80,7 +77,7 @@ def _print(report: "EffectsReport", target: Path) -> None:
     for each in (each for each in report.interactions if each.free):
         typer.echo(f"needed one by one, free together: {' and '.join(each.effects)}")
     _print_set(report)
-    typer.echo(f"evidence and {_REPORT} in {target}")
+    typer.echo(f"evidence and effects.json in {target}")
 
 
 def _row(finding: "EffectFinding") -> tuple[object, ...]:

@@ -127,22 +127,6 @@ def worker_count(workers: int | None) -> int:
     return os.cpu_count() or 1
 
 
-def sweep_path(name: str) -> Path:
-    """Return the path of a sweep file, given by path or by shipped name.
-
-    Raises:
-        SweepFileError: there is none.
-    """
-    from contactlab import resources
-
-    path = Path(name)
-    if path.suffix in {".yaml", ".yml"} or "/" in name:
-        if not path.is_file():
-            raise SweepFileError(f"no sweep file {path}")
-        return path
-    return resources.sweep_file(name)
-
-
 def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
     """Run the same command with another MuJoCo, if `--mujoco` names one, and end with it.
 

@@ -1,7 +1,6 @@
 """`contactlab stability`: the catalogue of hard cases, or generic checks of a model."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -14,14 +13,13 @@ from contactlab.commands.options import (
     StudyFolderOption,
     WorkersOption,
     rerun_with_mujoco,
-    worker_count,
 )
-from contactlab.commands.stopping import resumable
-from contactlab.commands.terminal import print_json, print_table, progress_display, say
+from contactlab.commands.stopping import study_session
+from contactlab.commands.terminal import print_json, print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.studies.stability_cases import CaseResult
+    from contactlab.schema import StabilityResult
 
 _MOST_MISSES = 5
 _THEN = "repeat the finished cases and resume this one"
@@ -38,34 +36,22 @@ def stability(
     output: FormatOption = Format.text,
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
-    from contactlab.studies.stability_cases import find_cases, run_case
+    from contactlab.studies.stability_cases import StabilityRequest, run
 
     target = folder or RESULTS / "stability"
     rerun_with_mujoco(mujoco, None if folder else target)
-    done: list[CaseResult] = []
-    cases = find_cases(names or [])
-    for number, case in enumerate(cases, 1):
-        with resumable(_THEN) as stop, progress_display() as display:
-            shows = display.begin, display.advance
-            result = run_case(case, target, worker_count(workers), *shows, stop)
-        say(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
-        done += [result] if result.runs else []
+    with study_session(target, workers, _THEN) as session:
+        report = run(StabilityRequest(names or ()), session)
+    cases = report.cases
     if output is Format.json:
-        print_json([{**asdict(each), "store": str(each.store)} for each in done])
+        print_json(report.model_dump(mode="json"))
     else:
-        _print(done)
-    if failed := [each.name for each in done if not each.passed]:
-        raise ExpectationError(f"{len(failed)} of {len(done)} cases failed: {', '.join(failed)}")
+        _print(cases)
+    if failed := [each.name for each in cases if not each.passed]:
+        raise ExpectationError(f"{len(failed)} of {len(cases)} cases failed: {', '.join(failed)}")
 
 
-def _verdict(result: "CaseResult") -> str:
-    left_out = "; left out: " + "; ".join(result.left_out) if result.left_out else ""
-    if not result.runs:
-        return "skipped" + left_out
-    return ("ok" if result.passed else "NOT AS EXPECTED") + left_out
-
-
-def _print(done: "Sequence[CaseResult]") -> None:
+def _print(done: "Sequence[StabilityResult]") -> None:
     header = (
         "case",
         "runs",

@@ -6,16 +6,19 @@ import signal
 import threading
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
+from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
 
-from contactlab.commands.terminal import say
+from contactlab.commands.options import worker_count
+from contactlab.commands.terminal import progress_display, say
 from contactlab.errors import StoppedError
 
 if TYPE_CHECKING:
     from contactlab.run import Stop
+    from contactlab.studies.session import Session
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 _STOPPING = "finishing the running jobs; interrupt again to stop at once\n"
@@ -39,6 +42,22 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
     except (KeyboardInterrupt, StoppedError) as error:
         say(f"interrupted; run the same command again to {then}")
         raise typer.Exit(StoppedError.exit_code) from error
+
+
+@contextmanager
+def study_session(folder: Path, workers: int | None, then: str = "resume") -> Generator["Session"]:
+    """Yield a session that shows its progress on stderr and stops on Ctrl-C and SIGTERM.
+
+    Args:
+        folder: receives stores and reports.
+        workers: worker processes; None for one per core.
+        then: what the same command does after an interruption.
+    """
+    from contactlab.studies.session import Session
+
+    count = worker_count(workers)
+    with resumable(then) as stop, progress_display() as display:
+        yield Session(folder, count, display.begin, display.advance, say, stop)
 
 
 @contextmanager

@@ -17,7 +17,6 @@ from contactlab.commands.options import (
     SweepStoreOption,
     WorkersOption,
     rerun_with_mujoco,
-    sweep_path,
     worker_count,
 )
 from contactlab.commands.show_command import format_value, print_summary
@@ -75,11 +74,12 @@ def sweep(
     output: FormatOption = Format.text,
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
+    from contactlab import resources
     from contactlab.plan import Overrides
     from contactlab.run import forecast, read_request, run_sweep
 
     _check_executor(executor, address, workers)
-    path = sweep_path(name)
+    path = resources.find_sweep(name)
     target = store or RESULTS / path.stem
     rerun_with_mujoco(mujoco, None if store else RESULTS / path.stem)
     request = read_request(

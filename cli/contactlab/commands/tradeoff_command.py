@@ -17,34 +17,27 @@ from contactlab.commands.options import (
     ToleranceOption,
     WorkersOption,
     accuracy_criteria,
-    store_at,
-    sweep_path,
-    worker_count,
 )
-from contactlab.commands.stopping import resumable
+from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import (
     print_json,
     print_table,
-    progress_display,
     say,
     write_text,
 )
-from contactlab.errors import ExpectationError, OutputError, SweepFileError
+from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
-    from contactlab.run import SweepRequest
     from contactlab.schema import (
         Configuration,
         FrontPoint,
         Method,
         Recommendation,
         Settings,
-        Sweep,
         TradeoffReport,
     )
     from contactlab.tradeoff import Criteria
 
-_MANIFEST = "manifest.json"
 _MOST_METHODS = 12
 _MOST_RATES = 40
 
@@ -66,13 +59,11 @@ def tradeoff(
     output: FormatOption = Format.text,
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
-    from contactlab.store import Store
-    from contactlab.tradeoff import analyse, draw, recommended_sweep
+    from contactlab.tradeoff import draw
 
     criteria = accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
-    opened = Store.open(_store(name, store, worker_count(workers), criteria))
-    report = analyse(opened, criteria)
+    report = _analyse_store(name, store, criteria) or _run(name, store, workers, criteria)
     if output is Format.json:
         print_json(report.model_dump(mode="json"))
     else:
@@ -82,7 +73,7 @@ def tradeoff(
         say(f"drew {figure}")
     _fail_on(report)
     if write is not None:
-        _write(write, recommended_sweep(opened, report, write.parent), report)
+        _write(write, report)
 
 
 def _check_outputs(figure: Path | None, write: Path | None) -> None:
@@ -98,61 +89,24 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
         raise OutputError(f"{write} exists; choose another file with --write")
 
 
-def _store(name: str, target: Address | None, workers: int, criteria: "Criteria") -> Address:
-    """Return the store to analyse; a sweep is run first."""
-    path = store_at(name)
-    if not isinstance(path, Path):
-        if target is not None:
-            raise SweepFileError(f"{path} is a store; -o names the store of a sweep")
-        return path
-    if path.is_dir() and (target is not None or (path / _MANIFEST).is_file()):
-        if target is not None:
-            raise SweepFileError(f"{path} is a folder; -o names the store of a sweep")
-        return path
-    return path if path.is_dir() else _run(sweep_path(name), target, workers, criteria)
+def _analyse_store(
+    name: str, target: Address | None, criteria: "Criteria"
+) -> "TradeoffReport | None":
+    """Return the report of a store, without loading an engine; None if there is only a sweep."""
+    from contactlab.store import Store
+    from contactlab.tradeoff import analyse, find_store
+
+    stored = find_store(name, target)
+    return None if stored is None else analyse(Store.open(stored), criteria)
 
 
-def _run(path: Path, target: Address | None, workers: int, criteria: "Criteria") -> Address:
-    from contactlab.run import run_sweep
+def _run(
+    name: str, target: Address | None, workers: int | None, criteria: "Criteria"
+) -> "TradeoffReport":
+    from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
-    request = _request(path, target or RESULTS / "tradeoff" / path.stem, workers, criteria)
-    for warning in request.plan.warnings:
-        say(str(warning))
-    with resumable() as stop, progress_display() as display:
-        run_sweep(request, display.begin, display.advance, stop)
-    return request.store
-
-
-def _request(path: Path, store: Address, workers: int, criteria: "Criteria") -> "SweepRequest":
-    """Return the sweep to run, with errors and times measured even if its file does not say so."""
-    from contactlab.plan import Overrides
-    from contactlab.run import read_request
-
-    plain = read_request(path, path.stem, store, folder=path.parent, workers=workers)
-    added = _added(plain.plan.sweep, criteria)
-    return read_request(
-        path,
-        path.stem,
-        store,
-        folder=path.parent,
-        workers=workers,
-        overrides=Overrides(assign=added),
-    )
-
-
-def _added(sweep: "Sweep", criteria: "Criteria") -> tuple[str, ...]:
-    """Return what to measure besides what the sweep file says.
-
-    Reference runs cost more than all others; an error of another kind needs none.
-    """
-    from contactlab.schema import ERRORS
-    from contactlab.tradeoff import chosen_error
-
-    error = criteria.error or chosen_error({**sweep.tolerances, **criteria.tolerances})
-    wanted = error is None or error in ERRORS
-    accuracy = ("accuracy={error: auto}",) if wanted and sweep.accuracy is None else ()
-    timing = ("timing={rounds: 3}",) if sweep.timing is None else ()
-    return (*accuracy, *timing)
+    with study_session(RESULTS / "tradeoff", workers) as session:
+        return run(TradeoffRequest(name, criteria, target), session)
 
 
 def _fail_on(report: "TradeoffReport") -> None:
@@ -169,10 +123,13 @@ def _fail_on(report: "TradeoffReport") -> None:
     )
 
 
-def _write(path: Path, text: str, report: "TradeoffReport") -> None:
+def _write(path: Path, report: "TradeoffReport") -> None:
     from contactlab.schema import ERRORS
+    from contactlab.store import Store, parse_address
+    from contactlab.tradeoff import recommended_sweep
 
-    write_text(path, text)
+    store = Store.open(parse_address(report.store))
+    write_text(path, recommended_sweep(store, report, path.parent))
     command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
     say(f"wrote {path}\nnext: contactlab {command} {path}")
 

@@ -1,5 +1,6 @@
 """From a sweep file and the options of the command line to a plan, or to all mistakes at once."""
 
+import json
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -17,7 +18,7 @@ from contactlab.plan.included_rows import read_rows
 from contactlab.plan.names import SweepContext, check_names
 from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
-from contactlab.plan.yaml_document import Document, read_document
+from contactlab.plan.yaml_document import Document, data_document, read_document
 from contactlab.schema import Condition, Expectation, Role, Sweep, Vocabulary, axis_role, switches
 
 _NONE = Overrides()
@@ -28,8 +29,8 @@ class SweepFile:
     """A sweep file that was read without mistakes.
 
     Attributes:
-        path: where it lies; None if it was given as text.
-        text: as written.
+        path: where it lies; None if it was given as text or data.
+        text: as written; JSON if it was given as data.
         sweep: what it says, options of the command line included.
         plan: the runs it asks for.
     """
@@ -41,14 +42,14 @@ class SweepFile:
 
 
 def read_sweep(
-    source: Path | str,
+    source: Path | str | Mapping[str, object],
     vocabulary: Callable[[str], Vocabulary],
     overrides: Overrides = _NONE,
 ) -> SweepFile:
     """Read and check a sweep file, with the options of the command line.
 
     Args:
-        source: its path, or its text.
+        source: its path, its text, or what it says as data that JSON can hold.
         vocabulary: gives the names that a scene offers; may raise SceneError.
         overrides: options of the command line.
 
@@ -57,8 +58,12 @@ def read_sweep(
             data) it or the options hold mistakes.
     """
     path = source if isinstance(source, Path) else None
-    text = read_text(path) if path else str(source)
-    document = read_document(text, str(path) if path else "sweep")
+    if isinstance(source, Mapping):
+        text = json.dumps(source, indent=1)
+        document = data_document(json.loads(text), "sweep")
+    else:
+        text = read_text(path) if path else str(source)
+        document = read_document(text, str(path) if path else "sweep")
     if document.found and document.data is None:
         raise SweepMistakesError(document.found)
     if isinstance(document.data, dict):

@@ -1,7 +1,8 @@
 """A YAML text as plain data, with the place of every key and value."""
 
+import json
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Protocol, cast
 
@@ -123,6 +124,28 @@ def read_document(text: str, name: str) -> Document:
     """Read a YAML text; its mistakes are in the document's `found`."""
     source = SourceText(name, tuple(_BREAK.split(text)))
     return _Reader(Document(source), _Origin(source)).read(text)
+
+
+def data_document(data: object, name: str) -> Document:
+    """Return data, as JSON has it, as a document; its places are paths, such as `axes.mass[2]`."""
+    document = Document(SourceText(name, (name,), numbered=False), data)
+    for path, value in _parts(data, ()):
+        text = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in path)[1:]
+        text += "" if isinstance(value, dict | list) else f": {json.dumps(value)}"
+        place = Place(SourceText(name, (text,), numbered=False), 1, 1, len(text))
+        document.values[path] = document.keys[path] = place
+    return document
+
+
+def _parts(data: object, path: KeyPath) -> Iterator[tuple[KeyPath, object]]:
+    inner: Iterable[tuple[str | int, object]] = ()
+    if isinstance(data, dict):
+        inner = cast("dict[str, object]", data).items()
+    elif isinstance(data, list):
+        inner = enumerate(cast("list[object]", data))
+    for key, value in inner:
+        yield (*path, key), value
+        yield from _parts(value, (*path, key))
 
 
 def read_argument(text: str, source: SourceText, column: int) -> Document:

@@ -96,6 +96,7 @@ from contactlab.schema.scene_manifest import (
     StructureValue,
     Term,
 )
+from contactlab.schema.stability_report import StabilityReport, StabilityResult
 from contactlab.schema.strict_model import (
     Model,
     Number,
@@ -232,6 +233,8 @@ __all__ = [
     "Settings",
     "SmallestSet",
     "SolrefRule",
+    "StabilityReport",
+    "StabilityResult",
     "Statistic",
     "StoreManifest",
     "StructureValue",

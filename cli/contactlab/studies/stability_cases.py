@@ -2,29 +2,40 @@
 
 import time
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
-from contactlab.run.sweep_request import read_request
-from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import ProgressCallback, Stop
+from contactlab.run import SweepRequest, read_request
 from contactlab.scene import is_menagerie, menagerie_name
-from contactlab.store import Store
+from contactlab.schema import StabilityReport, StabilityResult
+from contactlab.studies.session import Session
 
 FOLDER = "stability"
 _MODELS = (".xml", ".urdf", ".mjcf")
 
 
 @dataclass(frozen=True)
-class Case:
-    """One hard case: a sweep that expects something of its runs.
+class StabilityRequest:
+    """Which cases to run.
 
     Attributes:
-        name: its name.
+        names: cases of the catalogue; model files, folders of scenes or menagerie:ROBOT, for
+            generic checks of these; every case of the catalogue if empty.
+    """
+
+    names: Sequence[str] = ()
+
+
+@dataclass(frozen=True)
+class StabilityCase:
+    """One hard case: a sweep with expectations.
+
+    Attributes:
+        name: its name, and that of its store.
         source: the sweep file, or the text of a generic one.
         folder: where relative paths of its scene start.
     """
@@ -34,45 +45,27 @@ class Case:
     folder: Path
 
 
-@dataclass(frozen=True)
-class CaseResult:
-    """What came of a case.
+def run(request: StabilityRequest, session: Session) -> StabilityReport:
+    """Run hard cases, each into a store of its own; one that was interrupted is resumed.
 
-    Attributes:
-        name: the case.
-        runs: how many runs it has.
-        asked: of how many of them something was expected.
-        met: how many of these came out as expected.
-        controls: runs that had to fail, and did.
-        labels: runs by label.
-        error: largest oracle error of the runs that had to hold; None without an oracle.
-        step: earliest step at which a run failed that had to hold; None if none did.
-        misses: what was missed, with the start of the run's id.
-        seconds: wall time [s].
-        store: its evidence.
-        left_out: why runs were left out that only newer engines can do.
+    The session is notified of each case that is done. Cases of which this engine can do nothing
+    are left out of the report.
+
+    Raises:
+        SweepFileError: there is no such case.
+        OutputError: the session's folder cannot be written.
+        StoppedError: the session was stopped.
     """
-
-    name: str
-    runs: int
-    asked: int
-    met: int
-    controls: int
-    labels: dict[str, int]
-    error: float | None
-    step: int | None
-    misses: tuple[str, ...]
-    seconds: float
-    store: Path
-    left_out: tuple[str, ...] = ()
-
-    @property
-    def passed(self) -> bool:
-        """Whether everything expected came out."""
-        return self.met == self.asked > 0
+    cases = find_cases(request.names)
+    results: list[StabilityResult] = []
+    for number, case in enumerate(cases, 1):
+        result = run_case(case, session)
+        session.notify(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
+        results += [result] if result.runs else []
+    return StabilityReport(tuple(results))
 
 
-def find_cases(names: list[str]) -> list[Case]:
+def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     """Return cases by name, a generic one for a model file, a scene's folder or a robot.
 
     Without names, return all.
@@ -84,56 +77,22 @@ def find_cases(names: list[str]) -> list[Case]:
     return [_case(name, known) for name in names or known]
 
 
-def run_case(
-    case: Case,
-    results: Path,
-    workers: int,
-    begin: Callable[[int, int], None],
-    progress: ProgressCallback,
-    stop: Stop | None = None,
-) -> CaseResult:
-    """Run one case into a store of its own; one that was interrupted goes on.
-
-    Args:
-        case: the case.
-        results: the folder of the stores.
-        workers: processes.
-        begin: told how many runs there are and how many of them are done already.
-        progress: told of runs as they finish.
-        stop: set when it should end soon.
-
-    Raises:
-        StoppedError: it was told to stop.
-    """
-    store = results / case.name
+def run_case(case: StabilityCase, session: Session) -> StabilityResult:
+    """Run one case; see `run`."""
     started = time.monotonic()
-    fresh = (store / "manifest.json").is_file()
-    ask = read_request(
-        case.source,
-        case.name,
-        store,
-        folder=case.folder,
-        workers=workers,
-        fresh=fresh,
-        partly=True,
-    )
-    rows: list[dict[str, Any]] = []
-    if ask.plan.count:
-        run_sweep(ask, begin, progress, stop)
-        rows = Store.open(store).table.to_pylist()
-    result = _result(case.name, rows, time.monotonic() - started, store)
-    return replace(result, left_out=ask.left_out)
+    sweep = _sweep(case, session)
+    rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
+    return _result(sweep, rows, time.monotonic() - started)
 
 
-def _case(name: str, known: dict[str, Path]) -> Case:
+def _case(name: str, known: dict[str, Path]) -> StabilityCase:
     if name in known:
-        return Case(name, known[name], known[name].parent)
+        return StabilityCase(name, known[name], known[name].parent)
     if is_menagerie(name):
-        return Case(menagerie_name(name), _GENERIC.format(scene=name), Path())
+        return StabilityCase(menagerie_name(name), _GENERIC.format(scene=name), Path())
     path = Path(name)
     if path.suffix in _MODELS or path.is_dir():
-        text = _GENERIC.format(scene=str(path.resolve()))
-        return Case(path.stem, text, Path())
+        return StabilityCase(path.stem, _GENERIC.format(scene=path.resolve()), Path())
     raise SweepFileError(
         f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
         "and any model file, folder of a scene or menagerie:ROBOT"
@@ -152,26 +111,49 @@ expect:
 """
 
 
-def _result(name: str, rows: list[dict[str, Any]], seconds: float, store: Path) -> CaseResult:
-    asked = [row for row in rows if row["expectation_met"] is not None]
-    held = [row for row in asked if "stable" in (row["expected"] or ["stable"])]
-    failed = [row for row in held if not row["expectation_met"]]
-    errors = [row["oracle_error"] for row in held if row["oracle_error"] is not None]
+def _sweep(case: StabilityCase, session: Session) -> SweepRequest:
+    store = session.folder / case.name
+    return read_request(
+        case.source,
+        case.name,
+        store,
+        folder=case.folder,
+        workers=session.workers,
+        fresh=(store / "manifest.json").is_file(),
+        partly=True,
+    )
+
+
+def _result(
+    sweep: SweepRequest, rows: Sequence[Mapping[str, Any]], seconds: float
+) -> StabilityResult:
+    expected = [row for row in rows if row["expectation_met"] is not None]
+    stable = [row for row in expected if "stable" in (row["expected"] or ["stable"])]
+    failed = [row for row in stable if not row["expectation_met"]]
+    errors = [row["oracle_error"] for row in stable if row["oracle_error"] is not None]
     steps = [row["label_step"] for row in failed if row["label_step"] is not None]
-    return CaseResult(
-        name=name,
+    return StabilityResult(
+        name=sweep.name,
         runs=len(rows),
-        asked=len(asked),
-        met=sum(row["expectation_met"] for row in asked),
-        controls=sum(row["expectation_met"] for row in asked if row not in held),
+        asked=len(expected),
+        met=sum(row["expectation_met"] for row in expected),
+        controls=sum(row["expectation_met"] for row in expected if row not in stable),
         labels=dict(Counter(row["label"] for row in rows)),
         error=max(errors, default=None),
         step=min(steps, default=None),
         misses=tuple(
             f"{row['run_id'][:8]}: {row['expectation_reason']}"
-            for row in asked
+            for row in expected
             if not row["expectation_met"]
         ),
         seconds=seconds,
-        store=store,
+        store=str(sweep.store),
+        left_out=sweep.left_out,
     )
+
+
+def _verdict(result: StabilityResult) -> str:
+    left_out = "; left out: " + "; ".join(result.left_out) if result.left_out else ""
+    if not result.runs:
+        return "skipped" + left_out
+    return ("ok" if result.passed else "NOT AS EXPECTED") + left_out

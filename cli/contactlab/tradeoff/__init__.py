@@ -3,7 +3,7 @@
 from contactlab.tradeoff.analysis import analyse
 from contactlab.tradeoff.configuration_lines import MjcfLines, mjcf_lines
 from contactlab.tradeoff.configurations import ESTIMATES
-from contactlab.tradeoff.criteria import MODELLING, Criteria, chosen_error
+from contactlab.tradeoff.criteria import MODELLING, Criteria, chosen_error, find_store
 from contactlab.tradeoff.drawing import (
     COLOURS,
     INK,
@@ -36,6 +36,7 @@ __all__ = [
     "check_figure",
     "chosen_error",
     "draw",
+    "find_store",
     "mjcf_lines",
     "recommended_sweep",
     "save_figure",

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from contactlab.errors import StoreError, SweepFileError, did_you_mean
 from contactlab.schema import ERRORS, ErrorMeasure, Sweep, TimeMeasure
-from contactlab.store import Store
+from contactlab.store import Address, Store, parse_address
 
 MODELLING = "oracle_error"
 TIMED = "time_median"
@@ -28,6 +29,26 @@ class Criteria:
 
     error: str | None = None
     tolerances: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+
+
+def find_store(source: str, target: Address | None = None) -> Address | None:
+    """Return the store that a text names; None if it names a sweep.
+
+    Args:
+        source: a store, a sweep file or the name of a shipped sweep.
+        target: where the store of a sweep should go, if that is said.
+
+    Raises:
+        SweepFileError: there is a target for what is a store already.
+    """
+    address = parse_address(source)
+    is_folder = isinstance(address, Path) and address.is_dir()
+    if isinstance(address, Path) and not is_folder:
+        return None
+    if target is not None:
+        what = "folder" if is_folder else "store"
+        raise SweepFileError(f"{address} is a {what}; -o names the store of a sweep")
+    return address
 
 
 def tolerances_of(store: Store, question: Criteria) -> dict[str, float]:

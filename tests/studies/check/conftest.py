@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 
 from contactlab.schema import CheckReport, CheckResult, Measure
-from contactlab.studies.check import CheckRequest, check_model
+from contactlab.studies.check import CheckRequest, run
+from contactlab.studies.session import Session
 
 Checked = Callable[..., CheckReport]
 
@@ -25,8 +26,8 @@ def checked(tmp_path: Path) -> Checked:
         if model.lstrip().startswith("<"):
             (tmp_path / "own.xml").write_text(model)
             model = "own.xml"
-        ask = CheckRequest(model, tmp_path / "check", assign, only, **options)  # pyright: ignore[reportArgumentType]
-        return check_model(ask, lambda _total, _done: None, lambda _: None)
+        request = CheckRequest(model, assign, only, **options)  # pyright: ignore[reportArgumentType]
+        return run(request, Session(tmp_path / "check"))
 
     return check
 

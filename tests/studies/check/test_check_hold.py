@@ -12,6 +12,7 @@ from contactlab.scene import make_setup
 from contactlab.schema import CheckResult, Measure
 from contactlab.studies.check.checked_model import CheckRunner, open_model
 from contactlab.studies.check.hold_check import held_pairs, part_of, slots_of
+from contactlab.studies.session import Session
 
 One = Callable[..., CheckResult]
 Values = Callable[[CheckResult, str], Mapping[str | None, float | None]]
@@ -101,9 +102,8 @@ def test_a_box_that_slides_is_not_held(one: One) -> None:
     assert "only as they slide" in found.reason
 
 
-def bench_of(scene: str, assign: tuple[str, ...], folder: Path) -> CheckRunner:
-    target = open_model(scene, assign)
-    return CheckRunner(target, folder, 0, lambda _total, _done: None, lambda _: None)
+def runner_of(scene: str, assign: tuple[str, ...], folder: Path) -> CheckRunner:
+    return CheckRunner(open_model(scene, assign), Session(folder))
 
 
 @pytest.mark.parametrize(
@@ -118,8 +118,8 @@ def test_a_whole_window_gives_the_metrics_of_the_record(
     A file's contact points are of single precision: each is off by at most 2**-24 of itself, and
     with them what is a sum or a mean of them; what is counted is the same.
     """
-    bench = bench_of(scene, assign, tmp_path)
-    target, own = bench.target, bench.own
+    runner = runner_of(scene, assign, tmp_path)
+    target, own = runner.checked, runner.nominal
     base = target.base
     setup = make_setup(base, None, [target.resolved], [target.prepared.model], {})
     steps = slice(0, own.record.steps)
@@ -140,9 +140,9 @@ def test_a_whole_window_gives_the_metrics_of_the_record(
 
 def test_a_window_sees_its_part_only(tmp_path: Path) -> None:
     """A box at 2 m/s slides for 0.41 s, and sticks from then on."""
-    bench = bench_of("box_slide", (), tmp_path)
-    (early,) = held_pairs(bench.target, bench.own, 0.05, 0.35)
-    (late,) = held_pairs(bench.target, bench.own, 0.5, 1.0)
+    runner = runner_of("box_slide", (), tmp_path)
+    (early,) = held_pairs(runner.checked, runner.nominal, 0.05, 0.35)
+    (late,) = held_pairs(runner.checked, runner.nominal, 0.5, 1.0)
     assert not early.holds
     assert early.sliding > 0.9
     # v0 t - mu g t^2 / 2; a box that slides hops, and slips only while it bears force.

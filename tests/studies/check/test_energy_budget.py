@@ -26,7 +26,7 @@ def stored(
         iterations=counts,
         iterations_most=counts,
         momentum=None,
-        spin=None,
+        angular_momentum=None,
         pairs=(),
         record_json=b"",
         metadata={},

@@ -1,12 +1,13 @@
 """Ablations of a scene, a sweep or a model, with few seeds and in this process."""
 
 from collections.abc import Callable
-from pathlib import Path
 
 import pytest
 
 from contactlab.schema import EffectsReport
-from contactlab.studies.effects import Ablation, ask
+from contactlab.studies import effects
+from contactlab.studies.effects import EffectsRequest
+from contactlab.studies.session import Session
 
 Ablate = Callable[..., EffectsReport]
 
@@ -26,13 +27,7 @@ def ablate(tmp_path_factory: pytest.TempPathFactory) -> Ablate:
         folder = tmp_path_factory.mktemp("ablation")
         source = folder / name
         source.write_text(text)
-        return Ablation(
-            question=ask(str(source), assign, seeds, Path()),
-            folder=folder / "stores",
-            workers=workers,
-            begin=lambda *_: None,
-            progress=lambda _: None,
-            rounds=rounds,
-        ).report()
+        request = EffectsRequest(str(source), assign, seeds, rounds)
+        return effects.run(request, Session(folder / "stores", workers))
 
     return run

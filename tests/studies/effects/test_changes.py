@@ -1,25 +1,25 @@
 """When a change of a metric or a label is an effect, and when it is the scene's own spread."""
 
-from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.studies.effects import EffectsRequest, ask
+from contactlab.studies.effects import EffectsRequest
 from contactlab.studies.effects.effect_toggles import TrialOutcome
+from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.effects.metric_changes import TrialDifference, difference, judged_metrics
 
 TOLERANCE = 1e-3
 
 
 @pytest.fixture(scope="module")
-def question(tmp_path_factory: pytest.TempPathFactory) -> EffectsRequest:
+def setup(tmp_path_factory: pytest.TempPathFactory) -> AblationSetup:
     """Return what is asked of a scene with one tolerance."""
     path = tmp_path_factory.mktemp("asked") / "asked.yaml"
     path.write_text(f"version: 1\nscene: ball_drop\ntolerances: {{drift: {TOLERANCE}}}\n")
-    return ask(str(path), (), 2, Path())
+    return EffectsRequest(str(path), seeds=2).setup
 
 
 def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, Any], ...]:
@@ -28,9 +28,9 @@ def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, A
     return tuple({**nothing, "drift": value, "label": label} for value in values)
 
 
-def compared(question: EffectsRequest, base: Any, other: Any) -> TrialDifference:
+def compared(setup: AblationSetup, base: Any, other: Any) -> TrialDifference:
     """Compare two outcomes of one scenario."""
-    return difference(question, [{}], TrialOutcome((base,)), TrialOutcome((other,)))
+    return difference(setup, [{}], TrialOutcome((base,)), TrialOutcome((other,)))
 
 
 @given(
@@ -38,10 +38,10 @@ def compared(question: EffectsRequest, base: Any, other: Any) -> TrialDifference
     shift=st.floats(-1, 1),
 )
 def test_a_shift_matters_beyond_both_tolerance_and_spread(
-    question: EffectsRequest, base: list[float], shift: float
+    setup: AblationSetup, base: list[float], shift: float
 ) -> None:
     other = [value + shift for value in base]
-    found = compared(question, rows(list(base)), rows(list(other)))
+    found = compared(setup, rows(list(base)), rows(list(other)))
     spread = max(base) - min(base)
     # The mean of differences is the shift, to rounding of numbers up to 2.
     if abs(shift) > max(TOLERANCE, spread) + 1e-12:
@@ -50,8 +50,8 @@ def test_a_shift_matters_beyond_both_tolerance_and_spread(
         assert not found.matters
 
 
-def test_a_change_within_the_spread_is_told_with_its_numbers(question: EffectsRequest) -> None:
-    found = compared(question, rows([0.0, 0.5]), rows([0.1, 0.6]))
+def test_a_change_within_the_spread_is_told_with_its_numbers(setup: AblationSetup) -> None:
+    found = compared(setup, rows([0.0, 0.5]), rows([0.1, 0.6]))
     assert not found.matters
     assert found.within_spread == ("drift",)
     assert found.reason == "drift changes by 0.1 m, within the spread of 0.5 over seeds"
@@ -68,23 +68,23 @@ def test_a_change_within_the_spread_is_told_with_its_numbers(question: EffectsRe
     ],
 )
 def test_a_metric_that_appears_or_vanishes_matters(
-    question: EffectsRequest, base: list[float | None], other: list[float | None], matters: bool
+    setup: AblationSetup, base: list[float | None], other: list[float | None], matters: bool
 ) -> None:
-    assert compared(question, rows(base), rows(other)).matters == matters
+    assert compared(setup, rows(base), rows(other)).matters == matters
 
 
-def test_a_label_that_no_seed_shows_matters(question: EffectsRequest) -> None:
+def test_a_label_that_no_seed_shows_matters(setup: AblationSetup) -> None:
     same = rows([0.1, 0.1])
-    found = compared(question, same, rows([0.1, 0.1], "tunneling"))
+    found = compared(setup, same, rows([0.1, 0.1], "tunneling"))
     assert found.labels == {"stable -> tunneling": 2}
     mixed = (*rows([0.1]), *rows([0.1], "tunneling"))
-    assert not compared(question, mixed, rows([0.1, 0.1], "tunneling")).matters
+    assert not compared(setup, mixed, rows([0.1, 0.1], "tunneling")).matters
 
 
-def test_the_scenario_that_changes_most_is_told(question: EffectsRequest) -> None:
+def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
     base = TrialOutcome((rows([0.0]), rows([0.0])))
     other = TrialOutcome((rows([0.0]), rows([0.01])))
-    found = difference(question, [{"speed": 1.0}, {"speed": 2.0}], base, other)
+    found = difference(setup, [{"speed": 1.0}, {"speed": 2.0}], base, other)
     (change,) = found.changes
     assert change.scenario == {"speed": 2.0}
     assert change.times == pytest.approx(10)

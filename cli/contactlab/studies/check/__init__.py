@@ -1,11 +1,10 @@
-"""Checks of a model before it is trusted, and what to change where it fails."""
+"""Checks of a model, by published guidelines, and what to change where it fails."""
 
-from contactlab.studies.check.model_check import CHECKS, PAGE, REPORT, CheckRequest, check_model
+from contactlab.studies.check.model_check import PAGE, REPORT, CheckRequest, run
 
 __all__ = [
-    "CHECKS",
     "PAGE",
     "REPORT",
     "CheckRequest",
-    "check_model",
+    "run",
 ]

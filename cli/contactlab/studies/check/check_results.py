@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 from contactlab.run.evidence_record import as_written
 from contactlab.scene import PARAMETERS
 from contactlab.schema import Change, CheckName, CheckResult, Measure
-from contactlab.studies.check.checked_model import CheckedModel, Values
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.session import Values
 
 
 def at_most(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
@@ -83,10 +84,10 @@ _CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 _USUAL_CURVE = (0.5, 2.0)
 
 
-def change(target: CheckedModel, settings: Values, *, cures: bool | None, shown: str) -> Change:
-    """Return a change of settings, with the lines that make it in the target's model."""
+def change(checked: CheckedModel, settings: Values, *, cures: bool | None, shown: str) -> Change:
+    """Return a change of settings, with the lines that make it in the checked's model."""
     return Change(
-        lines=mjcf(settings, explicit=bool(target.base.targets.explicit)),
+        lines=mjcf(settings, explicit=bool(checked.base.targets.explicit)),
         settings={name: as_written(value) for name, value in settings.items()},
         cures=cures,
         shown=shown,

@@ -1,6 +1,5 @@
-"""The options `--set` of a check: one value an axis, read as a sweep's options are."""
+"""The model under check: opened with its settings, at its initial state, and run."""
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -10,11 +9,9 @@ from typing import Any
 
 from contactlab.engines import bytes_of_run
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.plan import Overrides, read_sweep
+from contactlab.run import SceneLoader
 from contactlab.run.planned_runs import RUN_BYTES
-from contactlab.run.sweep_request import SceneLoader
-from contactlab.run.sweep_runner import SweepRequest, run_sweep
-from contactlab.run.tasks import IMPULSE, BeginCallback, ProgressCallback, Stop
+from contactlab.run.tasks import IMPULSE
 from contactlab.scene import (
     PARAMETERS,
     QPOS0,
@@ -23,48 +20,16 @@ from contactlab.scene import (
     PreparedModel,
     ResolvedRun,
     Scene,
+    actuated_limbs,
     make_setup,
 )
-from contactlab.schema import EvidenceRecord, Sweep
+from contactlab.schema import EvidenceRecord, TaskKind
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
+from contactlab.studies.session import Session, Values, read_settings
 
-_KEYS = {"version", "scene", "axes", "duration"}
-
-
-def read_options(
-    scenes: SceneLoader, reference: str, assign: Sequence[str]
-) -> tuple[Mapping[str, object], float | None]:
-    """Return the values of axes and the duration [s], None if it is not set.
-
-    Raises:
-        SweepFileError: an option is wrong, or gives more than one value.
-    """
-    text = json.dumps({"version": 1, "scene": reference})
-    read = read_sweep(text, scenes.vocabulary, Overrides(assign))
-    asked = read.sweep.model_dump(exclude_defaults=True)
-    if foreign := sorted(set(asked) & set(Sweep.model_fields) - _KEYS):
-        raise SweepFileError(f"--set {foreign[0]}: a check takes axes of the model, and duration")
-    for axis in read.plan.axes:
-        if axis.count > 1:
-            raise SweepFileError(
-                f"--set {axis.name}: a check takes one value, not {axis.count}; "
-                "to compare several, write a sweep"
-            )
-    values = next(read.plan.runs()).values
-    if values.get("engine") == IMPULSE:
-        raise SweepFileError("--set engine: a check is of a model in MuJoCo")
-    return values, read.sweep.duration
-
-
-def whole_settings(scene: Scene, values: Mapping[str, object]) -> dict[str, object]:
-    """Put the settings that values change in their place, so that a check may change them too."""
-    settings = scene.resolve(values, 0, None).settings
-    whole: dict[str, object] = {}
-    for name, value in values.items():
-        changed = PARAMETERS[name].sets if name in PARAMETERS else name
-        whole[changed] = settings[changed] if name in PARAMETERS else value
-    return {name: axis_value(name, value) for name, value in whole.items()}
+_WALKING = 2
+"""Actuated limbs of a free body from which it is taken to walk."""
 
 
 def axis_value(name: str, value: object) -> object:
@@ -84,7 +49,9 @@ class CheckedModel:
         scenes: the scenes opened so far.
         given: the options `--set`, as typed.
         values: what they set, by axis.
-        duration: simulated time of its own run [s].
+        duration: simulated time of its nominal run [s].
+        kind: the kind of task that it is for.
+        kind_reason: why, in words.
     """
 
     reference: str
@@ -92,6 +59,8 @@ class CheckedModel:
     given: tuple[str, ...]
     values: Mapping[str, object]
     duration: float
+    kind: TaskKind
+    kind_reason: str
 
     @property
     def scene(self) -> Scene:
@@ -153,41 +122,64 @@ class CheckedModel:
         return self.resolved.settings[name]
 
 
-def open_model(reference: str, assign: Sequence[str]) -> CheckedModel:
+def open_model(reference: str, assign: Sequence[str], kind: TaskKind | None = None) -> CheckedModel:
     """Open a model for its checks.
 
     Args:
         reference: a shipped scene, a folder, a model file or a robot.
         assign: `NAME=VALUE` for axes of the scene, each one value, and for `duration`.
+        kind: of task; derived from the model if None.
 
     Raises:
         SceneError: there is no such scene, or it does not compile.
-        SweepFileError: an option is wrong; all that are, are named.
+        SweepFileError: a setting is wrong; all that are, are named.
     """
     scenes = SceneLoader(Path())
     scene = scenes.open(reference)
-    values, duration = read_options(scenes, reference, assign)
-    _check_timestep(scene, values)
+    values, sweep = read_settings(scenes, reference, assign, ("duration",))
+    if values.get("engine") == IMPULSE:
+        raise SweepFileError("--set engine: a check is of a model in MuJoCo")
+    resolved = scene.resolve(values, 0, None)
+    if not 0 < resolved.timestep < math.inf:
+        raise SceneError(
+            f"{scene.source.model}: its timestep is {resolved.timestep:g} s; write one above 0 "
+            "there, or `--set timestep=`"
+        )
+    task, reason = _kind(scene.base(resolved.structure), kind)
     return CheckedModel(
         reference=reference,
         scenes=scenes,
         given=tuple(assign),
-        values=whole_settings(scene, values),
-        duration=scene.duration if duration is None else duration,
+        values=_settings(resolved, values),
+        duration=scene.duration if sweep.duration is None else sweep.duration,
+        kind=task,
+        kind_reason=reason,
     )
 
 
-def _check_timestep(scene: Scene, values: Mapping[str, object]) -> None:
-    """Raise SceneError unless the timestep is one that time can go on by."""
-    timestep = scene.resolve(values, 0, None).timestep
-    if not 0 < timestep < math.inf:
-        raise SceneError(
-            f"{scene.source.model}: its timestep is {timestep:g} s; write one above 0 there, "
-            "or `--set timestep=`"
-        )
+def _settings(resolved: ResolvedRun, values: Values) -> dict[str, object]:
+    """Put the settings that values change in their place, so that a check may change them too."""
+    settings = resolved.settings
+    whole: dict[str, object] = {}
+    for name, value in values.items():
+        changed = PARAMETERS[name].sets if name in PARAMETERS else name
+        whole[changed] = settings[changed] if name in PARAMETERS else value
+    return {name: axis_value(name, value) for name, value in whole.items()}
 
 
-Values = Mapping[str, object]
+def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
+    """Return the kind of task and why: locomotion for a free body with several actuated limbs."""
+    if asked is not None:
+        return asked, "as asked"
+    walking = {
+        name: count for name, count in actuated_limbs(base.model).items() if count >= _WALKING
+    }
+    if walking:
+        name, count = max(walking.items(), key=lambda each: each[1])
+        return "locomotion", f"'{name}' is free and has {count} actuated limbs"
+    return "manipulation", "no free body has several actuated limbs"
+
+
 NOMINAL = "run"
 """The store of the model's own run."""
 
@@ -229,30 +221,22 @@ class CheckRunner:
     """Runs a model, and scenes in its stead, for checks.
 
     Attributes:
-        target: the model.
-        folder: where the stores go.
-        workers: processes.
-        begin: told how many runs a store has, and how many of them are done already.
-        progress: told of runs as they finish.
-        stop: set when runs should end soon; None if they never should.
+        checked: the model.
+        session: where runs go, and how.
     """
 
-    target: CheckedModel
-    folder: Path
-    workers: int
-    begin: BeginCallback
-    progress: ProgressCallback
-    stop: Stop | None = None
+    checked: CheckedModel
+    session: Session
     _stores: dict[str, None] = field(default_factory=dict[str, None])
 
     @cached_property
-    def own(self) -> CheckRun:
-        """The model's own run, checked twice."""
+    def nominal(self) -> CheckRun:
+        """The run of the model as it is, with every check of its trace."""
         return self.run(NOMINAL, "The model as it is", [{}], checks="all")[0]
 
     @property
-    def has_own(self) -> bool:
-        """Whether the model's own run was asked for."""
+    def has_nominal(self) -> bool:
+        """Whether the nominal run was needed by any check."""
         return NOMINAL in self._stores
 
     def run(
@@ -262,7 +246,7 @@ class CheckRunner:
         rows: Sequence[Values],
         *,
         duration: float | None = None,
-        **keys: Any,  # noqa: ANN401 - keys of a sweep file
+        **keys: object,
     ) -> list[CheckRun]:
         """Run the model with further settings.
 
@@ -273,11 +257,11 @@ class CheckRunner:
             duration: simulated time [s]; as under check if None.
             keys: further keys of the sweep file.
         """
-        target = self.target
-        seconds = target.duration if duration is None else duration
-        whole = [{**target.values, **row} for row in rows]
-        found = self.run_scene(name, description, target.reference, whole, seconds, **keys)
-        return [replace(each, row=row) for row, each in zip(rows, found, strict=True)]
+        checked = self.checked
+        seconds = checked.duration if duration is None else duration
+        whole = [{**checked.values, **row} for row in rows]
+        runs = self.run_scene(name, description, checked.reference, whole, seconds, **keys)
+        return [replace(run, row=row) for row, run in zip(rows, runs, strict=True)]
 
     def run_scene(
         self,
@@ -286,28 +270,24 @@ class CheckRunner:
         reference: str,
         rows: Sequence[Values],
         duration: float,
-        *,
-        workers: int | None = None,
-        **keys: Any,  # noqa: ANN401 - keys of a sweep file
+        **keys: object,
     ) -> list[CheckRun]:
         """Run any scene; see `run`."""
-        text = _sweep(reference, description, rows, {"duration": duration, **keys})
-        scenes = self.target.scenes
-        read = read_sweep(text, scenes.vocabulary)
-        scene = scenes.open(reference)
-        ask = SweepRequest(
-            plan=read.plan,
-            scene=scene,
-            name=name,
-            source=text,
-            overrides=(),
-            store=self.folder / name,
-            workers=self.workers if workers is None else workers,
-            fresh=True,
-        )
-        run_sweep(ask, self.begin, self.progress, self.stop)
+        first, *others = rows
+        sweep = {
+            "version": 1,
+            "scene": reference,
+            "description": description,
+            "axes": {axis: [value] for axis, value in first.items()},
+            "include": others,
+            "trace": "all",
+            "duration": duration,
+            **keys,
+        }
+        scenes = self.checked.scenes
+        store = self.session.run_derived(name, sweep, scenes)
         self._stores[name] = None
-        store = Store.open(self.folder / name)
+        scene = scenes.open(reference)
         ids = [scene.run_id(scene.resolve(row, 0, duration)) for row in rows]
         return [
             CheckRun(row, row, store, store.record(run)) for row, run in zip(rows, ids, strict=True)
@@ -316,20 +296,3 @@ class CheckRunner:
     def stores(self, *names: str) -> tuple[str, ...]:
         """Return which of these stores were written."""
         return tuple(name for name in names if name in self._stores)
-
-
-def _sweep(
-    reference: str, description: str, rows: Sequence[Values], keys: Mapping[str, Any]
-) -> str:
-    """Return a sweep file; JSON is YAML."""
-    first, *rest = rows
-    sweep = {
-        "version": 1,
-        "scene": reference,
-        "description": description,
-        "axes": {name: [value] for name, value in first.items()},
-        "include": rest,
-        "trace": "all",
-        **keys,
-    }
-    return json.dumps(sweep, indent=1)

@@ -28,40 +28,40 @@ _ASKS = "contacts push at touch only, and are no softer than the engine's defaul
 _SLACK = 1 + 1e-9
 
 
-def check_contact_margin(bench: CheckRunner) -> CheckResult:
+def check_contact_margin(runner: CheckRunner) -> CheckResult:
     """Look for margins within which contact acts before touch, and for soft references."""
-    pairs = bench.target.prepared.pairs
+    pairs = runner.checked.prepared.pairs
     if not pairs:
         return not_applicable(NAME, _ASKS, "the model has no graded contact pair")
-    reached = _reached(bench)
-    measures = list(_measures(bench, reached))
+    reached = _reached(runner)
+    measures = list(_measures(runner, reached))
     return result(
         NAME,
         _ASKS,
         _reason(measures),
         measures,
-        changes=list(_changes(bench, measures)),
-        stores=bench.stores("run"),
+        changes=list(_changes(runner, measures)),
+        stores=runner.stores("run"),
     )
 
 
-def _reached(bench: CheckRunner) -> dict[str, float]:
+def _reached(runner: CheckRunner) -> dict[str, float]:
     """Return by pair the largest positive distance [m] at which a contact carried force."""
     reached: dict[str, float] = {}
-    for pair in bench.own.trace.pairs if bench.own.kept else ():
+    for pair in runner.nominal.trace.pairs if runner.nominal.kept else ():
         points = pair.points
         pushing = points[points[:, FORCE.start] > 0, DISTANCE]
         reached[pair.name] = max(float(pushing.max(initial=0.0)), 0.0)
     return reached
 
 
-def _measures(bench: CheckRunner, reached: dict[str, float]) -> Iterator[Measure]:
-    target = bench.target
-    for name, record in target.prepared.pairs.items():
+def _measures(runner: CheckRunner, reached: dict[str, float]) -> Iterator[Measure]:
+    checked = runner.checked
+    for name, record in checked.prepared.pairs.items():
         yield at_most("shell", record.margin, "m", MARGIN, name)
         if record.margin > 0:
             yield informative("pushes_from", reached.get(name, 0.0), "m", name)
-        stiffness, _ = stiffness_damping(kept_solref(target, record.solref))
+        stiffness, _ = stiffness_damping(kept_solref(checked, record.solref))
         soft = float(stiffness) ** -0.5 if stiffness > 0 else math.inf
         yield at_most("softness", soft, "s", SOFT * _SLACK, name)
 
@@ -88,19 +88,19 @@ def _reason(measures: Sequence[Measure]) -> str:
     return "; ".join(parts) or "no pair pushes before touch, and none is softer than the default"
 
 
-def _changes(bench: CheckRunner, measures: Sequence[Measure]) -> Iterator[Change]:
+def _changes(runner: CheckRunner, measures: Sequence[Measure]) -> Iterator[Change]:
     names = {each.name for each in violated(measures)}
     if "shell" in names:
         shown = "contact begins at touch; `gap` keeps a distance at which it is found, forceless"
-        yield change(bench.target, {"margin": 0.0}, cures=None, shown=shown)
+        yield change(runner.checked, {"margin": 0.0}, cures=None, shown=shown)
     if "softness" in names:
         shown = f"practice's stiffer contact, instead of {SOFT:g} s and more"
-        yield change(bench.target, _stiffer(bench.target), cures=None, shown=shown)
+        yield change(runner.checked, _stiffer(runner.checked), cures=None, shown=shown)
 
 
-def _stiffer(target: CheckedModel) -> dict[str, object]:
+def _stiffer(checked: CheckedModel) -> dict[str, object]:
     """Return practice's solref, and a timestep at which the engine keeps it."""
     settings: dict[str, object] = {"solref": PRACTICE}
-    if kept_solref(target, PRACTICE) != PRACTICE:
+    if kept_solref(checked, PRACTICE) != PRACTICE:
         settings["timestep"] = longest_timestep(PRACTICE[0])
     return settings

@@ -47,22 +47,22 @@ class ContactSet:
         return {**values, "solimp": _proper(self.record.solimp)}
 
 
-def contact_sets(target: CheckedModel) -> list[ContactSet]:
+def contact_sets(checked: CheckedModel) -> list[ContactSet]:
     """Return the sets in the order of the pairs."""
     pairs: dict[PairRecord, list[str]] = {}
-    for name, record in target.prepared.pairs.items():
+    for name, record in checked.prepared.pairs.items():
         pairs.setdefault(record, []).append(name)
     return [
-        ContactSet(record, kept_solref(target, record.solref), tuple(names))
+        ContactSet(record, kept_solref(checked, record.solref), tuple(names))
         for record, names in pairs.items()
     ]
 
 
-def kept_solref(target: CheckedModel, solref: tuple[float, ...]) -> tuple[float, ...]:
+def kept_solref(checked: CheckedModel, solref: tuple[float, ...]) -> tuple[float, ...]:
     """Return a solref as the engine takes it: refsafe raises a time constant to two timesteps."""
-    if solref[0] <= 0 or not target.resolved.flags["refsafe"]:
+    if solref[0] <= 0 or not checked.resolved.flags["refsafe"]:
         return solref
-    return max(solref[0], _REFSAFE_STEPS * target.resolved.timestep), solref[1]
+    return max(solref[0], _REFSAFE_STEPS * checked.resolved.timestep), solref[1]
 
 
 def _proper(solimp: tuple[float, ...]) -> tuple[float, ...]:

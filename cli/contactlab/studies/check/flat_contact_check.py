@@ -16,7 +16,7 @@ from contactlab.studies.check.check_results import (
     violated,
     written,
 )
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner, Values
+from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.check.contact_sets import (
     ContactSet,
     contact_sets,
@@ -26,6 +26,7 @@ from contactlab.studies.check.contact_sets import (
     rounded_down,
     stiff_solref,
 )
+from contactlab.studies.session import Values
 
 NAME = "flat_contact"
 REMEDY = "flat_contact_stiffer"
@@ -59,47 +60,47 @@ _TIMES = 30
 """Time constants after which a contact has settled to rounding."""
 
 
-def check_flat_contact(bench: CheckRunner) -> CheckResult:
+def check_flat_contact(runner: CheckRunner) -> CheckResult:
     """Rest a box on flat ground with each distinct set of contact parameters of the model."""
-    target = bench.target
-    sets = contact_sets(target)
+    checked = runner.checked
+    sets = contact_sets(checked)
     if not sets:
         reason = "the model has no graded contact pair whose parameters could be tried"
         return not_applicable(NAME, _ASKS, reason)
-    runs = _rest(bench, NAME, [_row(target, each) for each in sets], sets)
+    runs = _rest(runner, NAME, [_row(checked, each) for each in sets], sets)
     tried = list(zip(sets, runs, strict=True))
-    measures = [measure for each in tried for measure in _measures(target, *each)]
-    failed = [each for each in tried if violated(_measures(target, *each))]
-    changes = list(_stiffer(bench, failed)) if failed else []
+    measures = [measure for each in tried for measure in _measures(checked, *each)]
+    failed = [each for each in tried if violated(_measures(checked, *each))]
+    changes = list(_stiffer(runner, failed)) if failed else []
     return result(
         NAME,
         _ASKS,
         _reason(measures, changes),
         measures,
         changes=changes,
-        stores=bench.stores(NAME, REMEDY),
+        stores=runner.stores(NAME, REMEDY),
     )
 
 
-def _row(target: CheckedModel, contact: ContactSet) -> dict[str, object]:
-    row = {name: target.setting(name) for name in _SETTINGS}
+def _row(checked: CheckedModel, contact: ContactSet) -> dict[str, object]:
+    row = {name: checked.setting(name) for name in _SETTINGS}
     row |= {
-        name: target.resolved.flags[name] for name in _SWITCHES if name in target.resolved.flags
+        name: checked.resolved.flags[name] for name in _SWITCHES if name in checked.resolved.flags
     }
-    return {**row, **contact.axes, "gravity": gravity(target), "mass": target.subject_mass}
+    return {**row, **contact.axes, "gravity": gravity(checked), "mass": checked.subject_mass}
 
 
-def gravity(target: CheckedModel) -> float:
+def gravity(checked: CheckedModel) -> float:
     """Return the model's gravity [m/s^2]; the Earth's where it has none."""
-    return float(np.linalg.norm(target.setting("gravity"))) or _GRAVITY
+    return float(np.linalg.norm(checked.setting("gravity"))) or _GRAVITY
 
 
 def _rest(
-    bench: CheckRunner, store: str, rows: Sequence[Values], sets: Sequence[ContactSet]
+    runner: CheckRunner, store: str, rows: Sequence[Values], sets: Sequence[ContactSet]
 ) -> list[CheckRun]:
     text = "A box at rest on flat ground, with the contact parameters of the model"
     seconds = max(_settling(each) for each in sets)
-    return bench.run_scene(store, text, SCENE, rows, seconds)
+    return runner.run_scene(store, text, SCENE, rows, seconds)
 
 
 def _settling(contact: ContactSet) -> float:
@@ -109,14 +110,14 @@ def _settling(contact: ContactSet) -> float:
     return float(np.clip(_TIMES / rate, _SHORTEST, _LONGEST)) if rate > 0 else _LONGEST
 
 
-def expected_depth(target: CheckedModel, contact: ContactSet) -> float:
+def expected_depth(checked: CheckedModel, contact: ContactSet) -> float:
     """Return the closed form's depth [m] of the box at rest, for an elliptic cone."""
-    mass = target.subject_mass
-    load = mass * gravity(target) / _CORNERS
+    mass = checked.subject_mass
+    load = mass * gravity(checked) / _CORNERS
     return float(rest_penetration(load, 1 / mass, contact.solref, contact.record.solimp))
 
 
-def _measures(target: CheckedModel, contact: ContactSet, run: CheckRun) -> list[Measure]:
+def _measures(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> list[Measure]:
     metrics, name = run.record.metrics, contact.name
     depth, growth = (
         np.nan if value is None else value
@@ -125,7 +126,7 @@ def _measures(target: CheckedModel, contact: ContactSet, run: CheckRun) -> list[
     return [
         below("penetration_steady", depth, "m", DEPTH, name),
         at_most("penetration_growth", growth, "m/s", GROWTH, name),
-        informative("penetration_expected", expected_depth(target, contact), "m", name),
+        informative("penetration_expected", expected_depth(checked, contact), "m", name),
     ]
 
 
@@ -142,37 +143,39 @@ def _reason(measures: Sequence[Measure], changes: Sequence[Change]) -> str:
     return said + (f"; {cured[0].shown}" if cured else "")
 
 
-def _stiffer(bench: CheckRunner, failed: Sequence[tuple[ContactSet, CheckRun]]) -> Iterator[Change]:
+def _stiffer(
+    runner: CheckRunner, failed: Sequence[tuple[ContactSet, CheckRun]]
+) -> Iterator[Change]:
     """Run each failed set with what the closed form asks for, and say what came of it."""
-    target = bench.target
+    checked = runner.checked
     sets = [contact for contact, _ in failed]
-    settings = [_stiff_settings(target, *each) for each in failed]
-    rows = [{**_row(target, each), **stiff} for each, stiff in zip(sets, settings, strict=True)]
-    for contact, stiff, run in zip(sets, settings, _rest(bench, REMEDY, rows, sets), strict=True):
+    settings = [_stiff_settings(checked, *each) for each in failed]
+    rows = [{**_row(checked, each), **stiff} for each, stiff in zip(sets, settings, strict=True)]
+    for contact, stiff, run in zip(sets, settings, _rest(runner, REMEDY, rows, sets), strict=True):
         depth = run.record.metrics["penetration_steady"]
-        cures = not violated(_measures(target, contact, run))
+        cures = not violated(_measures(checked, contact, run))
         rests = "rests nowhere" if depth is None else f"rests {depth * 1e3:.2g} mm deep"
         shown = f"with {_words(stiff)} it {rests}"
-        yield change(target, stiff, cures=cures, shown=shown)
+        yield change(checked, stiff, cures=cures, shown=shown)
 
 
 def _words(settings: Values) -> str:
     return " and ".join(f"{name} {written(value)}" for name, value in settings.items())
 
 
-def _stiff_settings(target: CheckedModel, contact: ContactSet, run: CheckRun) -> dict[str, object]:
+def _stiff_settings(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> dict[str, object]:
     """Return what lets a set rest less deep: a solref, and a timestep that keeps it.
 
     The closed form is that of elliptic cones; what load it would take for the depth that was
     measured says what a pyramid makes of the load.
     """
-    mass, solimp = target.subject_mass, np.array(contact.axes["solimp"])
+    mass, solimp = checked.subject_mass, np.array(contact.axes["solimp"])
     depth = run.record.metrics["penetration_steady"]
-    load = mass * gravity(target) / _CORNERS
+    load = mass * gravity(checked) / _CORNERS
     if depth is not None:
         load = max(load, load_of(depth, 1 / mass, contact.solref, solimp))
-    solref = stiff_solref(load, 1 / mass, solimp, target.resolved.timestep, DEPTH)
+    solref = stiff_solref(load, 1 / mass, solimp, checked.resolved.timestep, DEPTH)
     settings: dict[str, object] = {"solref": solref}
-    if solref != kept_solref(target, solref):
+    if solref != kept_solref(checked, solref):
         settings["timestep"] = rounded_down(longest_timestep(solref[0]))
     return settings

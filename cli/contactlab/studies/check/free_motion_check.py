@@ -41,19 +41,19 @@ _MOSTLY = 0.9
 """Share of the peak kinetic energy that is fall, from which the rest hardly counts."""
 
 
-def check_free_motion(bench: CheckRunner) -> CheckResult:
+def check_free_motion(runner: CheckRunner) -> CheckResult:
     """Run the model with nothing but gravity, springs and inertia, and weigh its energy."""
-    target = bench.target
-    if reason := why_not_applicable(target):
+    checked = runner.checked
+    if reason := why_not_applicable(checked):
         return not_applicable(NAME, _ASKS, reason)
-    motions = free_motions(bench, NAME)
-    own, stores = motions[0], bench.stores(NAME)
-    if own.ledger and own.ledger.peak <= _STILL * _mass(target):
+    motions = free_motions(runner, NAME)
+    own, stores = motions[0], runner.stores(NAME)
+    if own.ledger and own.ledger.peak <= _STILL * _mass(checked):
         reason = "nothing moves by itself from this start; choose one from which it falls"
         return not_applicable(NAME, _ASKS, reason, stores=stores)
     free = [each for each in motions if not each.damped]
     damped = next((each for each in motions if each.damped), None)
-    faults = inertias(target)
+    faults = inertias(checked)
     impossible = [each for each in faults if each.kind in _IMPOSSIBLE]
     return result(
         NAME,
@@ -62,11 +62,14 @@ def check_free_motion(bench: CheckRunner) -> CheckResult:
         [
             *_drifts(free),
             *_orders(free),
-            *_dampers(own, damped, accounted=is_accounted(target)),
+            *_dampers(own, damped, accounted=is_accounted(checked)),
             *map(_impossible, impossible),
         ],
-        changes=[] if own.drift <= DRIFT or impossible else list(_cures(target, free)),
-        notes=[*(f"body '{each.body}': {each.reason}" for each in faults), *_left_out(target, own)],
+        changes=[] if own.drift <= DRIFT or impossible else list(_cures(checked, free)),
+        notes=[
+            *(f"body '{each.body}': {each.reason}" for each in faults),
+            *_left_out(checked, own),
+        ],
         stores=stores,
     )
 
@@ -76,10 +79,10 @@ def percent(rate: float) -> str:
     return f"{rate * 100:+.2g} %/s"
 
 
-def inertias(target: CheckedModel) -> list[InertiaFault]:
+def inertias(checked: CheckedModel) -> list[InertiaFault]:
     """Return what is wrong with inertias, as written in the model and as simulated."""
-    written = scene_inertia_faults(target.scene.source, target.resolved.structure)
-    simulated = inertia_faults(target.prepared.model)
+    written = scene_inertia_faults(checked.scene.source, checked.resolved.structure)
+    simulated = inertia_faults(checked.prepared.model)
     return list({(each.body, each.kind): each for each in (*simulated, *written)}.values())
 
 
@@ -94,8 +97,8 @@ def _impossible(fault: InertiaFault) -> Measure:
     )
 
 
-def _mass(target: CheckedModel) -> float:
-    return float(target.prepared.model.body_mass.sum())
+def _mass(checked: CheckedModel) -> float:
+    return float(checked.prepared.model.body_mass.sum())
 
 
 def _said(motion: FreeMotion) -> str:
@@ -158,7 +161,7 @@ def _dampers(own: FreeMotion, damped: FreeMotion | None, *, accounted: bool) -> 
         yield informative("energy_unexplained", ledger.unexplained(peak), "1/s", name)
 
 
-def _cures(target: CheckedModel, free: Sequence[FreeMotion]) -> Iterator[Change]:
+def _cures(checked: CheckedModel, free: Sequence[FreeMotion]) -> Iterator[Change]:
     """Yield what meets the limit: the best integrator at this timestep, or a smaller timestep."""
     own = free[0]
     fine = [each for each in free if each.drift <= DRIFT]
@@ -170,18 +173,18 @@ def _cures(target: CheckedModel, free: Sequence[FreeMotion]) -> Iterator[Change]
             settings["integrator"] = each.integrator
         if each.timestep != own.timestep:
             settings["timestep"] = each.timestep
-        yield change(target, settings, cures=True, shown=_said(each))
+        yield change(checked, settings, cures=True, shown=_said(each))
 
 
-def _left_out(target: CheckedModel, own: FreeMotion) -> Iterator[str]:
+def _left_out(checked: CheckedModel, own: FreeMotion) -> Iterator[str]:
     """Say whose energy is left out, and if the fall of floating mechanisms is most of the rest."""
-    model = target.prepared.model
-    apart = free_flying_bodies(target)
+    model = checked.prepared.model
+    apart = free_flying_bodies(checked)
     if apart:
         names = ", ".join(f"'{model.body(each).name or each}'" for each in apart)
         yield f"the energy of {names}, flying by itself, is left out"
-    mass = sum(target.free_masses) - float(model.body_subtreemass[list(apart)].sum())
-    if own.ledger is None or mass <= 0 or model.nv == 6 * len(target.free_masses):
+    mass = sum(checked.free_masses) - float(model.body_subtreemass[list(apart)].sum())
+    if own.ledger is None or mass <= 0 or model.nv == 6 * len(checked.free_masses):
         return
     share = 0.5 * mass * (np.linalg.norm(model.opt.gravity) * SECONDS) ** 2 / own.ledger.peak
     if share >= _MOSTLY:

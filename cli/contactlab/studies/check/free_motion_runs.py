@@ -7,8 +7,9 @@ import numpy as np
 
 from contactlab.contact import Floats
 from contactlab.store.mcap import StoredTrace
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner, Values
+from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.check.free_body_energy import free_body_energy, single_free_bodies
+from contactlab.studies.session import Values
 
 _SAMPLE = 0.25
 """When trajectories are compared [s]: before a chaotic motion parts them for other reasons."""
@@ -135,37 +136,37 @@ class FreeMotion:
         return f"{self.integrator} at {self.timestep * 1e3:g} ms"
 
 
-def why_not_applicable(target: CheckedModel) -> str:
+def why_not_applicable(checked: CheckedModel) -> str:
     """Say why the energy of a model's free motion says nothing; empty if it does."""
-    model = target.base.model
+    model = checked.base.model
     if not model.nv:
         return "the model has nothing that moves"
     if model.nplugin:
         return "plugins act on the model, and their work is not known"
-    if np.any(target.start.applied):
+    if np.any(checked.start.applied):
         return "the scene pushes its bodies with forces from outside, which do work"
     if any(not model.body(index).name for index in np.flatnonzero(model.body_gravcomp)):
         return "gravity is compensated for bodies without a name, which cannot be switched off"
     return ""
 
 
-def free_motions(bench: CheckRunner, store: str) -> list[FreeMotion]:
+def free_motions(runner: CheckRunner, store: str) -> list[FreeMotion]:
     """Run the model's free motion with its own integrator and the best, by timestep.
 
     The first is at the model's own settings; the last, if the model has any damping, with that on.
     """
-    target = bench.target
-    own, timestep = str(target.setting("integrator")), target.resolved.timestep
+    checked = runner.checked
+    own, timestep = str(checked.setting("integrator")), checked.resolved.timestep
     rows: list[Values] = [
-        {**_still(target), "integrator": integrator, "timestep": timestep * share}
+        {**_still(checked), "integrator": integrator, "timestep": timestep * share}
         for integrator in dict.fromkeys((own, BEST))
         for share in _SHARES
-        if share == 1 or target.fits(timestep * share, SECONDS)
+        if share == 1 or checked.fits(timestep * share, SECONDS)
     ]
     undamped = len(rows)
-    if is_damped(target):
-        rows.append({**_without(target, _MEDIUM, "damper"), "integrator": own})
-    runs = bench.run(
+    if is_damped(checked):
+        rows.append({**_without(checked, _MEDIUM, "damper"), "integrator": own})
+    runs = runner.run(
         store,
         "Free motion: contacts, limits and all that gives or takes energy are off",
         rows,
@@ -173,59 +174,59 @@ def free_motions(bench: CheckRunner, store: str) -> list[FreeMotion]:
         checks="none",
         timeout=_TIMEOUT,
     )
-    return [_motion(target, each, damped=row >= undamped) for row, each in enumerate(runs)]
+    return [_motion(checked, each, damped=row >= undamped) for row, each in enumerate(runs)]
 
 
-def is_damped(target: CheckedModel) -> bool:
+def is_damped(checked: CheckedModel) -> bool:
     """Say whether the model's own joints, tendons or medium take energy."""
-    model = target.prepared.model
-    fluid = any(target.setting(name) for name in _MEDIUM)
+    model = checked.prepared.model
+    fluid = any(checked.setting(name) for name in _MEDIUM)
     viscous = model.dof_damping.any() or model.tendon_damping.any()
-    return bool(fluid or (viscous and target.resolved.flags["damper"]))
+    return bool(fluid or (viscous and checked.resolved.flags["damper"]))
 
 
-def is_accounted(target: CheckedModel) -> bool:
+def is_accounted(checked: CheckedModel) -> bool:
     """Say whether all that damps is linear in the speed of a joint, so that its work is known."""
-    model = target.prepared.model
+    model = checked.prepared.model
     curved = getattr(model, "dof_dampingpoly", np.zeros(1))
-    fluid = any(target.setting(name) for name in _MEDIUM)
+    fluid = any(checked.setting(name) for name in _MEDIUM)
     return not (fluid or model.tendon_damping.any() or np.any(curved))
 
 
-def _motion(target: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotion:
+def _motion(checked: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotion:
     settings = tried.record.settings
-    damping = np.array(target.prepared.model.dof_damping, dtype=np.float64) * damped
+    damping = np.array(checked.prepared.model.dof_damping, dtype=np.float64) * damped
     return FreeMotion(
         tried=tried,
         integrator=str(settings["integrator"]),
         timestep=float(str(settings["timestep"])),
         damped=damped,
-        ledger=energy_budget(tried.trace, damping, _apart(target, tried)) if tried.whole else None,
+        ledger=energy_budget(tried.trace, damping, _apart(checked, tried)) if tried.whole else None,
     )
 
 
-def free_flying_bodies(target: CheckedModel) -> tuple[int, ...]:
+def free_flying_bodies(checked: CheckedModel) -> tuple[int, ...]:
     """Return the bodies that fly by themselves beside a mechanism; none if there is no other."""
-    model = target.prepared.model
+    model = checked.prepared.model
     loose = single_free_bodies(model)
     return loose if model.nv > 6 * len(loose) else ()
 
 
-def _apart(target: CheckedModel, tried: CheckRun) -> tuple[Floats, Floats]:
+def _apart(checked: CheckedModel, tried: CheckRun) -> tuple[Floats, Floats]:
     trace = tried.trace
     return free_body_energy(
-        target.prepared.model, free_flying_bodies(target), trace.qpos, trace.qvel
+        checked.prepared.model, free_flying_bodies(checked), trace.qpos, trace.qvel
     )
 
 
-def _still(target: CheckedModel) -> dict[str, object]:
+def _still(checked: CheckedModel) -> dict[str, object]:
     """Return the switches and settings that leave gravity, springs and inertia alone."""
-    model = target.base.model
+    model = checked.base.model
     values: dict[str, object] = dict.fromkeys(_OFF, False)
-    values |= {name: 0.0 for name in _MEDIUM if target.setting(name)}
+    values |= {name: 0.0 for name in _MEDIUM if checked.setting(name)}
     compensated = np.flatnonzero(model.body_gravcomp)
     return values | {f"body_gravcomp[{model.body(index).name}]": 0.0 for index in compensated}
 
 
-def _without(target: CheckedModel, medium: tuple[str, ...], switch: str) -> dict[str, object]:
-    return {name: value for name, value in _still(target).items() if name not in {*medium, switch}}
+def _without(checked: CheckedModel, medium: tuple[str, ...], switch: str) -> dict[str, object]:
+    return {name: value for name, value in _still(checked).items() if name not in {*medium, switch}}

@@ -20,7 +20,8 @@ from contactlab.studies.check.check_results import (
     violated,
     written,
 )
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner, Values
+from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
+from contactlab.studies.session import Values
 
 _HELD = 0.5
 """Share of the steps in which a pair must bear force to be held; chattering ones lose it."""
@@ -57,9 +58,9 @@ class HeldPair:
         return self.share >= _HELD and self.sliding < _SLIDES
 
 
-def held_pairs(target: CheckedModel, tried: CheckRun, start: float, stop: float) -> list[HeldPair]:
+def held_pairs(checked: CheckedModel, tried: CheckRun, start: float, stop: float) -> list[HeldPair]:
     """Return what each graded pair did between two times [s] of a run of the model."""
-    scene = target.scene
+    scene = checked.scene
     resolved = scene.resolve(tried.values, 0, tried.record.duration)
     base = scene.base(resolved.structure)
     model = base.prepare(resolved.edits()).model
@@ -142,14 +143,14 @@ _FIRMEST: dict[str, object] = {**_FIRM, "solref": (0.005, 1.0)}
 
 
 def mend(
-    bench: CheckRunner,
+    runner: CheckRunner,
     measures: Sequence[Measure],
     measured: Callable[[CheckRun], Sequence[Measure]],
 ) -> list[Change]:
     """Try what should mend the measures that miss their limits, and say what each came to.
 
     Args:
-        bench: runs the model.
+        runner: runs the model.
         measures: of the model as it is.
         measured: gives the same measures of another run.
 
@@ -157,11 +158,11 @@ def mend(
         The changes that were tried, those that cure first.
     """
     failed = {each.name for each in violated(measures)}
-    rows = list(_remedies(bench.target, failed))
+    rows = list(_remedies(runner.checked, failed))
     if not rows:
         return []
-    runs = bench.run(STORE, "What should mend the hold", rows, checks="none")
-    tried = [_outcome(bench.target, failed, each, measured(each)) for each in runs]
+    runs = runner.run(STORE, "What should mend the hold", rows, checks="none")
+    tried = [_outcome(runner.checked, failed, each, measured(each)) for each in runs]
     return sorted(tried, key=lambda each: not each.cures)
 
 
@@ -183,7 +184,7 @@ def _timestep(change: Change) -> float:
     return float(str(change.settings["timestep"]))
 
 
-def _remedies(target: CheckedModel, failed: set[str]) -> Iterator[Values]:
+def _remedies(checked: CheckedModel, failed: set[str]) -> Iterator[Values]:
     """Yield settings: against chatter an impedance or a smaller timestep; else firmer friction.
 
     A run that does not get to its end may with a smaller timestep.
@@ -191,15 +192,15 @@ def _remedies(target: CheckedModel, failed: set[str]) -> Iterator[Values]:
     if failed & _CHATTER:
         yield _HARD
     if failed & {*_CHATTER, _LOST}:
-        shorter = [target.resolved.timestep * share for share in _SHARES]
-        yield from ({"timestep": each} for each in shorter if target.fits(each, target.duration))
+        shorter = [checked.resolved.timestep * share for share in _SHARES]
+        yield from ({"timestep": each} for each in shorter if checked.fits(each, checked.duration))
     if failed - {*_CHATTER, _LOST}:
         yield _FIRM
         yield _FIRMEST
 
 
 def _outcome(
-    target: CheckedModel, failed: set[str], tried: CheckRun, measures: Sequence[Measure]
+    checked: CheckedModel, failed: set[str], tried: CheckRun, measures: Sequence[Measure]
 ) -> Change:
     """Say whether a remedy mends what it is for: chatter, or everything else that failed."""
     firm = _FIRM.keys() <= tried.row.keys()
@@ -211,7 +212,7 @@ def _outcome(
     what = ", ".join(sorted(name.replace("_", " ") for name in aimed))
     numbers = ", ".join(_worst(measures, name) for name in sorted(aimed))
     verb = "cures" if cures else "does not cure"
-    return change(target, tried.row, cures=cures, shown=f"{said} {verb} {what}: {numbers}")
+    return change(checked, tried.row, cures=cures, shown=f"{said} {verb} {what}: {numbers}")
 
 
 def _worst(measures: Sequence[Measure], name: str) -> str:
@@ -258,31 +259,31 @@ class HoldState:
     measures: tuple[Measure, ...]
 
 
-def check_hold(bench: CheckRunner) -> CheckResult:
+def check_hold(runner: CheckRunner) -> CheckResult:
     """Look at the pairs that carry force in the window of a hold; if they do not, try remedies."""
-    target, own = bench.target, bench.own
-    grip = grip_of(target, own)
+    checked, own = runner.checked, runner.nominal
+    grip = grip_of(checked, own)
     if not grip.measures:
-        return not_applicable(NAME, _ASKS, _nothing(grip), stores=bench.stores("run"))
-    changes = mend(bench, grip.measures, lambda tried: grip_of(target, tried).measures)
+        return not_applicable(NAME, _ASKS, _nothing(grip), stores=runner.stores("run"))
+    changes = mend(runner, grip.measures, lambda tried: grip_of(checked, tried).measures)
     return result(
         NAME,
         _ASKS,
         "; ".join([_reason(grip, own), *verdict_on_chatter(changes)]),
         grip.measures,
         changes=changes,
-        stores=bench.stores("run", "hold_remedies"),
+        stores=runner.stores("run", "hold_remedies"),
     )
 
 
-def grip_of(target: CheckedModel, tried: CheckRun) -> HoldState:
+def grip_of(checked: CheckedModel, tried: CheckRun) -> HoldState:
     """Return what is held in a run of the model."""
-    end, declared = tried.record.duration, target.hold_window
+    end, declared = tried.record.duration, checked.hold_window
     window = declared or (max(0.0, end - _WINDOW), end)
     if not tried.whole:
         lost = tried.record.steps_asked - tried.record.steps
         return HoldState(window, (), (below("steps_lost", lost, "1", 1),))
-    bearing = tuple(each for each in held_pairs(target, tried, *window) if each.share > 0)
+    bearing = tuple(each for each in held_pairs(checked, tried, *window) if each.share > 0)
     kept = bearing if declared else tuple(each for each in bearing if each.holds)
     measures = [measure for each in kept for measure in _measures(each)]
     if declared:

@@ -1,25 +1,31 @@
 """All checks of a model, and the files that they leave."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import cast, get_args
 
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
-from contactlab.run.tasks import BeginCallback, ProgressCallback, Stop
 from contactlab.schema import Change, CheckName, CheckReport, CheckResult, Measure, TaskKind
-from contactlab.store import atomic_write, write_error
 from contactlab.studies.check.checked_model import CheckRunner, open_model
 from contactlab.studies.check.contact_margin_check import check_contact_margin
 from contactlab.studies.check.flat_contact_check import check_flat_contact
 from contactlab.studies.check.free_motion_check import check_free_motion
 from contactlab.studies.check.hold_check import check_hold
 from contactlab.studies.check.repeat_check import check_repeat, reference_of
-from contactlab.studies.check.timestep_check import check_timestep, kind_of
+from contactlab.studies.check.timestep_check import check_timestep
+from contactlab.studies.session import Session
 
-CHECKS: tuple[CheckName, ...] = get_args(CheckName)
 REPORT, PAGE, REFERENCE = "check.json", "check.md", "reference.json"
+
+
+_CHECKS: Mapping[CheckName, Callable[[CheckRunner], CheckResult]] = {
+    "timestep": check_timestep,
+    "free_motion": check_free_motion,
+    "flat_contact": check_flat_contact,
+    "hold": check_hold,
+    "repeat": check_repeat,
+    "shells": check_contact_margin,
+}
 
 
 @dataclass(frozen=True)
@@ -27,94 +33,62 @@ class CheckRequest:
     """Which model to check, and how.
 
     Attributes:
-        model: a shipped scene, a folder, a model file or another reference to a scene.
-        folder: where stores, report and page go.
-        assign: `NAME=VALUE`, as typed.
+        model: a shipped scene, a folder, a model file or menagerie:ROBOT.
+        assign: settings to check it with, `NAME=VALUE` each.
         only: names of checks; all if empty.
-        kind: of task; told from the model if None.
-        workers: processes.
+        kind: of task; derived from the model if None.
     """
 
     model: str
-    folder: Path
     assign: Sequence[str] = ()
     only: Sequence[str] = ()
     kind: TaskKind | None = None
-    workers: int = 0
 
 
-def check_model(
-    ask: CheckRequest, begin: BeginCallback, progress: ProgressCallback, stop: Stop | None = None
-) -> CheckReport:
+def run(request: CheckRequest, session: Session) -> CheckReport:
     """Check a model; write `check.json`, `check.md` and `reference.json` beside the stores.
-
-    Args:
-        ask: what to check.
-        begin: told how many runs a store has, and how many of them are done already.
-        progress: told of runs as they finish.
-        stop: set when it should end soon.
 
     Raises:
         SceneError: there is no such model or keyframe, or it does not compile.
-        SweepFileError: an option is wrong.
-        OutputError: the folder cannot be written.
-        StoppedError: it was told to stop.
+        SweepFileError: a setting or the name of a check is wrong.
+        OutputError: the session's folder cannot be written.
+        StoppedError: the session was stopped.
     """
-    names = _chosen(ask.only)
-    target = open_model(ask.model, ask.assign)
-    kind, why = kind_of(target, ask.kind)
-    bench = CheckRunner(target, ask.folder, ask.workers, begin, progress, stop)
-    checks: dict[CheckName, Callable[[CheckRunner], CheckResult]] = {
-        "timestep": lambda bench: check_timestep(bench, kind),
-        "free_motion": check_free_motion,
-        "flat_contact": check_flat_contact,
-        "hold": check_hold,
-        "repeat": check_repeat,
-        "shells": check_contact_margin,
-    }
-    results = tuple(checks[name](bench) for name in names)
+    names = _chosen(request.only)
+    checked = open_model(request.model, request.assign, request.kind)
+    runner = CheckRunner(checked, session)
+    results = tuple(_CHECKS[name](runner) for name in names)
     report = CheckReport(
-        model=ask.model,
-        scene=target.scene.name,
-        scene_hash=target.scene.hash,
-        overrides=target.given,
-        keyframe=target.keyframe,
-        kind=kind,
-        kind_reason=why,
-        settings=target.resolved.values,
+        model=request.model,
+        scene=checked.scene.name,
+        scene_hash=checked.scene.hash,
+        overrides=checked.given,
+        keyframe=checked.keyframe,
+        kind=checked.kind,
+        kind_reason=checked.kind_reason,
+        settings=checked.resolved.values,
         engine=engine(),
         provenance=provenance(),
         passed=all(each.verdict != "fail" for each in results),
         checks=results,
     )
-    _write(ask.folder, report, bench)
+    session.write(_files(report, runner))
     return report
 
 
 def _chosen(only: Sequence[str]) -> list[CheckName]:
     for name in only:
-        if name not in CHECKS:
-            hint = did_you_mean(name, CHECKS)
-            raise SweepFileError(f"no check '{name}'{hint}; there are {', '.join(CHECKS)}")
-    chosen = [name for name in CHECKS if name in only or not only]
-    return cast("list[CheckName]", chosen)
+        if name not in _CHECKS:
+            hint = did_you_mean(name, _CHECKS)
+            raise SweepFileError(f"no check '{name}'{hint}; there are {', '.join(_CHECKS)}")
+    return [name for name in _CHECKS if name in only or not only]
 
 
-def _make(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise write_error(folder, error) from error
-
-
-def _write(folder: Path, report: CheckReport, bench: CheckRunner) -> None:
-    _make(folder)
+def _files(report: CheckReport, runner: CheckRunner) -> dict[str, str]:
     files = {REPORT: report.model_dump_json(indent=2) + "\n", PAGE: page(report)}
-    if bench.has_own and bench.own.record.trajectory_hash is not None:
-        files[REFERENCE] = reference_of(bench.own).model_dump_json(indent=2) + "\n"
-    for name, text in files.items():
-        with atomic_write(folder / name) as path:
-            path.write_text(text, encoding="utf-8")
+    if runner.has_nominal and runner.nominal.record.trajectory_hash is not None:
+        files[REFERENCE] = reference_of(runner.nominal).model_dump_json(indent=2) + "\n"
+    return files
 
 
 def page(report: CheckReport) -> str:

@@ -1,5 +1,7 @@
 """Check 5: does the model's run repeat bit for bit, and what must a parallel engine meet."""
 
+from dataclasses import replace
+
 from contactlab.measure import METRICS
 from contactlab.schema import CheckResult, Measure, Reference
 from contactlab.studies.check.check_results import at_most, not_applicable, result
@@ -12,13 +14,13 @@ TOLERANCE = 0.05
 _ASKS = "the same run in another process is the same bit for bit"
 
 
-def check_repeat(bench: CheckRunner) -> CheckResult:
+def check_repeat(runner: CheckRunner) -> CheckResult:
     """Run the model once more in another process, and compare the trajectories."""
-    own = bench.own
+    own = runner.nominal
     if own.record.trajectory_hash is None:
         reason = f"the model's run was lost: {own.record.status_reason}"
-        return not_applicable(NAME, _ASKS, reason, stores=bench.stores(NOMINAL))
-    again = _again(bench)
+        return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL))
+    again = _again(runner)
     measures = [_differs("in another process", own, again), *_in_this_process(own)]
     wrong = [each for each in measures if not each.holds]
     if wrong:
@@ -28,7 +30,7 @@ def check_repeat(bench: CheckRunner) -> CheckResult:
             f"{own.record.steps} steps are equal bit for bit; reference.json holds what a parallel "
             f"engine must meet within {TOLERANCE:.0%}"
         )
-    return result(NAME, _ASKS, reason, measures, stores=bench.stores(NOMINAL, NAME))
+    return result(NAME, _ASKS, reason, measures, stores=runner.stores(NOMINAL, NAME))
 
 
 def reference_of(own: CheckRun) -> Reference:
@@ -59,9 +61,10 @@ def reference_of(own: CheckRun) -> Reference:
     )
 
 
-def _again(bench: CheckRunner) -> CheckRun:
+def _again(runner: CheckRunner) -> CheckRun:
     """Run the model in a worker process of its own."""
-    return bench.run(NAME, "The model once more", [{}], checks="none", workers=1)[0]
+    other = replace(runner, session=replace(runner.session, workers=1))
+    return other.run(NAME, "The model once more", [{}], checks="none")[0]
 
 
 def _differs(where: str, some: CheckRun, other: CheckRun) -> Measure:

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact import Floats, stiffness_damping
-from contactlab.scene import MonitoredPair, actuated_limbs, make_setup
+from contactlab.scene import MonitoredPair, make_setup
 from contactlab.schema import Change, CheckResult, Measure, TaskKind
 from contactlab.studies.check.check_results import at_most, change, informative, result, violated
 from contactlab.studies.check.checked_model import NOMINAL, CheckedModel, CheckRunner
@@ -22,73 +22,60 @@ RATIO = 0.8
 
 _ASKS = "the timestep suits the task, the thinnest geometry and the stiffest contact"
 _SLACK = 1 + 1e-9
-_LIMBS = 2
 
 
-def kind_of(target: CheckedModel, asked: TaskKind | None) -> tuple[TaskKind, str]:
-    """Return the kind of task and why: locomotion for a free body with several actuated limbs."""
-    if asked is not None:
-        return asked, "as asked"
-    limbs = actuated_limbs(target.base.model)
-    walking = {name: count for name, count in limbs.items() if count >= _LIMBS}
-    if walking:
-        name, count = max(walking.items(), key=lambda each: each[1])
-        return "locomotion", f"'{name}' is free and has {count} actuated limbs"
-    return "manipulation", "no free body has several actuated limbs"
-
-
-def check_timestep(bench: CheckRunner, kind: TaskKind) -> CheckResult:
+def check_timestep(runner: CheckRunner) -> CheckResult:
     """Hold the timestep against the kind of task, speeds against geometry, and contacts."""
-    target = bench.target
+    checked = runner.checked
     measures = [
-        at_most("timestep", target.resolved.timestep, "s", LONGEST[kind], kind),
-        *_ratios(target),
-        *_travels(bench),
+        at_most("timestep", checked.resolved.timestep, "s", LONGEST[checked.kind], checked.kind),
+        *_ratios(checked),
+        *_travels(runner),
     ]
     return result(
         NAME,
         _ASKS,
-        _reason(target, measures),
+        _reason(checked, measures),
         measures,
-        changes=list(_changes(target, measures)),
-        notes=list(_notes(target)),
-        stores=bench.stores(NOMINAL),
+        changes=list(_changes(checked, measures)),
+        notes=list(_notes(checked)),
+        stores=runner.stores(NOMINAL),
     )
 
 
-def _ratios(target: CheckedModel) -> Iterator[Measure]:
+def _ratios(checked: CheckedModel) -> Iterator[Measure]:
     """Yield h / (tc dr) of each distinct contact, with time constants as the engine keeps them."""
-    for each in contact_sets(target):
-        yield at_most("step_ratio", step_ratio(target, each), "1", RATIO * _SLACK, each.name)
+    for each in contact_sets(checked):
+        yield at_most("step_ratio", step_ratio(checked, each), "1", RATIO * _SLACK, each.name)
 
 
-def step_ratio(target: CheckedModel, contact: ContactSet) -> float:
+def step_ratio(checked: CheckedModel, contact: ContactSet) -> float:
     """Return the timestep times the contact's natural frequency, which is h / (tc dr)."""
     stiffness, _ = stiffness_damping(contact.solref)
-    return target.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
+    return checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
 
 
-def _travels(bench: CheckRunner) -> Iterator[Measure]:
+def _travels(runner: CheckRunner) -> Iterator[Measure]:
     """Yield how far each pair's surfaces move in a step, against half its thinnest geom."""
-    target = bench.target
-    base, model = target.base, target.prepared.model
-    if not base.pairs or not bench.own.whole:
+    checked = runner.checked
+    base, model = checked.base, checked.prepared.model
+    if not base.pairs or not runner.nominal.whole:
         return
-    trace = bench.own.trace
+    trace = runner.nominal.trace
     speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel)
-    thickness = make_setup(base, None, [target.resolved], [model], {}).thickness
+    thickness = make_setup(base, None, [checked.resolved], [model], {}).thickness
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
         if math.isfinite(half):
-            travel = float(speed) * target.resolved.timestep
+            travel = float(speed) * checked.resolved.timestep
             yield at_most("travel", travel, "m", float(half), pair.name)
-    fall = math.sqrt(2 * float(np.linalg.norm(target.setting("gravity"))) * model.stat.extent)
+    fall = math.sqrt(2 * float(np.linalg.norm(checked.setting("gravity"))) * model.stat.extent)
     yield informative(
-        "travel_of_a_fall", fall * target.resolved.timestep, "m", "over the model's extent"
+        "travel_of_a_fall", fall * checked.resolved.timestep, "m", "over the model's extent"
     )
 
 
-def _reason(target: CheckedModel, measures: Sequence[Measure]) -> str:
-    timestep = target.resolved.timestep * 1e3
+def _reason(checked: CheckedModel, measures: Sequence[Measure]) -> str:
+    timestep = checked.resolved.timestep * 1e3
     first = measures[0]
     verb = "is above" if first.holds is False else "is within"
     parts = [f"{timestep:g} ms {verb} the {(first.limit or 0) * 1e3:g} ms of {first.of}"]
@@ -111,23 +98,23 @@ def _use(measure: Measure) -> float:
     return (measure.value if measure.value is not None else math.inf) / (measure.limit or 1e-300)
 
 
-def _changes(target: CheckedModel, measures: Sequence[Measure]) -> Iterator[Change]:
+def _changes(checked: CheckedModel, measures: Sequence[Measure]) -> Iterator[Change]:
     """Yield the longest timestep, to two digits, that keeps every limit."""
     failed = violated(measures)
     if not failed:
         return
-    timestep = target.resolved.timestep
+    timestep = checked.resolved.timestep
     longest = [timestep / _use(each) for each in failed if each.name != "step_ratio"]
     if any(each.name == "step_ratio" for each in failed):
         # By the time constants as written: raised ones fall with the timestep.
-        stiffness, _ = stiffness_damping([each.record.solref for each in contact_sets(target)])
+        stiffness, _ = stiffness_damping([each.record.solref for each in contact_sets(checked)])
         longest.append(RATIO / float(stiffness.max()) ** 0.5)
     shown = "not run; every limit is kept at this timestep if the motion stays the same"
-    yield change(target, {"timestep": rounded_down(min(longest))}, cures=None, shown=shown)
+    yield change(checked, {"timestep": rounded_down(min(longest))}, cures=None, shown=shown)
 
 
-def _notes(target: CheckedModel) -> Iterator[str]:
-    for each in contact_sets(target):
+def _notes(checked: CheckedModel) -> Iterator[str]:
+    for each in contact_sets(checked):
         if each.solref != each.record.solref:
             yield (
                 f"the engine raises the time constant of solref {each.record.solref[0]:g} "

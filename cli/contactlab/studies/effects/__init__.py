@@ -1,13 +1,11 @@
 """Which effects a scene needs: ablation, the smallest set, and its verification."""
 
-from contactlab.studies.effects.ablation import FRESH_SEEDS, Ablation
-from contactlab.studies.effects.effects_request import EffectsRequest, ask
-from contactlab.studies.effects.figure import draw
+from contactlab.studies.effects.ablation import FRESH_SEEDS, REPORT, run
+from contactlab.studies.effects.effects_request import EffectsRequest
 
 __all__ = [
     "FRESH_SEEDS",
-    "Ablation",
+    "REPORT",
     "EffectsRequest",
-    "ask",
-    "draw",
+    "run",
 ]

@@ -1,12 +1,10 @@
-"""The smallest set of effects within tolerance: greedy, then pairs among what is left."""
+"""Ablation: which effects a scene needs, what each costs, and the smallest set that will do."""
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
-from pathlib import Path
 
 from contactlab.run.evidence_record import as_written, engine, provenance
-from contactlab.run.tasks import ProgressCallback, Stop
 from contactlab.scene import EFFECTS
 from contactlab.schema import (
     EffectFinding,
@@ -28,7 +26,7 @@ from contactlab.studies.effects.effect_toggles import (
     mjcf_lines,
     sweep_lines,
 )
-from contactlab.studies.effects.effects_request import EffectsRequest, Values
+from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.effects.metric_changes import (
     TrialDifference,
     cost_ratio,
@@ -36,6 +34,7 @@ from contactlab.studies.effects.metric_changes import (
     unmeasured_metrics,
     work_ratios,
 )
+from contactlab.studies.session import Session, Values
 
 
 @dataclass
@@ -81,7 +80,7 @@ class SmallestSetSearch:
         pairs = list(combinations(needed, 2))
         if not pairs:
             return free, ()
-        seed = self.trials.question.seeds[:1]
+        seed = self.trials.setup.seeds[:1]
         each_changed = {pair: merged(free, pair) for pair in pairs}
         outcomes = self._run([BASE, *each_changed.values()], seeds=seed)
         first = {
@@ -110,9 +109,9 @@ class SmallestSetSearch:
     def _difference(
         self, changed: Changed, base: TrialOutcome, other: TrialOutcome
     ) -> TrialDifference:
-        question = self.trials.question
-        exempt = exempted(changed, question.tolerances)
-        return difference(question, question.scenarios, base, other, exempt)
+        setup = self.trials.setup
+        exempt = exempted(changed, setup.tolerances)
+        return difference(setup, setup.scenarios, base, other, exempt)
 
 
 def merged(*names: Collection[str]) -> Changed:
@@ -125,6 +124,7 @@ def exempted(changed: Collection[str], given: Collection[str]) -> list[str]:
     return [name for name in unmeasured_metrics(changed) if name not in given]
 
 
+REPORT = "effects.json"
 FRESH_SEEDS = 10
 # Matched pairs that are timed; the range of six holds the median in 97 of 100 cases.
 _PAIRS = 6
@@ -132,73 +132,50 @@ _PAIRS = 6
 _CHEAPER = 0.95
 
 
-@dataclass(frozen=True)
-class Ablation:
-    """How an ablation is run.
+def run(request: EffectsRequest, session: Session) -> EffectsReport:
+    """Change one effect at a time, search for the smallest set, and verify it.
 
-    Attributes:
-        question: what is asked.
-        folder: where the stores go.
-        workers: processes.
-        begin: told how many runs a store has, and how many of them are done already.
-        progress: told of runs as they finish.
-        rounds: how often runs are timed; None leaves costs out.
-        stop: set when it should end soon; None if it never should.
+    The report is written to `effects.json` beside the stores.
+
+    Raises:
+        SweepFileError: the sweep or a setting is wrong; all mistakes are named.
+        SceneError: there is no such scene, or it does not compile.
+        OutputError: the session's folder cannot be written.
+        StoppedError: the session was stopped.
     """
-
-    question: EffectsRequest
-    folder: Path
-    workers: int
-    begin: Callable[[int, int], None]
-    progress: ProgressCallback
-    rounds: int | None = 3
-    stop: Stop | None = None
-
-    def report(self) -> EffectsReport:
-        """Change one effect at a time, search for the smallest set, and verify it."""
-        question = self.question
-        toggles = {each.effect: each for each in find_toggles(question)}
-        trials = self._trials(toggles)
-        singles, proven = _singles(toggles), _proven(toggles)
-        asked = [BASE, *singles.values(), *([proven] if proven else [])]
-        outcomes = trials.run("one-by-one", "One effect changed at a time", asked)
-        timed = _timed(trials, "timing", asked)
-        findings = [_finding(question, toggles[name], outcomes, timed, proven) for name in toggles]
-        search = SmallestSetSearch(trials, outcomes[BASE])
-        free = search.smallest(proven, _worthwhile(findings))
-        needed = [each.effect for each in findings if each.need == "needed"]
-        free, interactions = search.interactions(free, needed)
-        saving = _timed(trials, "saving", [BASE, free]) if free else {}
-        return EffectsReport(
-            scene=question.scene.name,
-            scene_hash=question.scene.hash,
-            source=question.source,
-            base=_written(question.base),
-            scenarios=tuple(_written(each) for each in question.scenarios),
-            seeds=question.seeds,
-            duration=question.duration or question.scene.duration,
-            tolerances=dict(question.tolerances),
-            engine=engine(),
-            provenance=provenance(),
-            effects=tuple(findings),
-            interactions=interactions,
-            smallest_set=_set(toggles, free, proven),
-            saving=cost_ratio(saving[BASE], saving[free]) if free else None,
-            verification=_verified(trials, free),
-            stores=tuple(trials.stores),
-        )
-
-    def _trials(self, toggles: Mapping[str, Toggle]) -> TrialRunner:
-        return TrialRunner(
-            question=self.question,
-            toggles=toggles,
-            folder=self.folder,
-            workers=self.workers,
-            begin=self.begin,
-            progress=self.progress,
-            rounds=self.rounds,
-            stop=self.stop,
-        )
+    setup = request.setup
+    toggles = {each.effect: each for each in find_toggles(setup)}
+    trials = TrialRunner(setup, toggles, session, request.rounds)
+    singles, proven = _singles(toggles), _proven(toggles)
+    configurations = [BASE, *singles.values(), *([proven] if proven else [])]
+    outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
+    timed = _timed(trials, "timing", configurations)
+    findings = [_finding(setup, toggles[name], outcomes, timed, proven) for name in toggles]
+    search = SmallestSetSearch(trials, outcomes[BASE])
+    free = search.smallest(proven, _worthwhile(findings))
+    needed = [each.effect for each in findings if each.need == "needed"]
+    free, interactions = search.interactions(free, needed)
+    saving = _timed(trials, "saving", [BASE, free]) if free else {}
+    report = EffectsReport(
+        scene=setup.scene.name,
+        scene_hash=setup.scene.hash,
+        source=request.source,
+        base=_written(setup.base),
+        scenarios=tuple(_written(each) for each in setup.scenarios),
+        seeds=setup.seeds,
+        duration=setup.duration or setup.scene.duration,
+        tolerances=dict(setup.tolerances),
+        engine=engine(),
+        provenance=provenance(),
+        effects=tuple(findings),
+        interactions=interactions,
+        smallest_set=_set(toggles, free, proven),
+        saving=cost_ratio(saving[BASE], saving[free]) if free else None,
+        verification=_verified(trials, free),
+        stores=tuple(trials.stores),
+    )
+    session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
+    return report
 
 
 def _singles(toggles: Mapping[str, Toggle]) -> dict[str, Changed]:
@@ -213,16 +190,16 @@ def _timed(
     trials: TrialRunner, name: str, asked: Sequence[Changed], seeds: Sequence[int] | None = None
 ) -> dict[Changed, TrialOutcome]:
     """Time configurations in turns, in at most so many matched pairs of each with the base."""
-    question = trials.question
-    scenarios = question.scenarios[:: max(1, len(question.scenarios) // _PAIRS)][:_PAIRS]
+    setup = trials.setup
+    scenarios = setup.scenarios[:: max(1, len(setup.scenarios) // _PAIRS)][:_PAIRS]
     count = max(1, _PAIRS // len(scenarios))
-    picked = (question.seeds if seeds is None else seeds)[:count]
+    picked = (setup.seeds if seeds is None else seeds)[:count]
     about = "Configurations timed in turns"
     return trials.run(name, about, asked, seeds=picked, scenarios=scenarios, timed=True)
 
 
 def _finding(
-    question: EffectsRequest,
+    setup: AblationSetup,
     toggle: Toggle,
     outcomes: Mapping[Changed, TrialOutcome],
     timed: Mapping[Changed, TrialOutcome],
@@ -230,8 +207,8 @@ def _finding(
 ) -> EffectFinding:
     """Return what is found of one effect; those that are unused by proof were changed at once."""
     changed = proven if toggle.proof is not None else (toggle.effect,)
-    exempt = exempted(changed, question.tolerances)
-    found = difference(question, question.scenarios, outcomes[BASE], outcomes[changed], exempt)
+    exempt = exempted(changed, setup.tolerances)
+    found = difference(setup, setup.scenarios, outcomes[BASE], outcomes[changed], exempt)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect = EFFECTS[toggle.effect]
     return EffectFinding(
@@ -300,9 +277,9 @@ def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> Small
 
 def _verified(trials: TrialRunner, free: Changed) -> Verification:
     """Run the smallest set and the base configuration from fresh seeds, in fresh scenarios."""
-    question = trials.question
-    first = max(question.seeds) + 1
-    seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), question.fresh
+    setup = trials.setup
+    first = max(setup.seeds) + 1
+    seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), setup.fresh_scenarios
     if not free:
         return Verification(
             seeds=seeds,
@@ -314,8 +291,8 @@ def _verified(trials: TrialRunner, free: Changed) -> Verification:
         )
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
-    exempt = exempted(free, question.tolerances)
-    found = difference(question, scenarios, outcomes[BASE], outcomes[free], exempt)
+    exempt = exempted(free, setup.tolerances)
+    found = difference(setup, scenarios, outcomes[BASE], outcomes[free], exempt)
     timed = _timed(trials, "fresh-timing", [BASE, free], seeds)
     return Verification(
         seeds=seeds,

@@ -1,19 +1,14 @@
-"""The lines of MJCF and of a sweep file that make a set of effects."""
+"""Effects changed: what changes each, the runs with it, and the lines that make it so."""
 
-import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from contactlab.run.evidence_record import as_written
-from contactlab.run.sweep_request import read_request
-from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import ProgressCallback, Stop
 from contactlab.scene import EFFECTS, FLAGS, EffectState
-from contactlab.store import Store
-from contactlab.studies.effects.effects_request import EffectsRequest, Values
+from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.session import Session, Values
 
 _OPTIONS = {
     "elliptic": ("cone", {True: "elliptic", False: "pyramidal"}),
@@ -144,18 +139,18 @@ class Toggle:
     proof: str | None
 
 
-def find_toggles(question: EffectsRequest) -> tuple[Toggle, ...]:
+def find_toggles(setup: AblationSetup) -> tuple[Toggle, ...]:
     """Return every effect that can be changed, as the base configuration has it."""
-    written = [*_choices(question, "all")]
-    proven = [*_choices(question, "auto")]
+    written = [*_choices(setup, "all")]
+    proven = [*_choices(setup, "auto")]
     found = (_toggle(name, written, proven) for name in EFFECTS if name not in _KEPT)
     return tuple(each for each in found if each is not None)
 
 
-def _choices(question: EffectsRequest, rest: str) -> Iterator[Mapping[str, EffectState]]:
-    scene = question.scene.with_effects(rest)
-    for scenario in question.scenarios:
-        run = scene.resolve({**question.base, **scenario}, question.seeds[0], question.duration)
+def _choices(setup: AblationSetup, rest: str) -> Iterator[Mapping[str, EffectState]]:
+    scene = setup.scene.with_effects(rest)
+    for scenario in setup.scenarios:
+        run = scene.resolve({**setup.base, **scenario}, setup.seeds[0], setup.duration)
         yield scene.prepare(run, scene.starts([run])).effects
 
 
@@ -193,25 +188,17 @@ class TrialRunner:
     """Runs configurations.
 
     Attributes:
-        question: what is asked.
+        setup: the base configuration, scenarios and seeds.
         toggles: every effect that can be changed, by name.
-        folder: where the stores go.
-        workers: processes.
-        begin: told how many runs a store has, and how many of them are done already.
-        progress: told of runs as they finish.
+        session: where runs go, and how.
         rounds: how often runs are timed, if they are; None for never.
-        stop: set when runs should end soon; None if they never should.
         stores: names of the stores written.
     """
 
-    question: EffectsRequest
+    setup: AblationSetup
     toggles: Mapping[str, Toggle]
-    folder: Path
-    workers: int
-    begin: Callable[[int, int], None]
-    progress: ProgressCallback
+    session: Session
     rounds: int | None
-    stop: Stop | None = None
     stores: list[str] = field(default_factory=list[str])
 
     def run(
@@ -230,68 +217,46 @@ class TrialRunner:
             name: of the store.
             description: what the runs are for.
             configurations: effects that each changes.
-            seeds: the question's if None.
-            scenarios: the question's if None.
-            timed: whether the runs are timed in turns.
+            seeds: the setup's if None.
+            scenarios: the setup's if None.
+            timed: whether the runs are timed, interleaved.
         """
-        asked = list(dict.fromkeys(configurations))
-        seeds = self.question.seeds if seeds is None else seeds
-        scenarios = self.question.scenarios if scenarios is None else scenarios
-        rows = [[self.values(each, scenario) for scenario in scenarios] for each in asked]
-        rounds = self.rounds if timed else None
-        text = self._sweep(description, [each for row in rows for each in row], seeds, rounds)
-        self._run(name, text)
-        table = Store.open(self.folder / name).table
-        found = {row["run_id"]: row for row in table.to_pylist()}
+        setup, each_once = self.setup, list(dict.fromkeys(configurations))
+        seeds = setup.seeds if seeds is None else seeds
+        scenarios = setup.scenarios if scenarios is None else scenarios
+        rows = [[self._values(each, scenario) for scenario in scenarios] for each in each_once]
+        sweep = {
+            "version": 1,
+            "scene": setup.reference,
+            "description": description,
+            "duration": setup.duration,
+            "seeds": list(seeds),
+            "include": [row for of_each in rows for row in of_each],
+            "effects": "all",
+            "tolerances": dict(setup.tolerances),
+            "thresholds": dict(setup.thresholds),
+            "timing": {"rounds": self.rounds} if timed and self.rounds else None,
+            "trace": "none",
+            "checks": "none",
+        }
+        content = {key: value for key, value in sweep.items() if value is not None}
+        table = self.session.run_derived(name, content, setup.scenes).table
+        self.stores.append(name)
+        runs = {row["run_id"]: row for row in table.to_pylist()}
         return {
             each: TrialOutcome(
-                tuple(tuple(found[self._id(row, seed)] for seed in seeds) for row in of_each)
+                tuple(tuple(runs[self._id(row, seed)] for seed in seeds) for row in of_each)
             )
-            for each, of_each in zip(asked, rows, strict=True)
+            for each, of_each in zip(each_once, rows, strict=True)
         }
 
-    def _run(self, name: str, text: str) -> None:
-        asked = read_request(
-            text,
-            name,
-            self.folder / name,
-            folder=self.question.scenes.folder or Path(),
-            workers=self.workers,
-            fresh=True,
-        )
-        run_sweep(asked, self.begin, self.progress, self.stop)
-        self.stores.append(name)
-
-    def values(self, changed: Changed, scenario: Values) -> Values:
+    def _values(self, changed: Changed, scenario: Values) -> Values:
         """Return the axis values of a configuration in a scenario."""
-        values = {**self.question.base, **scenario}
+        values = {**self.setup.base, **scenario}
         for name in changed:
             values |= self.toggles[name].values
         return values
 
     def _id(self, values: Values, seed: int) -> str:
-        scene = self.question.scene
-        return scene.run_id(scene.resolve(values, seed, self.question.duration))
-
-    def _sweep(
-        self, description: str, rows: Sequence[Values], seeds: Sequence[int], rounds: int | None
-    ) -> str:
-        """Return a sweep file; JSON is YAML."""
-        question = self.question
-        content = {
-            "version": 1,
-            "scene": question.reference,
-            "description": description,
-            "duration": question.duration,
-            "seeds": list(seeds),
-            "include": list(rows),
-            "effects": "all",
-            "tolerances": dict(question.tolerances),
-            "thresholds": dict(question.thresholds),
-            "timing": rounds and {"rounds": rounds},
-            "trace": "none",
-            "checks": "none",
-        }
-        return json.dumps(
-            {key: each for key, each in content.items() if each is not None}, indent=1
-        )
+        scene = self.setup.scene
+        return scene.run_id(scene.resolve(values, seed, self.setup.duration))

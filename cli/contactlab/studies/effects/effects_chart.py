@@ -1,10 +1,15 @@
-"""The bars as a Vega-Lite specification: change in tolerances, and time saved."""
+"""The figure of an effects report: what each effect changes, and what it costs.
 
+Loads Altair, an extra; see `contactlab.tradeoff.check_figure`.
+"""
+
+from pathlib import Path
 from typing import Any
 
 import altair as alt
 
 from contactlab.schema import EffectFinding, EffectsReport, MetricChange
+from contactlab.tradeoff import save_figure
 
 # Bars end here: a label that changes, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3
@@ -19,8 +24,17 @@ _COLOURS = {
 }
 
 
+def draw(report: EffectsReport, path: Path) -> None:
+    """Draw a report as two columns of bars, one row an effect, into a .png or .svg file.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    save_figure(specification(report), path)
+
+
 def specification(report: EffectsReport) -> alt.TopLevelMixin:
-    """Return the chart of a report."""
+    """Return the chart of a report, as a Vega-Lite specification."""
     rows = [_row(each) for each in report.effects if each.need != "unused"]
     order = [row["effect"] for row in rows]
     return (

@@ -1,43 +1,90 @@
-"""What an ablation is asked: a scene, a base configuration, scenarios, seeds and tolerances."""
+"""What an ablation starts from: a base configuration, scenarios, seeds and tolerances."""
 
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
-from contactlab.errors import SweepFileError
-from contactlab.plan import Overrides, Plan, read_sweep
-from contactlab.run.sweep_request import SceneLoader
+from contactlab.plan import Plan, read_sweep
+from contactlab.run import SceneLoader
 from contactlab.scene import Scene
+from contactlab.studies.session import Values, read_settings
 
-Values = Mapping[str, object]
 _SWEEPS = {".yaml", ".yml"}
 
 
 @dataclass(frozen=True)
 class EffectsRequest:
-    """What is asked.
+    """Which scene's effects to change, and around which configuration.
 
     Attributes:
-        source: as it was asked for.
+        source: a sweep file; else a scene, a model file or whatever a sweep may name as its scene.
+        assign: settings of the base configuration, `NAME=VALUE` each.
+        seeds: how many seeds to change effects with.
+        rounds: how often configurations are timed; None leaves costs out.
+    """
+
+    source: str
+    assign: Sequence[str] = ()
+    seeds: int = 6
+    rounds: int | None = 3
+
+    @cached_property
+    def setup(self) -> "AblationSetup":
+        """The scene and its base configuration, read once.
+
+        Of a sweep, axes of the role scenario are kept, and knobs of one value; other knobs stay as
+        the scene has them, unless `assign` sets them.
+
+        Raises:
+            SweepFileError: the sweep or a setting is wrong; all mistakes are named.
+            SceneError: there is no such scene.
+        """
+        path = Path(self.source)
+        is_sweep = path.suffix in _SWEEPS
+        scenes = SceneLoader(path.parent if is_sweep else Path())
+        sweep_of_scene = {"version": 1, "scene": self.source}
+        read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
+        reference, sweep = read.sweep.scene, read.sweep
+        assigned, _ = read_settings(scenes, reference, self.assign)
+        scenarios = _scenarios(read.plan)
+        manifest = scenes.open(reference).source.manifest
+        return AblationSetup(
+            scenes=scenes,
+            reference=reference,
+            base={**_fixed(read.plan), **assigned},
+            scenarios=scenarios,
+            fresh_scenarios=_between(scenarios),
+            seeds=tuple(range(self.seeds)),
+            duration=sweep.duration,
+            tolerances={**(manifest.tolerances if manifest else {}), **sweep.tolerances},
+            thresholds=sweep.thresholds,
+        )
+
+
+@dataclass(frozen=True)
+class AblationSetup:
+    """A scene, and the configuration around which its effects are changed.
+
+    Attributes:
         scenes: opens the scene.
         reference: what a sweep file says after `scene:`.
         base: canonical values of the base configuration.
-        scenarios: values that the world chooses; one empty one if it chooses none.
-        fresh: other such values, to verify with.
-        seeds: to ablate with.
+        scenarios: values of the axes of role scenario; one empty one if there is none.
+        fresh_scenarios: other such values, to verify with.
+        seeds: to change effects with.
         duration: simulated time [s], or None for the scene's own.
         tolerances: metric to largest change; empty if neither sweep nor scene has any.
         thresholds: of labels, over the scene's.
     """
 
-    source: str
     scenes: SceneLoader
     reference: str
     base: Values
     scenarios: tuple[Values, ...]
-    fresh: tuple[Values, ...]
+    fresh_scenarios: tuple[Values, ...]
     seeds: tuple[int, ...]
     duration: float | None
     tolerances: Mapping[str, float]
@@ -45,61 +92,8 @@ class EffectsRequest:
 
     @property
     def scene(self) -> Scene:
-        """The scene, with all that its model has."""
+        """The scene, with every effect that its model has."""
         return self.scenes.open(self.reference).with_effects("all")
-
-
-def ask(source: str, assign: Sequence[str], seeds: int, folder: Path) -> EffectsRequest:
-    """Return what is asked of a scene, a sweep file or a model.
-
-    Of a sweep, axes of the role scenario are kept, and knobs of one value; other knobs stay as
-    the scene has them, unless an option sets them.
-
-    Args:
-        source: a sweep file; else whatever a sweep may name as its scene.
-        assign: `NAME=VALUE`, one value each.
-        seeds: how many.
-        folder: where relative paths of scenes start.
-
-    Raises:
-        SweepFileError: the sweep or the options hold mistakes.
-        SceneError: there is no such scene.
-    """
-    path = Path(source)
-    is_sweep = path.suffix in _SWEEPS
-    scenes = SceneLoader(path.parent if is_sweep else folder)
-    text = json.dumps({"version": 1, "scene": source})
-    read = read_sweep(path if is_sweep else text, scenes.vocabulary)
-    reference, sweep = read.sweep.scene, read.sweep
-    chosen = _options(scenes, reference, assign)
-    scenarios = _scenarios(read.plan)
-    manifest = scenes.open(reference).source.manifest
-    return EffectsRequest(
-        source=source,
-        scenes=scenes,
-        reference=reference,
-        base={**_fixed(read.plan), **chosen},
-        scenarios=scenarios,
-        fresh=_between(scenarios),
-        seeds=tuple(range(seeds)),
-        duration=sweep.duration,
-        tolerances={**(manifest.tolerances if manifest else {}), **sweep.tolerances},
-        thresholds=sweep.thresholds,
-    )
-
-
-def _options(scenes: SceneLoader, reference: str, assign: Sequence[str]) -> Values:
-    text = json.dumps({"version": 1, "scene": reference})
-    plan = read_sweep(text, scenes.vocabulary, Overrides(assign)).plan
-    given = plan.sweep.model_dump(exclude_defaults=True).keys() - {"version", "scene", "axes"}
-    if given:
-        raise SweepFileError(f"--set {min(given)}: effects takes axes of the scene only")
-    for axis in plan.axes:
-        if axis.count > 1:
-            raise SweepFileError(
-                f"--set {axis.name}: the base configuration has one value, not {axis.count}"
-            )
-    return next(plan.runs()).values
 
 
 def _fixed(plan: Plan) -> dict[str, object]:
@@ -110,18 +104,17 @@ def _fixed(plan: Plan) -> dict[str, object]:
 
 def _scenarios(plan: Plan) -> tuple[Values, ...]:
     names = [axis.name for axis in plan.axes if axis.role == "scenario"]
-    found: dict[str, Values] = {}
+    scenarios: dict[str, Values] = {}
     for run in plan.runs():
         scenario = {name: run.values[name] for name in names if name in run.values}
-        found.setdefault(json.dumps(scenario, default=str), scenario)
-    return tuple(found.values())
+        scenarios.setdefault(json.dumps(scenario, default=str), scenario)
+    return tuple(scenarios.values())
 
 
 def _between(scenarios: Sequence[Values]) -> tuple[Values, ...]:
     """Return scenarios half way between neighbours; the given ones where nothing is between."""
-    found = [_half_way(first, second) for first, second in pairwise(scenarios)]
-    fresh = tuple(each for each in found if each not in scenarios)
-    return fresh or tuple(scenarios)
+    middles = [_half_way(first, second) for first, second in pairwise(scenarios)]
+    return tuple(each for each in middles if each not in scenarios) or tuple(scenarios)
 
 
 def _half_way(first: Values, second: Values) -> dict[str, object]:

@@ -10,7 +10,8 @@ from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema import MetricChange, Ratio
 from contactlab.studies.effects.effect_toggles import Row, TrialOutcome
-from contactlab.studies.effects.effects_request import EffectsRequest, Values
+from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.session import Values
 
 _SHARE = 0.01
 # What an effect makes unmeasurable: energies that are not recorded while it is off, and distances
@@ -87,7 +88,7 @@ class TrialDifference:
 
 
 def difference(
-    question: EffectsRequest,
+    setup: AblationSetup,
     scenarios: Sequence[Values],
     base: TrialOutcome,
     other: TrialOutcome,
@@ -96,14 +97,14 @@ def difference(
     """Return what a configuration changes over scenarios and seeds.
 
     Args:
-        question: says tolerances.
+        setup: has the tolerances.
         scenarios: those of the outcomes.
         base: without the change.
         other: with it.
         exempt: metrics that the change leaves unmeasured by what it is.
     """
-    names = [name for name in question.tolerances or judged_metrics() if name not in exempt]
-    found = [max(_changes(name, question, scenarios, base, other), key=_weight) for name in names]
+    names = [name for name in setup.tolerances or judged_metrics() if name not in exempt]
+    found = [max(_changes(name, setup, scenarios, base, other), key=_weight) for name in names]
     changes = sorted((each for each in found if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
     for first, second in zip(base.rows, other.rows, strict=True):
@@ -117,13 +118,13 @@ def _weight(change: MetricChange) -> tuple[bool, float]:
 
 def _changes(
     name: str,
-    question: EffectsRequest,
+    setup: AblationSetup,
     scenarios: Sequence[Values],
     base: TrialOutcome,
     other: TrialOutcome,
 ) -> Iterator[MetricChange]:
     for scenario, first, second in zip(scenarios, base.rows, other.rows, strict=True):
-        yield _change(name, question.tolerances, scenario, first, second)
+        yield _change(name, setup.tolerances, scenario, first, second)
 
 
 def _change(

@@ -1,0 +1,122 @@
+"""What every study shares: the session that it runs in, and settings given as options.
+
+A study is a function `run(request, session) -> report`: the request says what is asked, as the
+options of its command do; the report is plain data.
+"""
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from contactlab.errors import SweepFileError
+from contactlab.plan import Overrides, read_sweep
+from contactlab.run import Finished, SceneLoader, Stop, SweepRequest, run_sweep
+from contactlab.schema import Sweep, effects_base
+from contactlab.store import Store, atomic_write, write_error
+
+Values = Mapping[str, object]
+"""Canonical values by axis."""
+
+
+def _ignore(*_: object) -> None:
+    """Take a callback's arguments, and do nothing."""
+
+
+@dataclass(frozen=True)
+class Session:
+    """Where and how a study runs its sweeps.
+
+    Attributes:
+        folder: receives the stores of the study, each under its own name, and its reports.
+        workers: worker processes; 0 runs everything in this process.
+        begin: called when a sweep begins, with the number of its runs and of those already stored.
+        progress: called with runs as they finish.
+        notify: called with a line of text, where there is something to tell before the report.
+        stop: set, from another thread or a signal handler, to end the study early.
+    """
+
+    folder: Path
+    workers: int = 0
+    begin: Callable[[int, int], None] = _ignore
+    progress: Callable[[Sequence[Finished]], None] = _ignore
+    notify: Callable[[str], None] = _ignore
+    stop: Stop | None = None
+
+    def run(self, sweep: SweepRequest) -> Store:
+        """Run a sweep and open its store.
+
+        Raises:
+            OutputError: the store cannot be written.
+            StoppedError: `stop` was set; the store can be resumed.
+        """
+        run_sweep(sweep, self.begin, self.progress, self.stop)
+        return Store.open(sweep.store)
+
+    def run_derived(self, name: str, sweep: Mapping[str, object], scenes: SceneLoader) -> Store:
+        """Run a sweep that a study makes up, into a fresh store of the session's folder.
+
+        Args:
+            name: of the sweep and its store.
+            sweep: what a sweep file would say, as data.
+            scenes: opens its scene.
+        """
+        read = read_sweep(sweep, scenes.vocabulary)
+        scene = scenes.open(read.sweep.scene).with_effects(effects_base(read.sweep.effects))
+        return self.run(
+            SweepRequest(
+                plan=read.plan,
+                scene=scene,
+                name=name,
+                source=read.text,
+                overrides=(),
+                store=self.folder / name,
+                workers=self.workers,
+                fresh=True,
+            )
+        )
+
+    def write(self, files: Mapping[str, str]) -> None:
+        """Write text files into the session's folder, by name.
+
+        Raises:
+            OutputError: the folder or a file cannot be written.
+        """
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise write_error(self.folder, error) from error
+        for name, text in files.items():
+            with atomic_write(self.folder / name) as path:
+                path.write_text(text, encoding="utf-8")
+
+
+def read_settings(
+    scenes: SceneLoader, reference: str, assign: Sequence[str], keys: Collection[str] = ()
+) -> tuple[Values, Sweep]:
+    """Read options `--set` that give one value to each of some axes of a scene.
+
+    Args:
+        scenes: opens the scene.
+        reference: what a sweep file says after `scene:`.
+        assign: `NAME=VALUE` each.
+        keys: keys of a sweep file that may be set beside axes.
+
+    Returns:
+        Values by axis, and the sweep that the options make.
+
+    Raises:
+        SweepFileError: an option is wrong, or gives more than one value; all that are, are named.
+        SceneError: there is no such scene.
+    """
+    read = read_sweep({"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign))
+    given = read.sweep.model_dump(exclude_defaults=True).keys()
+    if foreign := sorted(given - {"version", "scene", "axes", *keys}):
+        names = " and ".join(["axes of the scene", *keys])
+        raise SweepFileError(f"--set {foreign[0]}: this command takes {names} only")
+    for axis in read.plan.axes:
+        if axis.count > 1:
+            raise SweepFileError(
+                f"--set {axis.name}: give one value, not {axis.count}; "
+                "to compare several, write a sweep"
+            )
+    return next(read.plan.runs()).values, read.sweep

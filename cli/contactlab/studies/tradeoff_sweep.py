@@ -1,0 +1,80 @@
+"""What accuracy costs in time: a sweep that measures errors and times, then its analysis.
+
+The analysis of a stored sweep stands by itself in `contactlab.tradeoff`, without an engine.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from contactlab import resources
+from contactlab.plan import Overrides
+from contactlab.run import SweepRequest, read_request
+from contactlab.schema import ERRORS, Sweep, TradeoffReport
+from contactlab.store import Address, Store
+from contactlab.studies.session import Session
+from contactlab.tradeoff import Criteria, analyse, chosen_error, find_store
+
+
+@dataclass(frozen=True)
+class TradeoffRequest:
+    """Which configurations to evaluate, and by what.
+
+    Attributes:
+        source: a store, a sweep file or the name of a shipped sweep.
+        criteria: which error stands for accuracy, and tolerances over the sweep's.
+        store: where the store of a sweep goes; if None, under its name in the session's folder.
+    """
+
+    source: str
+    criteria: Criteria
+    store: Address | None = None
+
+
+def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
+    """Evaluate the configurations of a store, after running the sweep if it is one.
+
+    A sweep is run with errors and times measured even if its file does not ask for them. The
+    session is notified of what looks wrong in it.
+
+    Raises:
+        SweepFileError: the sweep holds mistakes, or the criteria name what it does not measure.
+        StoreError: the store has no error to evaluate.
+        StoppedError: the session was stopped.
+    """
+    stored = find_store(request.source, request.store)
+    if stored is not None:
+        return analyse(Store.open(stored), request.criteria)
+    sweep = _sweep(request, session)
+    for warning in sweep.plan.warnings:
+        session.notify(str(warning))
+    return analyse(session.run(sweep), request.criteria)
+
+
+def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
+    path = resources.find_sweep(request.source)
+    store = request.store or session.folder / path.stem
+
+    def read(*settings: str) -> SweepRequest:
+        return read_request(
+            path,
+            path.stem,
+            store,
+            folder=path.parent,
+            workers=session.workers,
+            overrides=Overrides(assign=settings),
+        )
+
+    return read(*_added(read().plan.sweep, request.criteria))
+
+
+def _added(sweep: Sweep, criteria: Criteria) -> Iterator[str]:
+    """Yield what a sweep is to measure that its file leaves out.
+
+    Runs against a reference cost more than all others; they are left out where the error is of
+    another kind.
+    """
+    error = criteria.error or chosen_error({**sweep.tolerances, **criteria.tolerances})
+    if (error is None or error in ERRORS) and sweep.accuracy is None:
+        yield "accuracy={error: auto}"
+    if sweep.timing is None:
+        yield "timing={rounds: 3}"
