@@ -72,7 +72,7 @@ def apply_settings(
             _write_mass(model, as_number(value), targets)
             derived = True
         elif name in EFFECTS and name not in FLAGS:
-            EFFECTS[name].switch.write(model, on=bool(value))
+            EFFECTS[name].switch.write(model, bool(value))
         elif is_field(model, name):
             derived |= write_field(model, name, value)
     if derived:

@@ -10,7 +10,7 @@ from typing import Any
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.axis_catalogue import SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
-from contactlab.scene.effects import EFFECTS, EffectRequest, OptionSwitch, left_uncompiled
+from contactlab.scene.effects import EFFECTS, EffectRequest, left_uncompiled
 from contactlab.scene.engine_flags import FLAGS
 from contactlab.scene.initial_states import QPOS0
 from contactlab.scene.model_settings import ENGINES
@@ -103,10 +103,10 @@ def write_axis(settings: Settings, axis: str, value: object) -> bool:
     if axis in PARAMETERS:
         PARAMETERS[axis].write(settings, value)
     elif axis in EFFECTS:
-        switch = EFFECTS[axis].switch
-        if not isinstance(switch, OptionSwitch):
+        fold = EFFECTS[axis].switch.fold
+        if fold is None:
             return False
-        switch.write_settings(settings, on=bool(value))
+        fold(settings, bool(value))
     else:
         settings[axis] = value
     return True

@@ -10,7 +10,6 @@ from contactlab.scene.effects.effect import (
     RunState,
 )
 from contactlab.scene.effects.effect_choice import choose, leave_out, left_uncompiled, remove
-from contactlab.scene.effects.effect_switches import FlagSwitch, OptionSwitch
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.model_facts import find_facts, is_straight
 
@@ -21,9 +20,7 @@ __all__ = [
     "EffectMjcf",
     "EffectRequest",
     "EffectState",
-    "FlagSwitch",
     "ModelFacts",
-    "OptionSwitch",
     "RunState",
     "choose",
     "find_facts",

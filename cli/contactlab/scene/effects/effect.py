@@ -2,9 +2,11 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Protocol
+from typing import Literal
 
 import mujoco
+
+from contactlab.scene.settings import Settings
 
 NOT_IN_MODEL = "not in the model"
 """The reason of an effect that a model does not have."""
@@ -95,25 +97,25 @@ class EffectMjcf:
     comment: str | None = None
 
 
-class Switch(Protocol):
-    """How an effect is read from a model, and how it is turned on or off."""
+@dataclass(frozen=True)
+class Switch:
+    """How an effect is read from a model, and how it is turned on or off.
 
-    @property
-    def settings(self) -> tuple[str, ...]:
-        """The settings that it writes over."""
-        ...
+    Attributes:
+        is_on: says whether it is in a run's model.
+        write: turns it on or off in a compiled model, in place.
+        mjcf: returns what turns it on or off in MJCF.
+        flag: MuJoCo's flag, if it is one.
+        settings: the settings that it writes over.
+        fold: turns it on or off in resolved settings; None where it is no matter of settings.
+    """
 
-    def is_on(self, run: RunState) -> bool:
-        """Say whether the effect is in a run's model."""
-        ...
-
-    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
-        """Turn the effect on or off in a compiled model, in place."""
-        ...
-
-    def mjcf(self, *, on: bool) -> EffectMjcf:
-        """Return what turns the effect on or off in MJCF."""
-        ...
+    is_on: Callable[[RunState], bool]
+    write: Callable[[mujoco.MjModel, bool], None]
+    mjcf: Callable[[bool], EffectMjcf]
+    flag: str | None = None
+    settings: tuple[str, ...] = ()
+    fold: Callable[[Settings, bool], None] | None = None
 
 
 @dataclass(frozen=True)

@@ -31,7 +31,7 @@ def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
     write_flags(run.model, {each.name: False for each in off if each.name in FLAGS})
     for effect in off:
         if effect.name not in FLAGS:
-            effect.switch.write(run.model, on=False)
+            effect.switch.write(run.model, False)
 
 
 def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:

@@ -1,157 +1,114 @@
-"""How effects are read from a model and written into it, settings and MJCF."""
+"""Ways to turn effects on and off: by a flag, by options, by the dimensions of contacts."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
 
-from contactlab.scene.effects.effect import EffectMjcf, RunState
+from contactlab.scene.effects.effect import EffectMjcf, RunState, Switch
 from contactlab.scene.effects.proofs import most_condim
 from contactlab.scene.engine_flags import read_flag, write_flags
 from contactlab.scene.model_settings import read_option, write_option
 from contactlab.scene.settings import Settings
 
-
-@dataclass(frozen=True)
-class FlagSwitch:
-    """An effect that is one of MuJoCo's flags."""
-
-    flag: str
-    settings: tuple[str, ...] = ()
-
-    def is_on(self, run: RunState) -> bool:
-        """Say whether the flag is set."""
-        return read_flag(run.model, self.flag)
-
-    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
-        """Set the flag, in place."""
-        write_flags(model, {self.flag: on})
-
-    def mjcf(self, *, on: bool) -> EffectMjcf:
-        """Return the attribute of <flag>."""
-        return EffectMjcf(flags={self.flag: on})
+_REMOVE_TENDONS = (
+    "in <tendon>, set no stiffness, damping, friction loss, armature or range; "
+    "remove what no actuator, equality or sensor refers to"
+)
 
 
-@dataclass(frozen=True)
-class CondimSwitch:
-    """A friction effect, on where contacts have enough dimensions.
+def by_flag(name: str) -> Switch:
+    """Return the switch of one of MuJoCo's flags."""
+    return Switch(
+        is_on=lambda run: read_flag(run.model, name),
+        write=lambda model, on: write_flags(model, {name: on}),
+        mjcf=lambda on: EffectMjcf(flags={name: on}),
+        flag=name,
+    )
+
+
+def by_condim(least: int, most: int) -> Switch:
+    """Return the switch of a friction effect, which is on where contacts have enough dimensions.
 
     Contacts take the larger condim of their two geoms, so that a bound on each geom bounds the
     contact.
 
-    Attributes:
+    Args:
         least: dimensions that the effect needs.
         most: dimensions that are left without it.
     """
 
-    least: int
-    most: int
-    settings: tuple[str, ...] = ("condim",)
-
-    def is_on(self, run: RunState) -> bool:
-        """Say whether any contact could have the dimensions."""
-        return most_condim(run.model) >= self.least
-
-    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
-        """Bound the dimensions of every contact, in place."""
-        bound, value = (np.maximum, self.least) if on else (np.minimum, self.most)
-        for field_name in ("geom_condim", "pair_dim", "flex_condim"):
-            array = getattr(model, field_name)
+    def write(model: mujoco.MjModel, on: bool) -> None:
+        bound, value = (np.maximum, least) if on else (np.minimum, most)
+        for name in ("geom_condim", "pair_dim", "flex_condim"):
+            array = getattr(model, name)
             array[:] = bound(array, value)
 
-    def mjcf(self, *, on: bool) -> EffectMjcf:
-        """Return the bound on condim."""
-        return EffectMjcf(condim=self.least if on else self.most)
+    return Switch(
+        is_on=lambda run: most_condim(run.model) >= least,
+        write=write,
+        mjcf=lambda on: EffectMjcf(condim=least if on else most),
+        settings=("condim",),
+    )
 
 
-@dataclass(frozen=True)
-class OptionSwitch:
-    """An effect that is a matter of options.
+def by_options(
+    has: Callable[[Settings], bool], off: Mapping[str, object], on: Mapping[str, object]
+) -> Switch:
+    """Return the switch of an effect that is a matter of options.
 
-    Attributes:
+    Args:
         has: says whether settings have the effect.
         off: settings that turn it off.
-        on: settings that turn it on, where it is off; none if no single value does.
+        on: settings that turn it on where it is off; none if no value does by itself.
     """
+    values = {True: on, False: off}
 
-    has: Callable[[Settings], bool]
-    off: Mapping[str, object]
-    on: Mapping[str, object] = field(default_factory=dict[str, object])
-
-    @property
-    def settings(self) -> tuple[str, ...]:
-        """The options."""
-        return tuple(self.off)
-
-    def is_on(self, run: RunState) -> bool:
-        """Say whether the options of a run's model have the effect."""
-        return self.has(Settings({name: read_option(run.model, name) for name in self.off}))
-
-    def write_settings(self, settings: Settings, *, on: bool) -> None:
-        """Turn the effect on or off in resolved settings; settings that have it so stay."""
-        if self.has(settings) != on:
-            settings.update(self.on if on else self.off)
-
-    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
-        """Write the options, in place."""
-        for name, value in (self.on if on else self.off).items():
+    def write(model: mujoco.MjModel, state: bool) -> None:
+        for name, value in values[state].items():
             write_option(model, name, value)
 
-    def mjcf(self, *, on: bool) -> EffectMjcf:
-        """Return the attributes of <option>."""
-        values = self.on if on else self.off
-        return EffectMjcf(options={name: _text(value) for name, value in values.items()})
+    def fold(settings: Settings, state: bool) -> None:
+        # Settings that have it so already stay as they are.
+        if has(settings) != state:
+            settings.update(values[state])
+
+    return Switch(
+        is_on=lambda run: has(Settings({name: read_option(run.model, name) for name in off})),
+        write=write,
+        mjcf=lambda state: EffectMjcf({name: _text(each) for name, each in values[state].items()}),
+        settings=tuple(off),
+        fold=fold,
+    )
 
 
-@dataclass(frozen=True)
-class TendonSwitch:
-    """Tendons: idle ones are left out before a model is compiled, others lose what acts."""
+def by_tendons() -> Switch:
+    """Return the switch of tendons: idle ones are not compiled, others lose what acts."""
 
-    settings: tuple[str, ...] = ()
+    def write(model: mujoco.MjModel, on: bool) -> None:
+        for name in ("stiffness", "damping", "frictionloss", "armature", "limited"):
+            if not on and hasattr(model, f"tendon_{name}"):
+                getattr(model, f"tendon_{name}")[:] = 0
 
-    def is_on(self, run: RunState) -> bool:
-        """Say whether the model has tendons."""
-        return run.facts.tendons > 0
-
-    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
-        """Leave tendons nothing that acts, in place."""
-        for coefficient in ("stiffness", "damping", "frictionloss", "armature", "limited"):
-            if not on and hasattr(model, f"tendon_{coefficient}"):
-                getattr(model, f"tendon_{coefficient}")[:] = 0
-
-    def mjcf(self, *, on: bool) -> EffectMjcf:
-        """Return what to do with the model's tendons."""
-        comment = (
-            "in <tendon>, set no stiffness, damping, friction loss, armature or range; "
-            "remove what no actuator, equality or sensor refers to"
-        )
-        return EffectMjcf(comment=None if on else comment)
+    return Switch(
+        is_on=lambda run: run.facts.tendons > 0,
+        write=write,
+        mjcf=lambda on: EffectMjcf(comment=None if on else _REMOVE_TENDONS),
+    )
 
 
-@dataclass(frozen=True)
-class RecordingSwitch:
-    """Sensors, which are left out before a model is compiled.
+def by_compiling(compiled: Callable[[RunState], bool], remove: str | None = None) -> Switch:
+    """Return the switch of sensors, which are compiled or not; a compiled model keeps them.
 
-    Attributes:
-        present: says whether they are there.
-        comment: how to leave them out of a model by hand, where it has them.
+    Args:
+        compiled: says whether they were compiled.
+        remove: how to leave them out of a model by hand, where the model has them.
     """
-
-    present: Callable[[RunState], bool]
-    comment: str | None = None
-    settings: tuple[str, ...] = ()
-
-    def is_on(self, run: RunState) -> bool:
-        """Say whether they were compiled."""
-        return self.present(run)
-
-    def write(self, model: mujoco.MjModel, *, on: bool) -> None:
-        """Do nothing: a compiled model keeps its sensors."""
-
-    def mjcf(self, *, on: bool) -> EffectMjcf:
-        """Return what to do with the model's sensors."""
-        return EffectMjcf(comment=None if on else self.comment)
+    return Switch(
+        is_on=compiled,
+        write=lambda *_: None,
+        mjcf=lambda on: EffectMjcf(comment=None if on else remove),
+    )
 
 
 def _text(value: object) -> str:
