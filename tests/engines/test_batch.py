@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab import resources
 from contactlab.scene import PARAMETERS, Scene
-from contactlab.scene.engine_flags import FLAGS
+from contactlab.scene.model_options import FLAGS
 
 STEPS = 80
 

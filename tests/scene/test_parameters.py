@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
 from contactlab.mjcf import CONTACT
 from contactlab.scene import PARAMETERS, Scene
-from contactlab.scene.engine_flags import FLAGS, non_default, read_flags, write_flags
+from contactlab.scene.model_options import FLAGS, non_default, read_flags, write_flags
 
 BALL = Scene.open("ball_drop")
 SLIDE = Scene.open("box_slide")

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from contactlab import resources
-from contactlab.scene import PARAMETERS, Scene, engine_flags
-from contactlab.scene.engine_flags import FLAGS
+from contactlab.scene import PARAMETERS, Scene, model_options
+from contactlab.scene.model_options import FLAGS
 
 BALL = Scene.open("ball_drop")
 SWITCHES = [flag for flag in FLAGS if flag not in PARAMETERS]
@@ -109,9 +109,9 @@ def test_switches_that_an_older_engine_lacks_do_not_count(monkeypatch: pytest.Mo
     here = [run_id(BALL, {"island": False}), run_id(BALL, {})]
     for table in ("_DISABLE", "_ENABLE"):
         kept = {
-            name: bit for name, bit in getattr(engine_flags, table).items() if name not in newest
+            name: bit for name, bit in getattr(model_options, table).items() if name not in newest
         }
-        monkeypatch.setattr(engine_flags, table, kept)
+        monkeypatch.setattr(model_options, table, kept)
     older = Scene.open("ball_drop")
     assert not newest & older.base({}).flags.keys()
     assert [run_id(older, {"island": False}), run_id(older, {})] == here

@@ -6,11 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactlab.accuracy.reference import PlannedModel, Reference, ReferenceSolver, Watch
+from contactlab.accuracy.reference_numerics import with_reference_numerics
 from contactlab.accuracy.refsafe import is_clamped, solref_rules
 from contactlab.contact import Floats
 from contactlab.engines import integrate_to
 from contactlab.measure import Discrepancy
-from contactlab.scene import ResolvedRun, Scene, with_reference_numerics
+from contactlab.scene import ResolvedRun, Scene
 from contactlab.schema import Accuracy, AccuracyRequest, ErrorKind, SolrefRule
 
 Note = Mapping[str, Any]

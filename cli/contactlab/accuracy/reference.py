@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.accuracy.reference_numerics import with_reference_numerics
 from contactlab.contact import Floats, Invariants, Joints
 from contactlab.engines import SampledStates, integrate_to
 from contactlab.measure import Discrepancy, distances, drifts
@@ -18,7 +19,6 @@ from contactlab.scene import (
     Scene,
     joints_of,
     perturbed_copy,
-    with_reference_numerics,
 )
 
 # At equal timesteps RK4 is closest to the limit, by many orders of magnitude where the motion is

@@ -4,13 +4,12 @@ from contactlab.scene.axis_catalogue import LenientCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.contact_pairs import MonitoredPair, can_collide
 from contactlab.scene.effects import EFFECTS, NOT_IN_MODEL, Effect, EffectState
-from contactlab.scene.engine_flags import FLAGS
 from contactlab.scene.initial_states import PERTURBATION, QPOS0, InitialStates, perturbed_copy
 from contactlab.scene.model_joints import actuated_limbs, joints_of
+from contactlab.scene.model_options import FLAGS
 from contactlab.scene.mujoco_versions import has_batch, null_fields, silence_mujoco, why_unsupported
 from contactlab.scene.parameters import PARAMETERS, Parameter
 from contactlab.scene.recording_sensors import PREFIX, SensorLayout
-from contactlab.scene.reference_numerics import NUMERICS, with_reference_numerics
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.run_identity import ID_BYTES
@@ -30,7 +29,6 @@ __all__ = [
     "FLAGS",
     "ID_BYTES",
     "NOT_IN_MODEL",
-    "NUMERICS",
     "PARAMETERS",
     "PERTURBATION",
     "PREFIX",
@@ -65,6 +63,5 @@ __all__ = [
     "silence_mujoco",
     "stored_scene",
     "why_unsupported",
-    "with_reference_numerics",
     "written_inertia_faults",
 ]

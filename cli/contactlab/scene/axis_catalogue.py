@@ -9,14 +9,14 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_fields import field_axis
-from contactlab.scene.model_settings import ENGINES
+from contactlab.scene.model_options import ENGINES
 from contactlab.scene.mujoco_versions import (
     accepting_unsupported,
     missing_flag_axis,
     refusing_unsupported,
 )
 from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.value_parsers import choice, integer, number, switch
+from contactlab.scene.setting_values import choice, integer, number, switch
 from contactlab.schema import AxisSpec, Catalogue, SceneManifest, StructureValue
 
 

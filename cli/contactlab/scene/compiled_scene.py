@@ -26,7 +26,6 @@ from contactlab.scene.effects import (
     leave_out,
     remove,
 )
-from contactlab.scene.engine_flags import read_flags
 from contactlab.scene.initial_states import (
     QPOS0,
     InitialStates,
@@ -41,10 +40,10 @@ from contactlab.scene.model_edits import (
     geoms_written,
     nonuniform_settings,
 )
-from contactlab.scene.model_settings import base_settings
+from contactlab.scene.model_options import base_settings, read_flags
 from contactlab.scene.recording_sensors import SensorLayout, add_sensors, find_layout
 from contactlab.scene.scene_source import SceneSource
-from contactlab.scene.settings import Settings, as_number
+from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
 from contactlab.schema import PairRecord, SceneManifest
 

@@ -10,10 +10,9 @@ from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
 from contactlab.scene.effects import EFFECTS
-from contactlab.scene.engine_flags import FLAGS, write_flags
 from contactlab.scene.model_fields import is_field, write_field
-from contactlab.scene.model_settings import write_option
-from contactlab.scene.settings import Settings, as_number
+from contactlab.scene.model_options import FLAGS, write_flags, write_option
+from contactlab.scene.setting_values import Settings, as_number
 
 
 @dataclass(frozen=True)

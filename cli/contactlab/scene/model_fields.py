@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.errors import did_you_mean
 from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.value_parsers import integer, number
+from contactlab.scene.setting_values import integer, number
 from contactlab.schema import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+)(,(?P<place>\d+))?\]")

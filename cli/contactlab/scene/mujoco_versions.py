@@ -12,7 +12,7 @@ from typing import Any
 
 import mujoco
 
-from contactlab.scene.value_parsers import switch
+from contactlab.scene.setting_values import switch
 from contactlab.schema import AxisSpec
 
 VERSION: str = mujoco.__version__

@@ -14,8 +14,16 @@ import mujoco
 from contactlab.contact import damping_ratio_of, stiffness_damping
 from contactlab.mjcf import attribute_of
 from contactlab.registry import Registry
-from contactlab.scene.settings import Settings, as_number, as_vector
-from contactlab.scene.value_parsers import choice, integer, number, numbers, or_off
+from contactlab.scene.setting_values import (
+    Settings,
+    as_number,
+    as_vector,
+    choice,
+    integer,
+    number,
+    numbers,
+    or_off,
+)
 from contactlab.schema import AxisSpec
 
 Update = Callable[[Settings, object], None]

@@ -11,11 +11,10 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.axis_catalogue import SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
 from contactlab.scene.effects import EFFECTS, EffectRequest, left_uncompiled
-from contactlab.scene.engine_flags import FLAGS
 from contactlab.scene.initial_states import QPOS0
-from contactlab.scene.model_settings import ENGINES
+from contactlab.scene.model_options import ENGINES, FLAGS
 from contactlab.scene.parameters import PARAMETERS, application_order
-from contactlab.scene.settings import Settings, as_number
+from contactlab.scene.setting_values import Settings, as_number
 from contactlab.schema import SceneManifest, switches
 
 _DURATION = 2.0

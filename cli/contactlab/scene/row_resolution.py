@@ -21,7 +21,7 @@ from contactlab.scene.resolution import (
     write_axis,
 )
 from contactlab.scene.run_identity import RunIdentity, id_entry
-from contactlab.scene.settings import Settings, as_number
+from contactlab.scene.setting_values import Settings, as_number
 
 # Values of a setting that are remembered; a sampled axis has another one in each row.
 _MOST_PARTS = 1 << 16

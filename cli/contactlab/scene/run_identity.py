@@ -13,8 +13,8 @@ from typing import cast
 
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS, RunState
-from contactlab.scene.engine_flags import FLAGS, non_default
 from contactlab.scene.model_fields import is_as_written
+from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.resolution import ResolvedRun
 
 ID_BYTES = 8

@@ -6,7 +6,7 @@ from typing import Literal
 
 import mujoco
 
-from contactlab.scene.settings import Settings
+from contactlab.scene.setting_values import Settings
 
 NOT_IN_MODEL = "not in the model"
 """The reason of an effect that a model does not have."""

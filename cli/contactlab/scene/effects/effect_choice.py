@@ -13,7 +13,7 @@ from contactlab.scene.effects.effect import (
     RunState,
 )
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.engine_flags import FLAGS, write_flags
+from contactlab.scene.model_options import FLAGS, write_flags
 from contactlab.scene.recording_sensors import PREFIX
 
 _COMPILED = ("sensor", "tendon", "energy")

@@ -7,9 +7,8 @@ import numpy as np
 
 from contactlab.scene.effects.effect import EffectMjcf, RunState, Switch
 from contactlab.scene.effects.proofs import most_condim
-from contactlab.scene.engine_flags import read_flag, write_flags
-from contactlab.scene.model_settings import read_option, write_option
-from contactlab.scene.settings import Settings
+from contactlab.scene.model_options import read_flag, read_option, write_flags, write_option
+from contactlab.scene.setting_values import Settings
 
 _REMOVE_TENDONS = (
     "in <tendon>, set no stiffness, damping, friction loss, armature or range; "

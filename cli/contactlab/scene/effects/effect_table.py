@@ -11,7 +11,7 @@ from contactlab.scene.effects.effect_switches import (
     by_tendons,
 )
 from contactlab.scene.effects.proofs import zero
-from contactlab.scene.engine_flags import FLAGS
+from contactlab.scene.model_options import FLAGS
 
 EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""

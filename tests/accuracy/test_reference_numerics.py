@@ -1,19 +1,12 @@
 """Numerics share a reference; whatever else a run sets has one of its own."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
 
-from contactlab.scene import (
-    NUMERICS,
-    PARAMETERS,
-    Scene,
-    joints_of,
-    perturbed_copy,
-    with_reference_numerics,
-)
+from contactlab.accuracy.reference_numerics import NUMERICS, with_reference_numerics
+from contactlab.scene import PARAMETERS, Scene, joints_of, perturbed_copy
 
 DISCRETISING: list[dict[str, Any]] = [
     {"timestep": 1e-3},
@@ -51,12 +44,26 @@ MODELLING: list[dict[str, Any]] = [
 SWITCHES = ["refsafe", "multiccd", "nativeccd", "filterparent"]
 
 
+MODEL = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+  <body name="ball" pos="0 0 .2"><freejoint name="ball"/><geom name="ball" size=".1"/></body>
+</worldbody></mujoco>"""
+MANIFEST = """
+version: 1
+title: t
+description: d
+duration: 0.1
+model: ball.xml
+subject: ball
+pairs: [{geoms: [floor, ball]}]
+"""
+
+
 @pytest.fixture(scope="module")
-def scene(make_scene: Callable[..., Scene]) -> Scene:
-    model = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
-      <body name="ball" pos="0 0 .2"><freejoint name="ball"/><geom name="ball" size=".1"/></body>
-    </worldbody></mujoco>"""
-    return make_scene(model, "subject: ball\npairs: [{geoms: [floor, ball]}]\n")
+def scene(tmp_path_factory: pytest.TempPathFactory) -> Scene:
+    folder = tmp_path_factory.mktemp("scene")
+    (folder / "ball.xml").write_text(MODEL)
+    (folder / "scene.yaml").write_text(MANIFEST)
+    return Scene.open(str(folder))
 
 
 def reference(scene: Scene, values: dict[str, Any], seed: int = 0) -> str:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.settings import Settings
+from contactlab.scene.setting_values import Settings
 
 
 @dataclass(frozen=True)
