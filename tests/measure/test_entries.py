@@ -1,0 +1,138 @@
+"""Metrics, labels and oracles that a plug-in declares are as good as those of this package."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.contact import Floats
+from contactlab.errors import PluginError
+from contactlab.measure import (
+    LABELS,
+    METRICS,
+    ORACLES,
+    THRESHOLDS,
+    Context,
+    Finding,
+    Findings,
+    MeasuredRuns,
+    Threshold,
+    assess,
+    label,
+    limits,
+    metric,
+    oracle,
+    runs_where,
+)
+
+
+@pytest.fixture(autouse=True)
+def _restored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget after each test what it declared."""
+    for registry in (METRICS, LABELS, THRESHOLDS, ORACLES):
+        monkeypatch.setattr(registry, "_entries", dict(registry))
+
+
+def declare_top_speed() -> Callable[[Context], Floats]:
+    @metric(unit="rad/s", better="lower", resolution=1e-9)
+    def top_speed(context: Context) -> Floats:
+        """Largest velocity of any joint.
+
+        At any
+        time.
+        """
+        return np.abs(context.trace.qvel).max(axis=(1, 2))
+
+    return top_speed
+
+
+def declare_racing(severity: float = 46) -> None:
+    limit = Threshold("top_speed", 10.0, "rad/s", "Largest metric top_speed.")
+
+    @label(severity, thresholds=(limit,))
+    def racing(runs: MeasuredRuns) -> Findings:
+        """A joint moves faster than its limit."""
+        speed, limit = runs.metrics["top_speed"], runs.limits["top_speed"]
+        return {run: Finding(f"at {speed[run]:g} rad/s", 0) for run in runs_where(speed > limit)}
+
+
+def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> None:
+    function = declare_top_speed()
+    declare_racing()
+    trace = trace_of(2)
+    trace.qvel[1, 3, 4] = -20
+    found = assess(trace, setup_of(trace))
+    assert found.metrics["top_speed"].tolist() == [0, 20]
+    assert found.labels[1][0] == ("racing", "at 20 rad/s", 0)
+    assert found.labels[0][0].label == "stable"
+    lenient = assess(trace, setup_of(trace, thresholds={"top_speed": 30.0}))
+    assert [each.label for each in lenient.labels[1]] == ["stable"]
+    entry = METRICS["top_speed"]
+    assert (entry.definition, entry.function) == (
+        "Largest velocity of any joint. At any time.",
+        function,
+    )
+    assert (entry.version, entry.kind, entry.tolerance) == (1, "physics", 0.0)
+    assert LABELS["racing"].meaning == "A joint moves faster than its limit."
+    assert limits({})["top_speed"] == 10
+
+
+def test_metrics_come_last_and_labels_by_severity() -> None:
+    ours = list(LABELS)
+    declare_top_speed()
+    declare_racing()
+    assert list(METRICS)[-1] == "top_speed"
+    place = ours.index("drift")
+    assert list(LABELS) == [*ours[:place], "racing", *ours[place:]]
+
+
+def test_labels_of_equal_severity_keep_their_order() -> None:
+    declare_racing(LABELS["drift"].severity)
+    names = list(LABELS)
+    assert names.index("racing") == names.index("drift") + 1
+
+
+def test_tolerances_are_those_of_the_unit_unless_stated() -> None:
+    assert METRICS["penetration_max"].tolerance == 1e-4
+    assert METRICS["energy_gain"].tolerance == 0.01
+    assert METRICS["mode_switches"].tolerance == 5
+
+
+def test_an_oracle_is_expected_of_its_scene(trace_of: Any, setup_of: Any) -> None:
+    @oracle(unit="s", settings=("speed",), relative=True)
+    def two_seconds(context: Context) -> tuple[Floats, Floats]:
+        """Twice the speed."""
+        return 2 * context.setting("speed"), context.setting("speed")
+
+    trace = trace_of()
+    setup = setup_of(trace, oracle="two_seconds", oracle_tolerance=0.1, settings={"speed": [3.0]})
+    found = assess(trace, setup)
+    assert found.metrics["oracle_error"] == 0.5
+    assert [each.label for each in found.labels[0]] == ["oracle_miss"]
+    assert ORACLES["two_seconds"].definition == "Twice the speed."
+
+
+@pytest.mark.parametrize("name", ["penetration_max", "repeats"])
+def test_a_name_that_is_taken_is_refused(name: str) -> None:
+    def mine(context: Context) -> Floats:
+        """Mine."""
+        return context.undefined()
+
+    with pytest.raises(PluginError, match=f"a metric named '{name}' already"):
+        metric(unit="1", name=name)(mine)
+    with pytest.raises(PluginError, match="a threshold named 'drift' already"):
+        label(1, thresholds=(Threshold("drift", 1.0, "m", "Mine."),))(_nothing)
+
+
+def test_an_entry_needs_a_definition() -> None:
+    def bare(context: Context) -> Floats:
+        return context.undefined()
+
+    with pytest.raises(PluginError, match="'bare' has no docstring"):
+        metric(unit="1")(bare)
+
+
+def _nothing(_runs: MeasuredRuns) -> Findings:
+    """Nothing is wrong."""
+    return {}
