@@ -8,12 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import BodyMotion, BodyShape, ContactForces, Form, Trace
+from contactlab.contact import Trace
 from contactlab.plan import read_sweep
 from contactlab.run import SceneLoader, SweepRequest, prepare_replay, run_sweep
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
+from contactlab.view.animation import BodyMotion, BodyShape, ContactForces, Form
 
 SWEEPS = {
     "ball": "{version: 1, scene: ball_drop, duration: 0.4, axes: {drop_height: [0.1]}}",

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import BodyShape, Floats, Form
+from contactlab.contact import Floats
+from contactlab.view.animation import BodyShape, Form
 from contactlab.view.drawn_shapes import body_names, moving_bodies, poses, shapes
 
 GEOMS = {

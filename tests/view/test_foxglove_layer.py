@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from contactlab.contact import MODE_COLOURS, BodyMotion, BodyShape, PairSeries, Trace
+from contactlab.contact import MODE_COLOURS, PairSeries, Trace
 from contactlab.store.mcap import TraceExtras, check_trace, read_trace, write_trace
+from contactlab.view.animation import BodyMotion, BodyShape
 from contactlab.view.viewer_export import export_mcap
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]

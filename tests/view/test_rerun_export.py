@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import BodyMotion, PairSeries, Trace
+from contactlab.contact import PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.store.mcap import StoredTrace, TraceExtras, read_trace, write_trace
+from contactlab.view.animation import BodyMotion
 from contactlab.view.viewer_export import export_rrd
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]

@@ -1,6 +1,5 @@
 """The contact model in closed form, and the arrays that one rollout leaves."""
 
-from contactlab.contact.animation import MODE_COLOURS, BodyMotion, BodyShape, ContactForces, Form
 from contactlab.contact.contact_laws import (
     Impact,
     damping_ratio,
@@ -11,7 +10,6 @@ from contactlab.contact.contact_laws import (
     restitution_of,
     sticking_speed,
     stiffness_damping,
-    timeconst_dampratio,
 )
 from contactlab.contact.rotations import (
     angles_between,
@@ -26,6 +24,7 @@ from contactlab.contact.trace_arrays import (
     FORCE,
     FOUND,
     LINEAR_VELOCITY,
+    MODE_COLOURS,
     NO_CONTACT,
     NORMAL,
     POSITION,
@@ -61,11 +60,7 @@ __all__ = [
     "TANGENT",
     "TORQUE",
     "Barrier",
-    "BodyMotion",
-    "BodyShape",
-    "ContactForces",
     "Floats",
-    "Form",
     "FreeBody",
     "HeldPose",
     "HoldWindow",
@@ -92,5 +87,4 @@ __all__ = [
     "rotation_matrices",
     "sticking_speed",
     "stiffness_damping",
-    "timeconst_dampratio",
 ]

@@ -32,13 +32,6 @@ def stiffness_damping(solref: ArrayLike) -> tuple[Floats, Floats]:
     return stiffness, np.where(direct, -second, 2 / constant)
 
 
-def timeconst_dampratio(stiffness: ArrayLike, damping: ArrayLike) -> Floats:
-    """Return the standard solref (..., 2) of K [1/s^2] and B [1/s], both positive."""
-    rate = np.sqrt(np.asarray(stiffness, dtype=np.float64))
-    damping = np.asarray(damping, dtype=np.float64)
-    return np.stack(np.broadcast_arrays(2 / damping, damping / (2 * rate)), axis=-1)
-
-
 def damping_ratio(solref: ArrayLike) -> Floats:
     """Return zeta = B / (2 sqrt K) of solref (..., 2); infinite without stiffness."""
     stiffness, damping = stiffness_damping(solref)

@@ -42,9 +42,7 @@ from contactlab.measure.entries import (
     oracle,
     runs_where,
 )
-from contactlab.measure.net_contact import pair_series
 from contactlab.measure.run_integrity import STABLE
-from contactlab.measure.stick_slip import modes
 
 __all__ = [
     "LABELS",
@@ -74,9 +72,7 @@ __all__ = [
     "label",
     "limits",
     "metric",
-    "modes",
     "oracle",
-    "pair_series",
     "runs_where",
     "worst_pair",
 ]

@@ -21,8 +21,6 @@ from contactlab.contact import (
     Floats,
     PairSeries,
     PairTrace,
-    Setup,
-    Trace,
 )
 from contactlab.measure.stick_slip import modes
 
@@ -143,12 +141,6 @@ class _SlotSums(NamedTuple):
     used: Floats
     slip: Floats
     each: Floats
-
-
-def pair_series(pair: PairTrace, trace: Trace, setup: Setup) -> PairSeries:
-    """Return the net quantities and the mode of one pair over time."""
-    with np.errstate(all="ignore"):
-        return net_contact(pair, setup.elliptic).series(pair.name, trace.timestep)
 
 
 def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_]) -> NetContact:

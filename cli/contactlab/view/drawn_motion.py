@@ -5,20 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import (
-    FORCE,
-    NORMAL,
-    POSITION,
-    TANGENT,
-    BodyMotion,
-    BodyShape,
-    ContactForces,
-    Floats,
-    Form,
-)
+from contactlab.contact import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
 from contactlab.scene import PreparedModel
 from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.view.animation import BodyMotion, BodyShape, ContactForces, Form
 from contactlab.view.drawn_shapes import body_names, moving_bodies, poses, shapes
 
 

@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import BodyShape, Floats, Form, Integers
+from contactlab.contact import Floats, Integers
+from contactlab.view.animation import BodyShape, Form
 
 # As in MuJoCo's viewers, which do not show the groups above.
 _SHOWN_GROUPS = 3

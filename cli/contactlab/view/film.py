@@ -11,9 +11,10 @@ import numpy as np
 from av.video.stream import VideoStream
 from PIL import Image, ImageDraw, ImageFont
 
-from contactlab.contact import BodyMotion, Floats
+from contactlab.contact import Floats
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store import atomic_write
+from contactlab.view.animation import BodyMotion
 from contactlab.view.drawn_motion import frame_times, nearest
 from contactlab.view.mujoco_pictures import Picture, draw_pictures
 from contactlab.view.picture_options import FILMS, SHEET, PictureOptions

@@ -27,15 +27,9 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from contactlab.contact import (
-    MODE_COLOURS,
-    BodyMotion,
-    BodyShape,
-    Floats,
-    Form,
-    rotation_from_x,
-)
+from contactlab.contact import MODE_COLOURS, Floats, rotation_from_x
 from contactlab.store.mcap import AddedChannel, TraceSummary, copy_trace
+from contactlab.view.animation import BodyMotion, BodyShape, Form
 
 _SCENE_TOPIC = "/scene"
 _TRANSFORMS_TOPIC = "/tf"

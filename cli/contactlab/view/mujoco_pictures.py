@@ -11,8 +11,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import MODE_COLOURS, BodyMotion, Floats
+from contactlab.contact import MODE_COLOURS, Floats
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.view.animation import BodyMotion
 
 # What MUJOCO_GL may ask for, with the system's library behind it.
 _BACKENDS = {"egl": "EGL", "osmesa": "OSMesa", "glfw": "glfw"}

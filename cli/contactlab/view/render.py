@@ -2,11 +2,11 @@
 
 from pathlib import Path
 
-from contactlab.contact import BodyMotion
 from contactlab.errors import optional
 from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
+from contactlab.view.animation import BodyMotion
 from contactlab.view.drawn_motion import read_motion
 from contactlab.view.picture_options import (
     FILMS,

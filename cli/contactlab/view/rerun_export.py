@@ -10,9 +10,10 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from contactlab.contact import MODE_COLOURS, BodyMotion, BodyShape, Floats, Form, rotate
+from contactlab.contact import MODE_COLOURS, Floats, rotate
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.view.animation import BodyMotion, BodyShape, Form
 
 _APPLICATION = "contactlab"
 _TIMELINE = "time"

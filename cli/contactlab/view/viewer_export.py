@@ -2,9 +2,9 @@
 
 from pathlib import Path
 
-from contactlab.contact import BodyMotion
 from contactlab.errors import optional
 from contactlab.store.mcap import StoredTrace
+from contactlab.view.animation import BodyMotion
 
 
 def export_mcap(source: Path, target: Path, motion: BodyMotion) -> None:

@@ -7,8 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from contactlab.contact import NO_CONTACT, SLIDE, STICK, Floats
-from contactlab.measure import modes
-from contactlab.measure.stick_slip import spans, switches
+from contactlab.measure.stick_slip import modes, spans, switches
 
 LEVELS_USAGE = st.sampled_from([0.0, 0.979, 0.98, 0.99, 0.999, 1.0, np.nan])
 LEVELS_SLIP = st.sampled_from([0.0, 0.0024, 0.0025, 0.004, 0.005, 1.0, np.nan])

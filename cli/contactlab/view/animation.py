@@ -6,14 +6,7 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats, Integers
-
-MODE_COLOURS = {
-    NO_CONTACT: (0.4, 0.4, 0.4, 1.0),
-    STICK: (0.0, 0.62, 0.45, 1.0),
-    SLIDE: (0.84, 0.37, 0.0, 1.0),
-}
-"""Arrows by mode, from the colours of Okabe and Ito: grey, bluish green, vermilion."""
+from contactlab.contact import Floats, Integers
 
 
 class Form(StrEnum):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.contact import Floats, PairTrace
-from contactlab.measure import pair_series
+from contactlab.measure import context_of
 from contactlab.measure.net_contact import net_contact
 
 ELLIPTIC, PYRAMIDAL = np.array([True]), np.array([False])
@@ -116,6 +116,6 @@ def test_series_of_next_to_nothing(
 ) -> None:
     pair = pair_of(2, steps, slots=slots)
     trace = trace_of(2, steps, pairs=(pair,))
-    series = pair_series(pair, trace, setup_of(trace))
+    (series,) = context_of(trace, setup_of(trace)).series
     assert series.mode.shape == (2, steps)
     assert not series.contacts.any()

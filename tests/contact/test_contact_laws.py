@@ -12,7 +12,6 @@ from contactlab.contact import (
     rest_penetration,
     restitution_of,
     stiffness_damping,
-    timeconst_dampratio,
 )
 
 G = 9.81
@@ -70,7 +69,6 @@ def test_restitution_is_that_of_a_clipped_oscillator() -> None:
 @given(positive(1e-4, 1.0), positive(0.01, 5.0))
 def test_solref_forms_are_one(timeconst: float, ratio: float) -> None:
     stiffness, damping = stiffness_damping((timeconst, ratio))
-    assert timeconst_dampratio(stiffness, damping) == pytest.approx((timeconst, ratio))
     assert stiffness_damping((-stiffness, -damping)) == (stiffness, damping)
     assert damping_ratio((timeconst, ratio)) == pytest.approx(ratio)
     assert damping_ratio((-stiffness, -damping)) == pytest.approx(ratio)
