@@ -9,10 +9,14 @@ import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import settings
+
+if TYPE_CHECKING:
+    from contactlab.store import ObjectAddress
+    from contactlab.store.object_client import ObjectClient
 
 # A busy machine is no defect of the code under test.
 settings.register_profile("patient", deadline=None)
@@ -85,6 +89,16 @@ def object_server(_object_server: ObjectServer, monkeypatch: pytest.MonkeyPatch)
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     return _object_server
+
+
+@pytest.fixture
+def connect() -> "Callable[[ObjectAddress], ObjectClient]":
+    """Return a function that makes a client of an address in object storage."""
+    pytest.importorskip("obstore", reason="obstore is an extra")
+    from contactlab.errors import OutputError  # noqa: PLC0415 - an extra
+    from contactlab.store.object_client import ObjectClient  # noqa: PLC0415 - an extra
+
+    return lambda address: ObjectClient(address, OutputError)
 
 
 @pytest.fixture

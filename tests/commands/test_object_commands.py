@@ -6,9 +6,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.errors import OutputError
 from contactlab.store import ObjectAddress, parse_address
-from contactlab.store.objects import connect
 
 
 @pytest.fixture
@@ -72,12 +70,12 @@ def test_a_sweep_speaks_of_its_address(contactlab: Any, small: Path, at: str) ->
     assert f"look closer: contactlab show {at} " in again.out
 
 
-def test_refused_in_one_message(contactlab: Any, small: Path, at: str) -> None:
+def test_refused_in_one_message(contactlab: Any, small: Path, at: str, connect: Any) -> None:
     address = parse_address(at)
     assert isinstance(address, ObjectAddress)
-    connect(address, OutputError).put("thesis.tex", b"dear")
+    connect(address).put("thesis.tex", b"dear")
     for target, code, said in (
-        (at, 2, f"error: {at} holds other objects (thesis.tex); choose another prefix with -o"),
+        (at, 2, f"error: {at} holds other files (thesis.tex); choose another place with -o"),
         ("s3://no-such-bucket/a", 2, "there is no bucket s3://no-such-bucket"),
         ("s3://only-a-bucket", 2, "write s3://BUCKET/PREFIX"),
     ):
@@ -91,13 +89,13 @@ def test_refused_in_one_message(contactlab: Any, small: Path, at: str) -> None:
 
 
 @pytest.mark.usefixtures("swept")
-def test_an_unfinished_one(contactlab: Any, at: str) -> None:
+def test_an_unfinished_one(contactlab: Any, at: str, connect: Any) -> None:
     address = parse_address(at)
     assert isinstance(address, ObjectAddress)
-    connect(address, OutputError).delete(["manifest.json"])
+    connect(address).delete(["manifest.json"])
     result = contactlab("show", at)
     assert result.code == 3
-    assert f"{at} is unfinished; run its sweep again to go on where it stopped" in result.err
+    assert f"{at} is unfinished; run its sweep again to resume it" in result.err
 
 
 @pytest.mark.parametrize(

@@ -121,7 +121,7 @@ BROKEN: dict[str, tuple[Callable[[Any, Path], object], str]] = {
     ),
     "a run twice": (
         lambda by, store: by.edit(store, "run_id", 1, f"{1:016x}"),
-        f"is not sound: runs.parquet: run {1:016x} stands 2 times",
+        f"is not sound: runs.parquet: run {1:016x} occurs 2 times",
     ),
 }
 

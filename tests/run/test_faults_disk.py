@@ -25,7 +25,7 @@ axes:
   drop_height: [0.02, 0.1]
 """
 PAGE = 4096
-FULL = f"{os.strerror(errno.ENOSPC)}; free some space and run the same command, which goes on"
+FULL = f"{os.strerror(errno.ENOSPC)}; free some space and run the same command again; it resumes"
 
 
 class Disk:

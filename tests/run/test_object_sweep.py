@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -15,10 +15,11 @@ from contactlab.errors import OutputError
 from contactlab.run import run_sweep
 from contactlab.run.tasks import Job, Result, Stop, Task
 from contactlab.run.worker import Worker
-from contactlab.store import Address, ObjectAddress, parse_address, verify
-from contactlab.store.objects import ObjectClient, connect
-from contactlab.store.objects import store_lease as lease_file
-from contactlab.store.objects.store_lease import LockHolder
+from contactlab.store import Address, ObjectAddress, parse_address, store_lease, verify
+from contactlab.store.store_lease import LockHolder
+
+if TYPE_CHECKING:
+    from contactlab.store.object_client import ObjectClient
 
 Until = Callable[[Callable[[], bool]], None]
 
@@ -51,18 +52,22 @@ def address(bucket: str) -> ObjectAddress:
 
 
 @pytest.fixture
-def client(address: ObjectAddress) -> ObjectClient:
-    return connect(address, OutputError)
+def client(
+    address: ObjectAddress, connect: "Callable[[ObjectAddress], ObjectClient]"
+) -> "ObjectClient":
+    return connect(address)
 
 
 @pytest.fixture
-def outcome_at(tmp_path: Path, outcome: Callable[[Path], Any]) -> Callable[[Address], Any]:
+def outcome_at(
+    tmp_path: Path, outcome: Callable[[Path], Any], connect: Any
+) -> Callable[[Address], Any]:
     """Return what must repeat of a store, wherever it is."""
 
     def of(address: Address) -> Any:
         if isinstance(address, Path):
             return outcome(address)
-        client = connect(address, OutputError)
+        client = connect(address)
         copy = tmp_path / "copy"
         for name, _ in client.sizes():
             assert client.fetch(name, copy / name)
@@ -71,7 +76,7 @@ def outcome_at(tmp_path: Path, outcome: Callable[[Path], Any]) -> Callable[[Addr
     return of
 
 
-def rows(client: ObjectClient) -> int:
+def rows(client: "ObjectClient") -> int:
     return sum(1 for _ in client.sizes("journal"))
 
 
@@ -148,7 +153,7 @@ def test_interrupted_and_resumed(  # noqa: PLR0917 - one a fixture
     command: Any,
     tmp_path: Path,
     address: ObjectAddress,
-    client: ObjectClient,
+    client: "ObjectClient",
     until: Until,
     outcome_at: Callable[[Address], Any],
     how: signal.Signals,
@@ -177,7 +182,7 @@ def test_killed_three_times(
     command: Any,
     tmp_path: Path,
     address: ObjectAddress,
-    client: ObjectClient,
+    client: "ObjectClient",
     until: Until,
     outcome_at: Callable[[Address], Any],
 ) -> None:
@@ -201,7 +206,7 @@ def test_resumed_on_another_machine(
     sweeper: Any,
     ball: str,
     address: ObjectAddress,
-    client: ObjectClient,
+    client: "ObjectClient",
     outcome_at: Callable[[Address], Any],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -215,7 +220,7 @@ def test_resumed_on_another_machine(
         run_sweep(ask, lambda *_: None, die)
     theirs = LockHolder.this().model_copy(update={"machine": "another"})
     client.put(".lock", theirs.encoded())
-    monkeypatch.setattr(lease_file, "LEASE", 0.5)
+    monkeypatch.setattr(store_lease, "LEASE", 0.5)
     began: list[tuple[int, int]] = []
     start = time.monotonic()
     run_sweep(ask, lambda total, done: began.append((total, done)), lambda _: None)
@@ -230,7 +235,7 @@ def test_a_server_that_goes_away(
     sweeper: Any,
     ball: str,
     address: ObjectAddress,
-    client: ObjectClient,
+    client: "ObjectClient",
     outcome_at: Callable[[Address], Any],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -238,15 +243,15 @@ def test_a_server_that_goes_away(
     ask = replace(sweeper.ask(ball), store=address)
 
     def unplug(_: object) -> None:
-        monkeypatch.setattr(ObjectClient, "put", away)
+        monkeypatch.setattr(type(client), "put", away)
 
-    def away(_: ObjectClient, name: str, __: object) -> None:
+    def away(_: object, name: str, __: object) -> None:
         raise OutputError(f"cannot reach {address / name}")
 
-    put = ObjectClient.put
+    put = type(client).put
     with pytest.raises(OutputError, match=f"cannot reach {address}/traces/"):
         run_sweep(ask, lambda *_: None, unplug)
-    monkeypatch.setattr(ObjectClient, "put", put)
+    monkeypatch.setattr(type(client), "put", put)
     assert client.find("manifest.json") is None
     began: list[int] = []
     run_sweep(ask, lambda _, done: began.append(done), lambda _: None)
@@ -257,7 +262,12 @@ def test_a_server_that_goes_away(
 
 @pytest.mark.slow
 def test_a_command_whose_server_goes_away(
-    command: Any, tmp_path: Path, until: Until, monkeypatch: pytest.MonkeyPatch, bucket: str
+    command: Any,
+    tmp_path: Path,
+    until: Until,
+    monkeypatch: pytest.MonkeyPatch,
+    bucket: str,
+    connect: Any,
 ) -> None:
     """Workers and parent notice; nobody hangs, and the exit code is that of an output error."""
     moto = pytest.importorskip("moto.server", reason="moto is needed to test object stores")
@@ -268,7 +278,7 @@ def test_a_command_whose_server_goes_away(
     (tmp_path / "long.yaml").write_text(LONG)
     address = parse_address(f"{bucket}/one")
     assert isinstance(address, ObjectAddress)
-    client = connect(address, OutputError)
+    client = connect(address)
     process = command.start("sweep", "long.yaml", "--workers", "2", "-o", str(address))
     until(lambda: rows(client) > 1)
     server.stop()
@@ -276,7 +286,7 @@ def test_a_command_whose_server_goes_away(
     _, err = process.communicate(timeout=120)
     assert process.returncode == 2, err
     assert time.monotonic() - start < 40
-    assert "the server does not answer" in err.splitlines()[-1]
+    assert "the server does not respond" in err.splitlines()[-1]
     assert "Traceback" not in err
     assert command.living(process.pid) == []
 

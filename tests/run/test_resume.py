@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from contactlab.run import Finished, planned_runs
-from contactlab.store import store_writer, verify
+from contactlab.store import folder_backend, verify
 
 RUNS = 18
 
@@ -132,7 +132,7 @@ def test_stopped_between_table_and_manifest(
         raise StopError(folder)
 
     with monkeypatch.context() as patch:
-        patch.setattr(store_writer, "sync_filesystem", stop)
+        patch.setattr(folder_backend, "sync_filesystem", stop)
         with pytest.raises(StopError):
             sweeper.run(ball)
     store = sweeper.folder / "store"

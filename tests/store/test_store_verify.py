@@ -92,7 +92,7 @@ def test_runs_that_are_not_all_there(
     manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
     path.write_text(json.dumps(manifest))
     assert verify(store) == [
-        "manifest.json: 2 runs, but 3 were asked for",
+        "manifest.json: 2 runs, but the sweep has 3",
         "traces/02/0000000000000002.mcap: belongs to no run",
     ]
 
@@ -124,6 +124,7 @@ def test_an_unfinished_store(store: Path) -> None:
 def test_no_store(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no store at"):
         verify(tmp_path / "nowhere")
+    (tmp_path / "thesis.tex").write_text("mine")
     with pytest.raises(StoreError, match=r"is not a store: it has no manifest\.json"):
         verify(tmp_path)
 

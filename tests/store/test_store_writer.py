@@ -17,7 +17,7 @@ from contactlab.store.atomic_files import atomic_write
 
 IdentityOf = Callable[..., SweepIdentity]
 
-FREE = "free some space and run the same command, which goes on where it stopped"
+FREE = "free some space and run the same command again; it resumes where it stopped"
 ELSEWHERE = "choose another folder with -o"
 HOLD = """
 import fcntl, sys

@@ -19,7 +19,7 @@ from contactlab.scene import (
     stored_scene,
 )
 from contactlab.schema import effects_base
-from contactlab.store.objects import local_scene
+from contactlab.store import local_scene
 
 _MAX_MODELS = 64
 Proceed = Callable[[], bool]

@@ -1,6 +1,7 @@
 """The store: traces in MCAP, one table in Parquet, a manifest written last."""
 
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX, atomic_write, sha256_of, write_error
+from contactlab.store.backend_protocol import SCENES, TRACES
 from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store, open  # noqa: A004 - read as store.open
 from contactlab.store.run_columns import MeasuredColumn, NumberColumn, RunColumns, StringColumn
@@ -11,8 +12,7 @@ from contactlab.store.store_address import (
     absolute_address,
     parse_address,
 )
-from contactlab.store.store_manifest import read_manifest
-from contactlab.store.store_writer import SCENES, TRACES, StoreWriter, open_writer
+from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
     RESERVED_COLUMNS,
     SHARED_FIELDS,
@@ -24,8 +24,8 @@ from contactlab.store.table_layout import (
     row_to_record,
     struct_column,
 )
-from contactlab.store.trace_sink import TraceSink
 from contactlab.store.verify_store import verify
+from contactlab.store.worker_access import TraceSink, local_scene
 
 __all__ = [
     "RESERVED_COLUMNS",
@@ -48,11 +48,11 @@ __all__ = [
     "as_ratios",
     "atomic_write",
     "axis_column",
+    "local_scene",
     "metric_column",
     "open",
     "open_writer",
     "parse_address",
-    "read_manifest",
     "record_to_row",
     "row_to_record",
     "sha256_of",

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that are replaced as a whole or not at all."""
 
 import errno
 import hashlib
@@ -14,11 +14,11 @@ TEMPORARY_SUFFIX = ".tmp"
 
 @contextmanager
 def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
-    """Yield a temporary path beside the target; it takes the target's place on success.
+    """Yield a temporary path beside the target, which replaces the target on success.
 
     Args:
-        target: the file to make or replace.
-        durable: whether to wait until it is on the disk.
+        target: the file to create or replace.
+        durable: whether to sync it to disk.
 
     Raises:
         OutputError: the file cannot be written; nothing is left behind.
@@ -40,12 +40,12 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
 
 
 def write_error(path: object, error: OSError) -> OutputError:
-    """Return the error for a path that cannot be written, with what to do about it."""
+    """Return the error for a path that cannot be written, with its remedy."""
     remedy = "choose another folder with -o"
     if error.errno in {errno.ENOSPC, errno.EDQUOT}:
-        remedy = "free some space and run the same command, which goes on where it stopped"
+        remedy = "free some space and run the same command again; it resumes where it stopped"
     elif error.errno == errno.EFBIG:
-        remedy = "raise the limit on file sizes (ulimit -f) and run the same command, which goes on"
+        remedy = "raise the file size limit (ulimit -f) and run the same command again; it resumes"
     reason = os.strerror(error.errno) if error.errno else error
     return OutputError(f"cannot write {path}: {reason}; {remedy}")
 
@@ -57,7 +57,7 @@ def sha256_of(path: Path) -> str:
 
 
 def sync_filesystem(folder: Path) -> None:
-    """Wait until everything written to the folder's filesystem is on the disk."""
+    """Sync everything written to the folder's file system to disk."""
     os.sync()
     _sync(folder)
 

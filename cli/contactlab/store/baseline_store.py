@@ -7,22 +7,22 @@ from pathlib import Path
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema import StoreManifest
 from contactlab.store.atomic_files import sha256_of, write_error
+from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
 from contactlab.store.finished_store import Store
-from contactlab.store.runs_table import TABLE, write_compact_table
+from contactlab.store.runs_table import write_compact_table
 from contactlab.store.store_address import Address
-from contactlab.store.store_manifest import IDENTITY, MANIFEST, read_manifest
-from contactlab.store.store_writer import SCENES
+from contactlab.store.store_manifest import document_json
 from contactlab.store.verify_store import verify
 
 
 def write_baseline(source: Address, target: Path) -> StoreManifest:
-    """Write a store anew without its traces, or put it in the place of an earlier baseline.
+    """Copy a store without its traces, replacing an earlier baseline.
 
-    Records stay whole: they name their traces with size and hash. What only explains (the
-    columns' descriptions) is left out too.
+    Records stay complete: they name their traces with size and hash. The columns' descriptions
+    are left out too.
 
     Args:
-        source: the store's folder, or where it lies in object storage.
+        source: the store's address.
         target: the baseline's folder, replaced in one step.
 
     Returns:
@@ -30,7 +30,7 @@ def write_baseline(source: Address, target: Path) -> StoreManifest:
 
     Raises:
         StoreError: the store is not sound.
-        OutputError: the target is something else, or cannot be written.
+        OutputError: the target is no baseline, or cannot be written.
     """
     if problems := verify(source, thorough=False):
         raise StoreError(f"{source} is not sound: {problems[0]} (see `contactlab verify {source}`)")
@@ -39,25 +39,24 @@ def write_baseline(source: Address, target: Path) -> StoreManifest:
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(prefix=f"{target.name}.", dir=target.parent) as name:
-            made = Path(name) / "new"
-            manifest = _written(store, made)
+            new = Path(name) / "new"
+            manifest = _copy(store, new)
             if target.exists():
                 target.rename(Path(name) / "old")
-            made.rename(target)
+            new.rename(target)
     except OSError as error:
         raise write_error(Path(error.filename or target), error) from error
     return manifest
 
 
-def _written(store: Store, target: Path) -> StoreManifest:
-    scenes = Path(SCENES) / store.manifest.sweep.scene_hash
-    shutil.copytree(store.path / scenes, target / scenes)
+def _copy(store: Store, target: Path) -> StoreManifest:
+    scene = Path(SCENES) / store.manifest.sweep.scene_hash
+    shutil.copytree(store.path / scene, target / scene)
     shutil.copyfile(store.path / IDENTITY, target / IDENTITY)
     write_compact_table(store.path / TABLE, target / TABLE)
     files = {name: sha256_of(target / name) for name in store.manifest.files}
     manifest = store.manifest.model_copy(update={"files": files, "traces_left_out": True})
-    text = manifest.model_dump_json(indent=2) + "\n"
-    (target / MANIFEST).write_text(text, encoding="utf-8")
+    (target / MANIFEST).write_text(document_json(manifest), encoding="utf-8")
     return manifest
 
 
@@ -67,9 +66,9 @@ def _check_target(source: Address, target: Path) -> None:
     if isinstance(source, Path) and target.samefile(source):
         raise OutputError(f"{target} is the store itself; name another folder for the baseline")
     try:
-        replaceable = read_manifest(target).traces_left_out
+        replaceable = Store.open(target).manifest.traces_left_out
     except StoreError:
         # A baseline of another version may be replaced; anything else may not.
-        replaceable = (target / MANIFEST).is_file() and not (target / "traces").exists()
+        replaceable = (target / MANIFEST).is_file() and not (target / TRACES).exists()
     if not replaceable:
         raise OutputError(f"{target} is no baseline, so it is not replaced; name another folder")

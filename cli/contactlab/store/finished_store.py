@@ -1,30 +1,35 @@
 """Read a finished store."""
 
+from bisect import bisect_left
 from collections.abc import Generator, Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass
-from functools import cached_property
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 
 from contactlab.errors import StoreError, did_you_mean
 from contactlab.schema import EvidenceRecord, StoreManifest, TraceFile
+from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
 from contactlab.store.mcap import StoredTrace, read_trace
-from contactlab.store.objects import fetched_store, fetched_trace
+from contactlab.store.open_backend import backend_at
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import TABLE, read_table, shared_fields
-from contactlab.store.store_address import Address, ObjectAddress, parse_address
-from contactlab.store.store_manifest import read_manifest
-from contactlab.store.store_writer import SCENES
+from contactlab.store.runs_table import read_table, shared_fields
+from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_manifest import parse_manifest
 from contactlab.store.table_layout import row_to_record
 
+_MAX_SIMILAR = 32
 
-def open(address: str | Address) -> "Store":  # noqa: A001 - read as evidence.open
+
+def open(address: str | Address) -> "Store":  # noqa: A001 - read as store.open
     """Open a finished store.
 
     Args:
-        address: its folder, or where it lies in object storage: `s3://bucket/prefix`.
+        address: its folder, or its address in object storage: `s3://bucket/prefix`.
 
     Raises:
         StoreError: there is none, it is unfinished, damaged or of another version.
@@ -37,30 +42,34 @@ class Store:
     """A finished store.
 
     Attributes:
-        path: the folder with all that it holds but its traces; they are there too, if the store
-            itself is a folder.
+        path: local folder with everything but, in object storage, the traces.
         manifest: what it holds.
-        address: where it is.
+        address: its address.
     """
 
     path: Path
     manifest: StoreManifest
     address: Address
+    _backend: Backend = field(repr=False, compare=False)
 
     @classmethod
     def open(cls, address: Address) -> "Store":
-        """Open a store; one in object storage is fetched but for its traces.
+        """Open a store; all but its traces is fetched from object storage.
 
         Raises:
             StoreError: there is none, it is unfinished, damaged or of another version.
         """
-        path = fetched_store(address) if isinstance(address, ObjectAddress) else address
-        return cls(path, read_manifest(path), address)
+        backend = backend_at(address, StoreError)
+        data = backend.read(MANIFEST)
+        if data is None:
+            raise _no_manifest(backend)
+        manifest = parse_manifest(data, address)
+        return cls(backend.local_copy(data, manifest.files), manifest, address, backend)
 
     @cached_property
     def table(self) -> pa.Table:
         """Every run as a row, in plan order; units are in the fields' metadata."""
-        return read_table(self.path / TABLE, named=self.address / TABLE)
+        return read_table(self.path / TABLE, shown_path=self.address / TABLE)
 
     @cached_property
     def columns(self) -> RunColumns:
@@ -70,44 +79,51 @@ class Store:
     @property
     def units(self) -> dict[str, str]:
         """The unit of every column that holds numbers; `1` for counts and ratios."""
-        told = {field.name: (field.metadata or {}).get(b"unit") for field in self.table.schema}
-        return {name: unit.decode() for name, unit in told.items() if unit}
+        units = {field.name: (field.metadata or {}).get(b"unit") for field in self.table.schema}
+        return {name: unit.decode() for name, unit in units.items() if unit}
 
     @property
     def scene_folder(self) -> Path:
-        """Where the scene's files are."""
+        """Local folder of the scene's files."""
         return self.path / SCENES / self.manifest.sweep.scene_hash
 
     def records(self) -> Iterator[EvidenceRecord]:
-        """Yield every run's record, in plan order."""
+        """Yield the record of every run, in plan order."""
         shared = shared_fields(self.table.schema)
         for batch in self.table.to_batches(max_chunksize=1024):
             for row in batch.to_pylist():
                 yield row_to_record(row, shared)
 
     def record(self, run: str) -> EvidenceRecord:
-        """Return the record of a run, by its id or the start of it.
+        """Return the record of a run.
+
+        Args:
+            run: its id, or a unique prefix of it.
 
         Raises:
             StoreError: no run or more than one has this id.
         """
-        ids: list[str] = self.columns.to_pydict(["run_id"])["run_id"]
-        found = [run_id for run_id in ids if run_id.startswith(run)]
-        if not found:
-            hint = did_you_mean(run, ids)
+        ids = self.columns.run_ids
+        matches = np.flatnonzero(_matches(ids, "starts_with", run))
+        if len(matches) == 0:
+            hint = did_you_mean(run, similar_ids(run, ids))
             raise StoreError(f"no run in {self.address} has an id that starts with '{run}'{hint}")
-        if len(found) > 1:
+        if len(matches) > 1:
+            some = ", ".join(ids.take(pa.array(matches[:3])).to_pylist())
             raise StoreError(
-                f"{len(found)} runs in {self.address} have ids that start with '{run}' "
-                f"({', '.join(found[:3])}, ...); write more of it"
+                f"{len(matches)} runs in {self.address} have ids that start with '{run}' "
+                f"({some}, ...); write more of it"
             )
-        return row_to_record(self.columns.row(ids.index(found[0])), self.columns.shared)
+        return row_to_record(self.columns.row(int(matches[0])), self.columns.shared)
 
     def trace(self, run: EvidenceRecord | str) -> StoredTrace:
-        """Return the stored trace of a run, by its record, its id or the start of it.
+        """Return the stored trace of a run.
+
+        Args:
+            run: its record, its id, or a unique prefix of its id.
 
         Raises:
-            StoreError: no such run, or none was kept, or it is damaged.
+            StoreError: there is no such run, its trace was not kept, or the trace is damaged.
         """
         record = self.record(run) if isinstance(run, str) else run
         if record.trace is None:
@@ -124,13 +140,48 @@ class Store:
 
     @contextmanager
     def trace_file(self, trace: TraceFile) -> Generator[Path]:
-        """Yield the file of a trace; one in object storage is fetched, and goes with the context.
+        """Yield a local file with a trace; one from object storage exists within the context.
 
         Raises:
-            StoreError: it cannot be fetched.
+            StoreError: it is missing or cannot be fetched.
         """
-        if isinstance(self.address, Path):
-            yield self.address / trace.file
-            return
-        with fetched_trace(self.address, trace.file) as path:
+        with closing(self._backend.trace_files([trace.file])) as files:
+            path = next(files)
+            if path is None:
+                raise StoreError(f"{self.address / trace.file} is missing")
             yield path
+
+
+def similar_ids(run: str, ids: pa.Array) -> list[str]:
+    """Return at most 64 ids, however many there are, to look for the one that was mistyped.
+
+    They share the longest possible prefix or suffix with the given one.
+    """
+    lengths = range(1, len(run) + 1)
+    similar: list[str] = []
+    for function, parts in (
+        ("starts_with", [run[:length] for length in lengths]),
+        ("ends_with", [run[-length:] for length in lengths]),
+    ):
+        matching = bisect_left(parts, True, key=partial(_has_no_match, ids, function))
+        if matching:
+            matches = _matches(ids, function, parts[matching - 1])
+            similar += ids.filter(matches)[:_MAX_SIMILAR].to_pylist()
+    return similar
+
+
+def _has_no_match(ids: pa.Array, function: str, part: str) -> bool:
+    return _matches(ids, function, part).true_count == 0
+
+
+def _matches(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
+    return pc.call_function(function, [ids], pc.MatchSubstringOptions(part))
+
+
+def _no_manifest(backend: Backend) -> StoreError:
+    names = backend.top_names()
+    if not names:
+        return StoreError(f"no store at {backend.address}")
+    if IDENTITY in names:
+        return StoreError(f"{backend.address} is unfinished; run its sweep again to resume it")
+    return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}")

@@ -1,7 +1,7 @@
 """The journal of an unfinished store: one row a line, appended as runs finish.
 
-A process killed in mid-write leaves a torn line, which is left out on resuming. What is found out
-of runs later lies in notes beside the journal, until the store is finished.
+A process killed in mid-write leaves a torn line, which is dropped on resuming. Results of later
+passes go to notes beside the journal until the store is finished.
 """
 
 import itertools
@@ -14,26 +14,28 @@ from typing import Any
 from pydantic_core import from_json
 
 from contactlab.store.atomic_files import atomic_write, write_error
+from contactlab.store.backend_protocol import JOURNAL, NOTES
 
-JOURNAL = "journal.jsonl"
-NOTES = "notes.jsonl"
+FAILED_STATUSES = frozenset({"crashed", "error", "timeout"})
+
+Row = Mapping[str, Any]
 
 
 class Journal:
-    """Appends rows to a store's journal, or to the notes beside it."""
+    """Appends lines to a journal, or to the notes beside it."""
 
-    def __init__(self, store: Path, name: str = JOURNAL) -> None:
-        self._path = store / name
-        self._file = self._path.open("ab")
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._file = path.open("ab")
 
-    def append(self, rows: Iterable[bytes]) -> None:
-        """Append rows, each one line of JSON, and hand them to the operating system.
+    def append(self, lines: Iterable[bytes]) -> None:
+        """Append lines of JSON, given without line ends, and hand them to the operating system.
 
         Raises:
             OutputError: they cannot be written.
         """
         try:
-            self._file.write(b"".join(row + b"\n" for row in rows))
+            self._file.write(b"".join(line + b"\n" for line in lines))
             self._file.flush()
         except OSError as error:
             raise write_error(self._path, error) from error
@@ -46,28 +48,27 @@ class Journal:
             raise write_error(self._path, error) from error
 
 
-def mend_journal(store: Path, is_whole: Callable[[Mapping[str, Any]], bool]) -> set[str]:
-    """Leave out the lines that are torn, and those of runs that are not stored whole.
+def mend_journal(folder: Path, is_complete: Callable[[Row], bool]) -> set[str]:
+    """Drop lines that are torn or repeated, and those of runs that are not stored completely.
 
     Args:
-        store: the store's folder; without a journal, it has no runs.
-        is_whole: whether all that a row names is in the store.
+        folder: the journal's folder; without a journal there are no runs.
+        is_complete: whether all that a row names is in the store.
 
     Returns:
-        The ids of the runs that stay.
+        The ids of the remaining runs.
 
     Raises:
-        OutputError: the journal cannot be written anew.
+        OutputError: the journal cannot be rewritten.
     """
-    path = store / JOURNAL
+    path = folder / JOURNAL
     if not path.is_file():
         return set()
     kept: set[str] = set()
     good = bytearray()
     with path.open("rb") as lines:
         for line in lines:
-            run_id = _id_of_whole(line, is_whole)
-            # A run that is there twice counts once.
+            run_id = _complete_run(line, is_complete)
             good.append(bool(run_id) and run_id not in kept)
             if run_id:
                 kept.add(run_id)
@@ -81,24 +82,24 @@ def mend_journal(store: Path, is_whole: Callable[[Mapping[str, Any]], bool]) -> 
     return kept
 
 
-def _id_of_whole(line: bytes, is_whole: Callable[[Mapping[str, Any]], bool]) -> str | None:
+def _complete_run(line: bytes, is_complete: Callable[[Row], bool]) -> str | None:
     try:
         row = from_json(line)
     except ValueError:
         return None
-    return row["run_id"] if line.endswith(b"\n") and is_whole(row) else None
+    return row["run_id"] if line.endswith(b"\n") and is_complete(row) else None
 
 
-def mend_notes(store: Path) -> None:
+def mend_notes(folder: Path) -> None:
     """End a torn line, so that the next note does not become part of it."""
-    path = store / NOTES
+    path = folder / NOTES
     if path.is_file() and not path.read_bytes().endswith(b"\n"):
         with path.open("ab") as notes:
             notes.write(b"\n")
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the whole lines of a journal or of notes; none if there is no such file."""
+    """Yield the complete lines of a journal or of notes; none if there is no such file."""
     if not path.is_file():
         return
     with path.open("rb") as lines:
@@ -107,27 +108,44 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
                 yield json.loads(line)
 
 
-def amend_journal(store: Path, found: Mapping[str, Mapping[str, Any]]) -> None:
-    """Write into the journal's rows what was found out later.
+def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
+    """Set columns of rows that are already in the journal.
 
     Args:
-        store: the store's folder.
-        found: run id to values by column.
+        folder: the journal's folder.
+        amendments: run id to values by column.
 
     Raises:
-        OutputError: the journal cannot be written anew.
+        OutputError: the journal cannot be rewritten.
     """
-    if not found:
-        return
-    path = store / JOURNAL
-    rewrite_lines(path, (row | dict(found.get(row["run_id"], {})) for row in read_lines(path)))
+    if amendments:
+        path = folder / JOURNAL
+        rows = (row | dict(amendments.get(row["run_id"], {})) for row in read_lines(path))
+        _rewrite(path, rows)
 
 
-def rewrite_lines(path: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Put other rows in the place of a journal's, all or none; they may be made of its own.
+def failed_traces(folder: Path) -> list[str]:
+    """Return the names of the traces of failed runs in a journal."""
+    rows = read_lines(folder / JOURNAL)
+    return [row["trace_file"] for row in rows if _has_failed(row) and row["trace_file"]]
+
+
+def drop_failed_rows(folder: Path) -> None:
+    """Remove the rows of failed runs from a journal.
 
     Raises:
-        OutputError: it cannot be written anew.
+        OutputError: the journal cannot be rewritten.
     """
+    path = folder / JOURNAL
+    if any(map(_has_failed, read_lines(path))):
+        _rewrite(path, (row for row in read_lines(path) if not _has_failed(row)))
+
+
+def _has_failed(row: Row) -> bool:
+    return row["status"] in FAILED_STATUSES
+
+
+def _rewrite(path: Path, rows: Iterable[Row]) -> None:
+    """Replace a journal's rows, all or none; the new ones may be read from the journal itself."""
     with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as lines:
         lines.writelines(json.dumps(row) + "\n" for row in rows)

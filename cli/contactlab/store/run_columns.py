@@ -12,7 +12,8 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
-from contactlab.store.runs_table import TABLE, shared_fields, table_errors
+from contactlab.store.backend_protocol import TABLE
+from contactlab.store.runs_table import shared_fields, table_errors
 from contactlab.store.store_address import Address
 
 _MAX_CATEGORIES = 64
@@ -104,6 +105,11 @@ class RunColumns:
         """The columns of measured values by name, in table order."""
         found = (_measured(field) for field in self.schema)
         return {each.name: each for each in found if each.better}
+
+    @cached_property
+    def run_ids(self) -> pa.Array:
+        """(runs,) the ids of the runs."""
+        return self._read("run_id")
 
     @cached_property
     def axis_names(self) -> tuple[str, ...]:

@@ -1,4 +1,7 @@
-"""`runs.parquet`: one row a run, in plan order."""
+"""`runs.parquet`: one row a run, in plan order.
+
+The table is written from the journal in groups of rows, of which one at a time is in memory.
+"""
 
 import json
 import os
@@ -19,24 +22,26 @@ from contactlab.errors import StoreError
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.table_layout import Column, table_schema
 
-TABLE = "runs.parquet"
+OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
 _GROUP = 1 << 14
-"""Runs that are written at once, and read at once where one is asked for."""
-OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
+"""Rows of a row group, which are written at once, and read at once where one is needed."""
+_BLOCK = 8 << 20
+"""Bytes of the journal that are parsed at once."""
+_BATCH = 1024
 
 
 def write_table(
     journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
 ) -> None:
-    """Turn a journal into the table, one group of rows after the other.
+    """Turn a journal into the table.
 
     Args:
         journal: one row a line, as JSON, in any order.
         target: the Parquet file, replaced in one step.
         own: columns of axes, metrics, settings and effects.
-        shared: what all runs have in common, kept in the file's metadata.
+        shared: fields that all runs share, stored in the file's metadata.
     """
     schema, rows = table_schema(own), OrderedLines(journal)
     described = {
@@ -51,7 +56,7 @@ def write_table(
             schema.with_metadata(meta),
             compression="zstd",
             compression_level=3,
-            use_dictionary=_texts(schema),  # pyright: ignore[reportArgumentType]
+            use_dictionary=_strings(schema),  # pyright: ignore[reportArgumentType]
             column_encoding=dict.fromkeys(_reals(schema), "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
@@ -72,8 +77,52 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
     return table.select(schema.names).cast(schema)
 
 
+class OrderedLines:
+    """The lines of a journal in plan order; of each only index, offset and size are in memory.
+
+    Args:
+        journal: one row a line, as JSON, in any order, none of them torn.
+    """
+
+    def __init__(self, journal: Path) -> None:
+        self._path = journal
+        with journal.open("rb") as lines:
+            spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
+        self._spans = spans[np.argsort(spans["index"], kind="stable")]
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._spans)
+
+    def blocks(self, first: int, stop: int) -> Iterator[bytes]:
+        """Yield rows `first` to `stop - 1`, in order, as blocks of whole lines of some MiB."""
+        spans = self._spans[first:stop]
+        block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK
+        with self._path.open("rb") as file:
+            for part in np.split(spans, np.flatnonzero(np.diff(block)) + 1):
+                yield _read_lines(file, part)
+
+
+_LINE_SPAN = np.dtype([("index", np.int64), ("start", np.int64), ("size", np.int64)])
+# How every row begins, so that it need not be parsed to its end.
+_LINE_START = re.compile(rb'\{"run_id": ?"\w*", ?"index": ?(\d+),')
+
+
+def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int]]:
+    start = 0
+    for line in lines:
+        head = _LINE_START.match(line)
+        yield int(head[1]) if head else int(from_json(line)["index"]), start, len(line)
+        start += len(line)
+
+
+def _read_lines(file: BinaryIO, spans: NDArray[np.void]) -> bytes:
+    where = zip(spans["start"].tolist(), spans["size"].tolist(), strict=True)
+    return b"".join([os.pread(file.fileno(), size, start) for start, size in where])
+
+
 def write_compact_table(source: Path, target: Path) -> None:
-    """Write a table anew without what only explains: descriptions, and statistics of columns."""
+    """Write a table without descriptions and column statistics, which only explain."""
     table = read_table(source)
     fields = [field.with_metadata(_essential(field)) for field in table.schema]
     meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
@@ -91,24 +140,37 @@ def _essential(field: pa.Field) -> dict[bytes, bytes]:
     return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
 
 
-def read_table(path: Path, columns: list[str] | None = None, *, named: object = None) -> pa.Table:
+def read_table(
+    path: Path, columns: list[str] | None = None, *, shown_path: object = None
+) -> pa.Table:
     """Return the table, or some of its columns.
 
     Args:
         path: its file.
-        columns: which of them; all if left out.
-        named: what messages call it, if it is not that file.
+        columns: the columns to read; all if left out.
+        shown_path: its path for error messages, if that is another one.
 
     Raises:
         StoreError: there is none, or it is damaged.
     """
-    with table_errors(named or path):
+    with table_errors(shown_path or path):
         return pq.read_table(path, columns=columns)
+
+
+def iterate_rows(path: Path) -> Iterator[dict[str, Any]]:
+    """Yield every row of a table, reading them batch by batch.
+
+    Raises:
+        StoreError: there is no table, or it is damaged.
+    """
+    with table_errors(path), pq.ParquetFile(path) as file:
+        for batch in file.iter_batches(_BATCH):
+            yield from batch.to_pylist()
 
 
 @contextmanager
 def table_errors(path: object) -> Generator[None]:
-    """Turn what goes wrong with reading a table into a StoreError."""
+    """Turn errors of reading a table into a StoreError."""
     try:
         yield
     except FileNotFoundError as error:
@@ -118,86 +180,34 @@ def table_errors(path: object) -> Generator[None]:
 
 
 def count_outcomes(table: pa.Table) -> dict[str, Any]:
-    """Return how many runs a table holds, of which label and so on, as the manifest has it.
+    """Return the manifest's counts: runs, labels, statuses, traces and expectations.
 
     Args:
-        table: the columns of `TALLIED`, or more.
+        table: OUTCOME_COLUMNS, or more.
     """
-    outcome = {True: "met", False: "unmet", None: "none"}
-    expectations = _counts(table["expectation_met"])
+    names = {True: "met", False: "unmet", None: "none"}
+    expectations = _value_counts(table["expectation_met"])
     return {
         "runs": table.num_rows,
-        "labels": _counts(table["label"]),
-        "statuses": _counts(table["status"]),
+        "labels": _value_counts(table["label"]),
+        "statuses": _value_counts(table["status"]),
         "traces": table.num_rows - table["trace_file"].null_count,
-        "expectations": {outcome[met]: count for met, count in expectations.items()},
+        "expectations": {names[met]: count for met, count in expectations.items()},
     }
 
 
-def _counts(column: pa.ChunkedArray) -> dict[Any, int]:
+def _value_counts(column: pa.ChunkedArray) -> dict[Any, int]:
     return {each["values"]: each["counts"] for each in column.value_counts().to_pylist()}
 
 
 def shared_fields(schema: pa.Schema) -> dict[str, Any]:
-    """Return what all runs of the table with this schema have in common."""
+    """Return the fields that all runs of a table share, from the metadata of its schema."""
     return json.loads((schema.metadata or {})[_SHARED])
 
 
-def _texts(schema: pa.Schema) -> list[str]:
+def _strings(schema: pa.Schema) -> list[str]:
     return [field.name for field in schema if pa.types.is_string(field.type)]
 
 
 def _reals(schema: pa.Schema) -> list[str]:
     return [field.name for field in schema if pa.types.is_float64(field.type)]
-
-
-# How every row begins, so that it need not be read to its end.
-_HEAD = re.compile(rb'\{"run_id": ?"\w*", ?"index": ?(\d+),')
-_BLOCK = 8 << 20
-
-
-class OrderedLines:
-    """A journal's rows by their place in the plan; of each, only that and where it lies is held.
-
-    Args:
-        journal: one row a line, as JSON, in any order, none of them torn.
-    """
-
-    def __init__(self, journal: Path) -> None:
-        self._path = journal
-        with journal.open("rb") as lines:
-            found = np.fromiter(_spans(lines), _SPAN)
-        self._spans = found[np.argsort(found["index"], kind="stable")]
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(self._spans)
-
-    def blocks(self, first: int, stop: int) -> Iterator[bytes]:
-        """Yield some rows, in order, as blocks of whole lines of some MiB."""
-        spans = self._spans[first:stop]
-        # A row goes to the block in which its first byte would be, were they all of one length.
-        block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK
-        with self._path.open("rb") as file:
-            for part in np.split(spans, np.flatnonzero(np.diff(block)) + 1):
-                yield _read(file, part)
-
-
-_SPAN = np.dtype([("index", np.int64), ("start", np.int64), ("size", np.int64)])
-
-
-def _spans(lines: BinaryIO) -> Iterator[tuple[int, int, int]]:
-    start = 0
-    for line in lines:
-        yield _index(line), start, len(line)
-        start += len(line)
-
-
-def _index(line: bytes) -> int:
-    head = _HEAD.match(line)
-    return int(head[1]) if head else int(from_json(line)["index"])
-
-
-def _read(file: BinaryIO, spans: NDArray[np.void]) -> bytes:
-    where = zip(spans["start"].tolist(), spans["size"].tolist(), strict=True)
-    return b"".join([os.pread(file.fileno(), size, start) for start, size in where])

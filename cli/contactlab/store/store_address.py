@@ -1,4 +1,4 @@
-"""Where a store lies: a folder of this machine, or a prefix of a bucket."""
+"""Addresses of stores: a local folder, or a prefix in object storage."""
 
 import re
 from dataclasses import dataclass
@@ -12,12 +12,12 @@ _URL = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
 
 @dataclass(frozen=True)
 class ObjectAddress:
-    """A store, or something in it, in an object storage.
+    """A store in object storage, or an object in it.
 
     Attributes:
         scheme: s3, gs or az.
         bucket: the bucket; for az, the container.
-        prefix: where in the bucket, without slashes at its ends; not empty.
+        prefix: key prefix in the bucket, without leading or trailing slashes; not empty.
     """
 
     scheme: str
@@ -26,7 +26,7 @@ class ObjectAddress:
 
     @property
     def name(self) -> str:
-        """The last part of it."""
+        """The last part of the prefix."""
         return self.prefix.rpartition("/")[2]
 
     def __truediv__(self, name: object) -> "ObjectAddress":
@@ -40,10 +40,10 @@ Address = Path | ObjectAddress
 
 
 def parse_address(text: str | Address) -> Address:
-    """Return what an address means: `s3://bucket/prefix`, `gs://...`, `az://...`, or a path.
+    """Return the address of a store: `s3://bucket/prefix`, `gs://...`, `az://...`, or a path.
 
     Raises:
-        OutputError: it is a URL, but none of a store.
+        OutputError: it is a URL, but not of a store.
     """
     if not isinstance(text, str):
         return text
@@ -52,13 +52,13 @@ def parse_address(text: str | Address) -> Address:
         return Path(text)
     if url["scheme"] not in SCHEMES:
         known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
-        raise OutputError(f"{text}: stores lie in a folder or at {known}")
+        raise OutputError(f"{text}: a store is a folder or an address with {known}")
     bucket, *parts = url["rest"].rstrip("/").split("/")
     if not bucket or not parts or not all(part not in {"", ".", ".."} for part in parts):
-        raise OutputError(f"{text}: write {url['scheme']}://BUCKET/PREFIX, each part with a name")
+        raise OutputError(f"{text}: write {url['scheme']}://BUCKET/PREFIX, without empty parts")
     return ObjectAddress(url["scheme"], bucket, "/".join(parts))
 
 
 def absolute_address(address: Address) -> Address:
-    """Return an address that means the same in every folder of this machine."""
+    """Return an address that does not depend on the current folder."""
     return address.resolve() if isinstance(address, Path) else address

@@ -1,98 +1,69 @@
-"""What a store is: read its identity and manifest, and compare them with what is asked."""
+"""`sweep.json` and `manifest.json`: the sweep that a store belongs to, and what the store holds."""
 
 import json
-from pathlib import Path
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
 
 from contactlab.errors import StoreError
 from contactlab.schema import STORE_VERSION, StoreManifest, SweepIdentity
+from contactlab.store.backend_protocol import IDENTITY, MANIFEST
 from contactlab.store.store_address import Address
 
-_Kind = TypeVar("_Kind", bound=BaseModel)
-
-IDENTITY = "sweep.json"
-MANIFEST = "manifest.json"
+_Document = TypeVar("_Document", bound=BaseModel)
 
 
-def read_identity(store: Path) -> SweepIdentity:
-    """Read what a store's runs were asked to be.
+def parse_identity(data: bytes, store: Address) -> SweepIdentity:
+    """Return the sweep that a store belongs to.
 
-    Raises:
-        StoreError: it is missing, damaged or of another version.
-    """
-    return _read(store, IDENTITY, SweepIdentity)
-
-
-def read_manifest(store: Path) -> StoreManifest:
-    """Read what a finished store holds.
+    Args:
+        data: content of its `sweep.json`.
+        store: its address, for error messages.
 
     Raises:
-        StoreError: it is missing, damaged or of another version.
+        StoreError: the content is damaged or of another version.
     """
-    return _read(store, MANIFEST, StoreManifest)
+    return _parse(data, SweepIdentity, store / IDENTITY)
 
 
-def check_same_sweep(store: Address, there: SweepIdentity, asked: SweepIdentity) -> None:
-    """Check that a store can be resumed.
+def parse_manifest(data: bytes, store: Address) -> StoreManifest:
+    """Return the manifest of a finished store; see `parse_identity`."""
+    return _parse(data, StoreManifest, store / MANIFEST)
+
+
+def document_json(document: BaseModel) -> str:
+    """Return an identity or a manifest as its file holds it."""
+    return document.model_dump_json(indent=2) + "\n"
+
+
+def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
+    """Check that a store belongs to the requested sweep.
 
     Raises:
-        StoreError: it was begun by another sweep, engine or definition of metrics.
+        StoreError: it belongs to another sweep, or to other versions of engine or metrics.
     """
-    ours, theirs = asked.model_dump(), there.model_dump()
-    differs = [name for name in ours if ours[name] != theirs[name] and name != "source"]
-    if differs:
+    ours, theirs = requested.model_dump(), stored.model_dump()
+    differing = [name for name in ours if ours[name] != theirs[name] and name != "source"]
+    if differing:
         raise StoreError(
-            f"{store} holds another sweep (other {', '.join(differs)}); "
+            f"{store} holds another sweep (other {', '.join(differing)}); "
             "write elsewhere with -o, or replace it with --fresh"
         )
 
 
-def parse_document(data: bytes, kind: type[_Kind], named: Address) -> _Kind:
-    """Return what an identity or a manifest says.
-
-    Raises:
-        StoreError: it is damaged or of another version; the message names it as given.
-    """
+def _parse(data: bytes, kind: type[_Document], path: Address) -> _Document:
     try:
-        said = json.loads(data)
-        _check_version(named, said)
-        return kind.model_validate(said)
+        content = json.loads(data)
+        _check_version(path, content)
+        return kind.model_validate(content)
     except (ValueError, ValidationError) as error:
-        raise StoreError(f"{named} is damaged: {error}") from error
-
-
-def missing_file_error(store: Address, name: str, *, begun: bool) -> StoreError:
-    """Return the error for a store that is there, but lacks its identity or manifest.
-
-    Args:
-        store: where it is.
-        name: what it lacks.
-        begun: whether it has an identity.
-    """
-    if name == MANIFEST and begun:
-        return StoreError(f"{store} is unfinished; run its sweep again to go on where it stopped")
-    return StoreError(f"{store} is not a store: it has no {name}")
-
-
-def _read(store: Path, name: str, kind: type[_Kind]) -> _Kind:
-    path = store / name
-    try:
-        data = path.read_bytes()
-    except FileNotFoundError as error:
-        if not store.is_dir():
-            raise StoreError(f"no store at {store}") from error
-        raise missing_file_error(store, name, begun=(store / IDENTITY).is_file()) from error
-    except OSError as error:
         raise StoreError(f"{path} is damaged: {error}") from error
-    return parse_document(data, kind, path)
 
 
-def _check_version(path: Address, data: object) -> None:
-    if not isinstance(data, dict):
+def _check_version(path: Address, content: object) -> None:
+    if not isinstance(content, dict):
         raise ValueError("it is not a JSON object")
-    version = data.get("store_version")
+    version = content.get("store_version")
     if version != STORE_VERSION:
         raise StoreError(
             f"{path} is of store version {version}; this contactlab reads version {STORE_VERSION}"

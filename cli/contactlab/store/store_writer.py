@@ -1,9 +1,9 @@
-"""Write a store so that it can be interrupted at any point and resumed by the same command."""
+"""Write a store so that it can be interrupted at any point and resumed by the same command.
 
-import fcntl
-import os
-import shutil
-import stat
+Rows go to a journal as runs finish; the table follows at the end, and the manifest comes last.
+"""
+
+import json
 from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
@@ -11,51 +11,46 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Protocol
 
-from contactlab.errors import OutputError
+from contactlab.errors import OutputError, StoreError
 from contactlab.schema import Provenance, StoreManifest, SweepIdentity
-from contactlab.store.atomic_files import (
-    TEMPORARY_SUFFIX,
-    atomic_write,
-    sha256_of,
-    sync_filesystem,
-    write_error,
-)
-from contactlab.store.retry_failed import drop_failed, reopen
-from contactlab.store.row_journal import (
+from contactlab.store.atomic_files import atomic_write, sha256_of, write_error
+from contactlab.store.backend_protocol import (
+    IDENTITY,
     JOURNAL,
+    MANIFEST,
     NOTES,
+    SCENES,
+    TABLE,
+    Backend,
+    WriteSession,
+)
+from contactlab.store.open_backend import backend_at
+from contactlab.store.row_journal import (
+    FAILED_STATUSES,
     Journal,
     amend_journal,
+    drop_failed_rows,
+    failed_traces,
     mend_journal,
     mend_notes,
     read_lines,
 )
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
-    TABLE,
     count_outcomes,
+    iterate_rows,
     read_table,
     write_table,
 )
-from contactlab.store.store_address import Address, ObjectAddress
-from contactlab.store.store_manifest import (
-    IDENTITY,
-    MANIFEST,
-    check_same_sweep,
-    read_identity,
-    read_manifest,
-)
+from contactlab.store.store_address import Address
+from contactlab.store.store_manifest import check_same_sweep, parse_identity, parse_manifest
 from contactlab.store.table_layout import Column
 
-SCENES = "scenes"
-TRACES = "traces"
-_LOCK = ".lock"
-NOTHING: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
-_OWN = {SCENES, TRACES, _LOCK, JOURNAL, NOTES, TABLE, IDENTITY, MANIFEST}
+_NO_AMENDMENTS: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
 
 
-class SceneFiles(Protocol):
-    """The files of a scene."""
+class CopyableFiles(Protocol):
+    """Files that can be copied into a folder, as those of a scene."""
 
     def copy_to(self, folder: Path) -> None:
         """Copy every file into the folder."""
@@ -63,43 +58,48 @@ class SceneFiles(Protocol):
 
 
 class StoreWriter:
-    """A store that runs are added to; made by `writing`.
+    """A store that runs are added to; made by `open_writer`.
 
     Attributes:
-        path: its folder.
-        identity: what its runs are asked to be.
+        path: local folder of its journal, table and scene; the store itself if that is local.
+        identity: the sweep that it belongs to.
         done: ids of the runs that it held when it was opened.
         started: when it was opened.
     """
 
-    def __init__(self, path: Path, identity: SweepIdentity, done: Collection[str]) -> None:
-        self.path = path
+    def __init__(
+        self, session: WriteSession, identity: SweepIdentity, done: Collection[str]
+    ) -> None:
+        self.path = session.folder
         self.identity = identity
         self.done = frozenset(done)
         self.started = _now()
-        self._journal = Journal(path)
+        self._session = session
+        self._journal = Journal(self.path / JOURNAL)
         self._notes: Journal | None = None
 
     @property
     def scene_folder(self) -> Path:
-        """Where the copied scene's files are."""
+        """Local folder of the copied scene."""
         return self.path / SCENES / self.identity.scene_hash
 
     def append(self, rows: Sequence[bytes]) -> None:
-        """Add finished runs, each a row as JSON; their traces must be in place."""
+        """Add finished runs, each a row as JSON; their traces must be stored already."""
         self._journal.append(rows)
+        self._session.add_lines(JOURNAL, rows)
 
-    def note(self, rows: Sequence[bytes]) -> None:
-        """Keep what was found out of finished runs, each as JSON, in case of an interruption."""
-        self._notes = self._notes or Journal(self.path, NOTES)
-        self._notes.append(rows)
+    def note(self, notes: Sequence[bytes]) -> None:
+        """Keep results of a later pass, each as JSON, in case of an interruption."""
+        self._notes = self._notes or Journal(self.path / NOTES)
+        self._notes.append(notes)
+        self._session.add_lines(NOTES, notes)
 
     def notes(self) -> Iterator[dict[str, Any]]:
-        """Yield what was noted, also before an interruption."""
+        """Yield all notes, also those from before an interruption."""
         return read_lines(self.path / NOTES)
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """Yield the rows of finished runs."""
+        """Yield the rows of all finished runs."""
         return read_lines(self.path / JOURNAL)
 
     def finish(
@@ -107,33 +107,31 @@ class StoreWriter:
         own: Sequence[Column],
         shared: Mapping[str, Any],
         provenance: Provenance,
-        found: Mapping[str, Mapping[str, Any]] = NOTHING,
+        amendments: Mapping[str, Mapping[str, Any]] = _NO_AMENDMENTS,
     ) -> StoreManifest:
-        """Publish the table, then the manifest; from then on the store is whole.
+        """Publish the table, then the manifest, which makes the store finished.
 
         Args:
             own: columns of axes, metrics, settings and effects.
-            shared: what all runs have in common.
-            provenance: what writes.
-            found: run id to values by column, found out after the run was added.
+            shared: fields that all runs share.
+            provenance: the program and machine that write.
+            amendments: run id to values by column, from passes after the runs.
+
+        Returns:
+            The store's manifest: another writer's, if it has published the same sweep meanwhile.
 
         Raises:
             OutputError: something cannot be written; the store stays resumable.
         """
         self.close()
-        amend_journal(self.path, found)
+        amend_journal(self.path, amendments)
         write_table(self.path / JOURNAL, self.path / TABLE, own, shared)
-        sync_filesystem(self.path)
-        manifest = self._manifest(provenance)
-        with atomic_write(self.path / MANIFEST, durable=True) as temporary:
-            temporary.write_text(manifest.model_dump_json(indent=2) + "\n", encoding="utf-8")
-        for name in (JOURNAL, NOTES):
-            (self.path / name).unlink(missing_ok=True)
-        return manifest
+        return self._session.publish(self._manifest(provenance))
 
     def close(self) -> None:
-        """Leave the store as it is, resumable."""
+        """Leave the store as it is, resumable, once all rows are stored."""
         with ExitStack() as closing:
+            closing.callback(self._session.flush)
             closing.callback(self._journal.close)
             if self._notes is not None:
                 closing.callback(self._notes.close)
@@ -156,9 +154,9 @@ class StoreWriter:
 
 @contextmanager
 def open_writer(
-    path: Address,
+    address: Address,
     identity: SweepIdentity,
-    scene: SceneFiles,
+    scene: CopyableFiles,
     *,
     fresh: bool,
     retry_failed: bool = False,
@@ -166,113 +164,122 @@ def open_writer(
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
     Args:
-        path: the store's folder, or where it lies in object storage.
-        identity: what the runs are asked to be.
-        scene: copies the scene's files into a folder.
-        fresh: whether to remove a store that is there.
-        retry_failed: whether to take failed runs out of it, as if they had not been run.
+        address: the store's address.
+        identity: the sweep.
+        scene: the scene's files.
+        fresh: whether to remove an existing store.
+        retry_failed: whether to remove failed runs, so that they are run again.
 
     Raises:
-        OutputError: the folder cannot be written, holds something else, or is in use.
-        StoreError: the folder holds a store of another sweep.
+        OutputError: the place cannot be written, holds something else, or is in use.
+        StoreError: it holds a store of another sweep.
     """
+    backend = backend_at(address, OutputError)
     try:
-        if isinstance(path, ObjectAddress):
-            # It builds on this file.
-            from contactlab.store.objects import writing_objects  # noqa: PLC0415
-
-            asked = {"fresh": fresh, "retry_failed": retry_failed}
-            with writing_objects(path, identity, scene, **asked) as opened:
-                yield opened
-            return
-        path.mkdir(parents=True, exist_ok=True)
-        with _locked(path):
+        with backend.write_session() as session:
             if fresh:
-                _clear(path)
-            if (path / MANIFEST).is_file():
-                finished = read_manifest(path)
-                check_same_sweep(path, finished.sweep, identity)
-                for name in (JOURNAL, NOTES, JOURNAL + TEMPORARY_SUFFIX):
-                    (path / name).unlink(missing_ok=True)
-                if not (retry_failed and reopen(path, finished)):
-                    yield finished
+                _refuse_foreign(backend, session, "not removed")
+                session.clear()
+            manifest = find_manifest(backend)
+            if manifest is not None:
+                check_same_sweep(address, manifest.sweep, identity)
+                session.remove_journal()
+                if not (retry_failed and _reopen(session, manifest)):
+                    yield manifest
                     return
-            done = _prepare(path, identity, scene, retry_failed=retry_failed)
-            writer = StoreWriter(path, identity, done)
+            done = _prepare(backend, session, identity, scene, retry_failed=retry_failed)
+            writer = StoreWriter(session, identity, done)
             try:
                 yield writer
             except BaseException:
-                # Workers that were stopped in mid-write could not clean up after themselves.
-                _remove_leftovers(path)
+                # Workers that were killed in mid-write could not clean up after themselves.
+                session.remove_temporaries()
                 raise
             finally:
                 writer.close()
     except OSError as error:
-        raise write_error(error.filename or path, error) from error
+        raise write_error(error.filename or address, error) from error
+
+
+def find_manifest(backend: Backend) -> StoreManifest | None:
+    """Return the manifest of a store; None if it is unfinished or not there.
+
+    Raises:
+        StoreError: the manifest is damaged or of another version.
+    """
+    data = backend.read(MANIFEST)
+    return None if data is None else parse_manifest(data, backend.address)
 
 
 def _prepare(
-    path: Path, identity: SweepIdentity, scene: SceneFiles, *, retry_failed: bool
+    backend: Backend,
+    session: WriteSession,
+    identity: SweepIdentity,
+    scene: CopyableFiles,
+    *,
+    retry_failed: bool,
 ) -> set[str]:
     """Make a new store, or mend an interrupted one; return the ids of the runs it holds."""
-    if (path / IDENTITY).is_file():
-        check_same_sweep(path, read_identity(path), identity)
-        _remove_leftovers(path)
-        mend_notes(path)
-        if retry_failed:
-            drop_failed(path)
-        return mend_journal(path, lambda row: _has_trace(path, row))
-    _refuse_strangers(path, "choose another folder with -o")
-    _remove_leftovers(path)
-    (path / TRACES).mkdir(exist_ok=True)
-    scene.copy_to(path / SCENES / identity.scene_hash)
-    with atomic_write(path / IDENTITY) as temporary:
-        temporary.write_text(identity.model_dump_json(indent=2) + "\n", encoding="utf-8")
-    return set()
+    scene_folder = session.folder / SCENES / identity.scene_hash
+    stored = backend.read(IDENTITY)
+    if stored is None:
+        _refuse_foreign(backend, session, "choose another place with -o")
+        session.remove_temporaries()
+        scene.copy_to(scene_folder)
+        session.begin(identity)
+        return set()
+    check_same_sweep(backend.address, parse_identity(stored, backend.address), identity)
+    session.remove_temporaries()
+    if not scene_folder.is_dir():
+        scene.copy_to(scene_folder)
+    return _resume(backend, session, retry_failed=retry_failed)
 
 
-def _has_trace(path: Path, row: Mapping[str, Any]) -> bool:
-    if row["trace_file"] is None:
-        return True
-    try:
-        found = os.stat(f"{path}/{row['trace_file']}")  # noqa: PTH116 - a million, in half the time
-    except (FileNotFoundError, NotADirectoryError):
+def _resume(backend: Backend, session: WriteSession, *, retry_failed: bool) -> set[str]:
+    session.fetch_journal()
+    mend_notes(session.folder)
+    if retry_failed:
+        backend.delete(failed_traces(session.folder))
+        drop_failed_rows(session.folder)
+
+    def is_complete(row: Mapping[str, Any]) -> bool:
+        name = row["trace_file"]
+        return name is None or backend.trace_size(name) == row["trace_bytes"]
+
+    done = mend_journal(session.folder, is_complete)
+    session.replace_journal()
+    return done
+
+
+def _reopen(session: WriteSession, manifest: StoreManifest) -> bool:
+    """Make a finished store with failed runs an unfinished one; return whether it has any.
+
+    The rows are in the journal before the manifest goes, so that the store is one or the other at
+    any time.
+
+    Raises:
+        StoreError: its table is damaged, or it has no traces.
+        OutputError: the journal cannot be written.
+    """
+    session.fetch_table()
+    table = session.folder / TABLE
+    statuses = read_table(table, ["status"])["status"].unique().to_pylist()
+    if FAILED_STATUSES.isdisjoint(statuses):
         return False
-    return stat.S_ISREG(found.st_mode) and found.st_size == row["trace_bytes"]
+    if manifest.traces_left_out:
+        raise StoreError(
+            f"{session.folder} is a baseline without traces; sweep again elsewhere with -o"
+        )
+    with atomic_write(session.folder / JOURNAL, durable=True) as path, path.open("wb") as journal:
+        journal.writelines(json.dumps(row).encode() + b"\n" for row in iterate_rows(table))
+    session.unpublish()
+    return True
 
 
-def _clear(path: Path) -> None:
-    _refuse_strangers(path, "not removed")
-    # The manifest goes first: a half-removed store must not look whole.
-    for name in (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES):
-        (path / name).unlink(missing_ok=True)
-    for name in (SCENES, TRACES):
-        shutil.rmtree(path / name, ignore_errors=True)
-
-
-def _refuse_strangers(path: Path, remedy: str) -> None:
-    own = _OWN | {name + TEMPORARY_SUFFIX for name in _OWN}
-    strangers = sorted({each.name for each in path.iterdir()} - own)
-    if strangers:
-        raise OutputError(f"{path} holds other files ({', '.join(strangers[:3])}); {remedy}")
-
-
-def _remove_leftovers(path: Path) -> None:
-    for name in (MANIFEST, IDENTITY, TABLE, JOURNAL):
-        (path / (name + TEMPORARY_SUFFIX)).unlink(missing_ok=True)
-    for leftover in (path / TRACES).rglob("*" + TEMPORARY_SUFFIX):
-        leftover.unlink()
-
-
-@contextmanager
-def _locked(path: Path) -> Generator[None]:
-    """Keep a second sweep out; the lock goes with the process that holds it."""
-    with (path / _LOCK).open("a") as lock:
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError as error:
-            raise OutputError(f"{path} is in use by another sweep; wait or use -o") from error
-        yield
+def _refuse_foreign(backend: Backend, session: WriteSession, remedy: str) -> None:
+    if foreign := session.foreign_names():
+        names = ", ".join(foreign[:3])
+        raise OutputError(f"{backend.address} holds other files ({names}); {remedy}")
 
 
 def _now() -> str:

@@ -28,7 +28,7 @@ from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from contactlab.contact import MODE_COLOURS, Floats, rotation_from_x
-from contactlab.store.mcap import AddedChannel, TraceSummary, copy_trace
+from contactlab.store.mcap import AddedChannel, copy_trace
 from contactlab.view.animation import BodyMotion, BodyShape, Form
 
 _SCENE_TOPIC = "/scene"
@@ -41,7 +41,7 @@ _FORCES = "contact_forces"
 _HEAD, _SLIM, _STOUT = 0.25, 0.02, 0.15
 
 
-def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> TraceSummary:
+def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> None:
     """Write a trace file again with the 3D layer added.
 
     Args:
@@ -60,7 +60,7 @@ def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> TraceSum
         _channel(_TRANSFORMS_TOPIC, FrameTransforms, poses),
         _channel(_FORCES_TOPIC, SceneUpdate, forces),
     )
-    return copy_trace(source, target, channels)
+    copy_trace(source, target, channels)
 
 
 def _channel(

@@ -10,16 +10,17 @@ from itertools import pairwise
 
 import numpy as np
 from mcap.opcode import Opcode
+from mcap.records import ChunkIndex
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.mcap_summary import COMPRESSION, ChunkEntry
 from contactlab.store.mcap.message_encoder import SCRATCH, MessageGroup
 
 Times = NDArray[np.uint64]
 
 CHUNK_SIZE = 1 << 20
+_COMPRESSION = "zstd"
 
-CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(COMPRESSION)}sQ")
+CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
 INDEX_HEAD = struct.Struct("<BQHI")
 # The content's checksum is zstd's own, which takes a tenth of the time and is in every decoder.
 _NO_CRC = 0
@@ -82,7 +83,7 @@ def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
     return np.ndarray((max(len(data) - size + 1, 0),), f"V{size}", data, strides=(1,))
 
 
-def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[bytes], ChunkEntry]]:
+def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[bytes], ChunkIndex]]:
     """Yield each chunk and its message indexes as bytes, and its entry for the summary.
 
     Args:
@@ -100,14 +101,16 @@ def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[b
             place += len(index)
         yield (
             [*chunk, *indexes.values()],
-            ChunkEntry(
-                span=(int(stream.times[start]), int(stream.times[stop - 1])),
-                start=position,
-                length=chunk_length,
-                indexes=offsets,
-                indexes_length=place - position - chunk_length,
-                compressed=compressed_size,
-                uncompressed=size,
+            ChunkIndex(
+                chunk_length=chunk_length,
+                chunk_start_offset=position,
+                compression=_COMPRESSION,
+                compressed_size=compressed_size,
+                message_end_time=int(stream.times[stop - 1]),
+                message_index_length=place - position - chunk_length,
+                message_index_offsets=offsets,
+                message_start_time=int(stream.times[start]),
+                uncompressed_size=size,
             ),
         )
         position = place
@@ -125,8 +128,8 @@ def _chunk(stream: MessageStream, rows: slice) -> tuple[list[bytes], int, int]:
         int(stream.times[rows.stop - 1]),
         len(content),
         _NO_CRC,
-        len(COMPRESSION),
-        COMPRESSION.encode(),
+        len(_COMPRESSION),
+        _COMPRESSION.encode(),
         len(compressed),
     )
     return [head, compressed], len(compressed), len(content)

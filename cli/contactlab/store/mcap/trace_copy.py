@@ -15,7 +15,7 @@ from contactlab.store.mcap.message_encoder import Items, MessageGroup, Rows, sin
 from contactlab.store.mcap.message_layout import HEADER_SIZE, MessageLayout, message_record
 from contactlab.store.mcap.trace_reader import ChannelMessages, channel_messages
 from contactlab.store.mcap.trace_schema import STATE_TOPIC
-from contactlab.store.mcap.trace_writer import TraceSummary, write_messages
+from contactlab.store.mcap.trace_writer import encode_messages
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class AddedChannel:
     messages: Sequence[tuple[int, bytes]]
 
 
-def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> TraceSummary:
+def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
     """Write a trace file again with further channels; its own messages keep their bytes.
 
     Args:
@@ -54,9 +54,9 @@ def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> Tra
     channels = list(summary.channels.values())
     [state] = [each.id for each in channels if each.topic == STATE_TOPIC]
     times = _log_times(messages[state])
-    start = _file_head(reader, list(summary.schemas.values()), channels, added)
+    head = _file_head(reader, list(summary.schemas.values()), channels, added)
     groups = [*_copied(messages, times), *_added(added, len(channels) + 1)]
-    return write_messages(target, start, groups, times)
+    encode_messages(head, groups, times).write(target)
 
 
 def _file_head(

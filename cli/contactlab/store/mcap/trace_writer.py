@@ -1,7 +1,7 @@
-"""One run written as one MCAP file, by way of a temporary file in the same folder.
+"""One run encoded as one MCAP file.
 
 Log time is simulated time from zero and nothing of the machine is added, so equal runs give equal
-files. Files are not synced to disk one by one; the store does that once, before it publishes.
+files.
 """
 
 import hashlib
@@ -9,18 +9,16 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-from mcap.records import Attachment, Channel, Schema
+from mcap.records import Attachment, Channel, ChunkIndex, Schema
 
 from contactlab.contact import Floats, PairSeries, PairTrace, Trace
 from contactlab.errors import OutputError
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap.chunk_writer import MessageStream, Times, chunk_records, interleave
 from contactlab.store.mcap.mcap_summary import (
-    ChunkEntry,
     FileHead,
     FilePrefix,
     file_head,
@@ -44,15 +42,13 @@ from contactlab.store.mcap.trace_schema import (
     file_descriptor_set,
 )
 
-Target = Path | BytesIO
-METADATA_NAME = "contactlab.run"
-MODEL_NAME = "model.xml"
-
+_METADATA_NAME = "contactlab.run"
+_MODEL_NAME = "model.xml"
 _NANOSECONDS = 1e9
-# How many scenes' openings are kept; a job is of one.
-_SCENES = 4
+_CACHED_PREFIXES = 4
+"""Scenes whose file prefixes are cached; a job is of one scene."""
 # Readers in languages without unsigned integers take log time as a signed 64-bit number.
-_LATEST = 2.0**63
+_MAX_LOG_TIME = 2.0**63
 
 
 @dataclass(frozen=True)
@@ -73,69 +69,86 @@ class TraceExtras:
 
 
 @dataclass(frozen=True)
-class TraceSummary:
-    """What was written.
+class EncodedTrace:
+    """A trace file in memory.
 
     Attributes:
-        sha256: hash of the file, in hex.
-        size: its length in bytes.
+        content: its bytes.
         messages: number of messages by topic.
     """
 
-    sha256: str
-    size: int
+    content: bytes
     messages: Mapping[str, int]
 
+    @property
+    def sha256(self) -> str:
+        """SHA-256 of the file, in hex."""
+        return hashlib.sha256(self.content).hexdigest()
 
-def write_trace(
-    path: Target, trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
-) -> TraceSummary:
-    """Write one run of a trace as an MCAP file.
+    @property
+    def size(self) -> int:
+        """Its length in bytes."""
+        return len(self.content)
+
+    def write(self, path: Path) -> None:
+        """Create or replace a file; its folder must exist.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        with atomic_write(path) as temporary:
+            temporary.write_bytes(self.content)
+
+
+def encode_trace(
+    trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
+) -> EncodedTrace:
+    """Return one run of a trace as an MCAP file.
 
     Args:
-        path: the file; one that is there is replaced as a whole. Its folder must exist. Or a
-            buffer in memory.
         trace: arrays of a group of runs.
-        run: which of them to write.
+        run: index of the run in the group.
         series: net quantities of the trace's pairs, in the same order.
         extras: the run's record, identity and model.
 
     Raises:
-        OutputError: the file cannot be written, or the run's time does not strictly increase.
+        OutputError: the run's time does not strictly increase.
     """
-    times = _log_times(path, trace.time[run])
-    groups = list(_groups(trace, run, series, extras))
-    return write_messages(path, _head(trace, extras), groups, times)
+    times = _log_times(trace.time[run])
+    return encode_messages(_head(trace, extras), list(_groups(trace, run, series, extras)), times)
 
 
-def write_messages(
-    path: Target, start: FileHead, groups: Sequence[MessageGroup], times: Times
-) -> TraceSummary:
-    """Write messages as an MCAP file.
+def write_trace(
+    path: Path, trace: Trace, run: int, series: Sequence[PairSeries], extras: TraceExtras
+) -> EncodedTrace:
+    """Write one run of a trace into a file; see `encode_trace`."""
+    encoded = encode_trace(trace, run, series, extras)
+    encoded.write(path)
+    return encoded
+
+
+def encode_messages(head: FileHead, groups: Sequence[MessageGroup], times: Times) -> EncodedTrace:
+    """Return messages as an MCAP file.
 
     Args:
-        path: the file; one that is there is replaced as a whole. Its folder must exist.
-        start: the start of the file, with its channels.
+        head: the start of the file, with its channels.
         groups: the messages.
         times: (rows,) log time [ns].
-
-    Raises:
-        OutputError: the file cannot be written.
     """
-    stream = interleave(groups, len(start.prefix.topics), times)
+    topics = head.prefix.topics
+    stream = interleave(groups, len(topics), times)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
-    digest, size = _save(path, _parts(start, stream, counts))
-    return TraceSummary(digest, size, dict(zip(start.prefix.topics, counts, strict=True)))
+    content = b"".join(_parts(head, stream, counts))
+    return EncodedTrace(content, dict(zip(topics, counts, strict=True)))
 
 
-def _log_times(path: Target, time: Floats) -> Times:
+def _log_times(time: Floats) -> Times:
     """Return simulated time in whole nanoseconds."""
     times = np.rint(time * _NANOSECONDS)
-    grows = np.all(times[1:] > times[:-1]) and np.all((times >= 0) & (times < _LATEST))
-    if not grows:
-        named = path if isinstance(path, Path) else "a trace"
+    in_range = np.all((times >= 0) & (times < _MAX_LOG_TIME))
+    if not (in_range and np.all(times[1:] > times[:-1])):
         raise OutputError(
-            f"cannot write {named}: the run's time must start at zero or later and grow by a "
+            "cannot write a trace: the run's time must start at zero or later and grow by a "
             "nanosecond or more each step; cut the run where the engine stopped it"
         )
     return times.astype(np.uint64)
@@ -144,12 +157,12 @@ def _log_times(path: Target, time: Floats) -> Times:
 def _head(trace: Trace, extras: TraceExtras) -> FileHead:
     pairs = tuple(pair.name for pair in trace.pairs)
     sizes = trace.qpos.shape[2], trace.qvel.shape[2]
-    start = _opening(pairs, sizes, extras.record_schema, extras.model_xml)
-    return file_head(start, METADATA_NAME, extras.metadata)
+    prefix = _prefix(pairs, sizes, extras.record_schema, extras.model_xml)
+    return file_head(prefix, _METADATA_NAME, extras.metadata)
 
 
-@lru_cache(maxsize=_SCENES)
-def _opening(
+@lru_cache(maxsize=_CACHED_PREFIXES)
+def _prefix(
     pairs: tuple[str, ...], sizes: tuple[int, int], record_schema: bytes, model_xml: bytes
 ) -> FilePrefix:
     state, contacts, evidence = (
@@ -163,7 +176,7 @@ def _opening(
         topic = contacts_topic(name)
         channels.append(Channel(number, topic, "protobuf", {"pair": name}, contacts.id))
     channels.append(Channel(len(channels) + 1, EVIDENCE_TOPIC, "json", {}, evidence.id))
-    model = Attachment(0, 0, MODEL_NAME, "application/xml", model_xml)
+    model = Attachment(0, 0, _MODEL_NAME, "application/xml", model_xml)
     return file_prefix([state, contacts, evidence], channels, model)
 
 
@@ -178,26 +191,15 @@ def _groups(
     yield single_message_group(len(trace.pairs) + 2, trace.steps, extras.record_json)
 
 
-def _parts(start: FileHead, stream: MessageStream, counts: Sequence[int]) -> Iterator[bytes]:
+def _parts(head: FileHead, stream: MessageStream, counts: Sequence[int]) -> Iterator[bytes]:
     """Yield the file's bytes: its start, the chunks with their indexes, its end."""
-    data = start.data
+    data = head.data
     yield data
-    crc, position = start.crc, len(data)
-    entries: list[ChunkEntry] = []
-    for parts, entry in chunk_records(stream, position):
+    crc = head.crc
+    chunks: list[ChunkIndex] = []
+    for parts, chunk in chunk_records(stream, len(data)):
         for part in parts:
             yield part
-            crc, position = zlib.crc32(part, crc), position + len(part)
-        entries.append(entry)
-    yield file_tail(start, entries, counts, crc)
-
-
-def _save(path: Target, parts: Iterator[bytes]) -> tuple[str, int]:
-    """Write a file as a whole; return its SHA-256 and size."""
-    content = b"".join(parts)
-    if isinstance(path, BytesIO):
-        path.write(content)
-    else:
-        with atomic_write(path) as temporary, temporary.open("wb") as file:
-            file.write(content)
-    return hashlib.sha256(content).hexdigest(), len(content)
+            crc = zlib.crc32(part, crc)
+        chunks.append(chunk)
+    yield file_tail(head, chunks, counts, crc)

@@ -9,8 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store import Store, parse_address, verify, write_baseline
-from contactlab.store.objects import local_scene
+from contactlab.store import Store, local_scene, parse_address, verify, write_baseline
 
 TRACE = "traces/01/0000000000000001.mcap"
 

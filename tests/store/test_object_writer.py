@@ -8,7 +8,6 @@ import pytest
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema import StoreManifest
 from contactlab.store import ObjectAddress, Store, StoreWriter, open_writer, verify
-from contactlab.store.objects import ObjectClient, connect
 
 OTHER = "journal/other-00000000.jsonl"
 
@@ -101,14 +100,15 @@ def test_published_by_another_at_the_same_moment(kit: Any, monkeypatch: pytest.M
     found = kit.client.find("manifest.json")
     assert found is not None
     kit.client.delete(["manifest.json"])
-    put = ObjectClient.put
+    kind: Any = type(kit.client)
+    put = kind.put
 
-    def racing(client: ObjectClient, name: str, data: Any) -> None:
+    def racing(client: object, name: str, data: Any) -> None:
         put(client, name, data)
         if name == "runs.parquet":
             put(client, "manifest.json", found.data)
 
-    monkeypatch.setattr(ObjectClient, "put", racing)
+    monkeypatch.setattr(kind, "put", racing)
     kit.write(0, 1, 2)
     assert verify(kit.address) == []
 
@@ -117,7 +117,7 @@ def test_other_objects_are_left_alone(kit: Any) -> None:
     kit.client.put("thesis/main.tex", b"dear")
     for fresh in (False, True):
         with (
-            pytest.raises(OutputError, match=r"holds other objects \(thesis\)"),
+            pytest.raises(OutputError, match=r"holds other files \(thesis\)"),
             kit.opened(fresh=fresh),
         ):
             pass
@@ -126,8 +126,8 @@ def test_other_objects_are_left_alone(kit: Any) -> None:
     assert found.data == b"dear"
 
 
-def test_fresh(kit: Any) -> None:
-    neighbour = connect(ObjectAddress("s3", kit.address.bucket, "some/store-2"), OutputError)
+def test_fresh(kit: Any, connect: Any) -> None:
+    neighbour = connect(ObjectAddress("s3", kit.address.bucket, "some/store-2"))
     neighbour.put("runs.parquet", b"another's")
     kit.write(0, 1, 2)
     kit.client.put("traces/ff/ff.mcap", b"an orphan")

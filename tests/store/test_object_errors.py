@@ -14,7 +14,6 @@ import pytest
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.store import Address, Store, open_writer, parse_address
-from contactlab.store.objects import object_client as client_file
 
 KEYS = "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION"
 
@@ -101,7 +100,7 @@ def point_to(monkeypatch: pytest.MonkeyPatch, port: int) -> None:
 @pytest.mark.usefixtures("object_server")
 def test_no_such_bucket(use: Use) -> None:
     text = said(use, "s3://nowhere-at-all/store")
-    assert text.endswith("there is no bucket s3://nowhere-at-all; make it, or name another")
+    assert text.endswith("there is no bucket s3://nowhere-at-all; create it, or name another")
 
 
 @pytest.mark.usefixtures("object_server")
@@ -128,20 +127,20 @@ def test_in_the_servers_own_words(use: Use, monkeypatch: pytest.MonkeyPatch) -> 
 @pytest.mark.usefixtures("object_server")
 def test_nobody_listens(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     point_to(monkeypatch, free_port())
-    monkeypatch.setattr(client_file, "_RETRIES", 1)
+    monkeypatch.setattr("contactlab.store.object_client._RETRIES", 1)
     start = time.monotonic()
-    assert "the server does not answer; check the network and AWS_ENDPOINT_URL" in said(use)
+    assert "the server does not respond; check the network and AWS_ENDPOINT_URL" in said(use)
     assert time.monotonic() - start < 15
 
 
 @pytest.mark.usefixtures("object_server")
 def test_nobody_answers(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
     """With the patience of a second instead of twelve."""
-    monkeypatch.setattr(client_file, "_SILENCE", timedelta(seconds=1))
+    monkeypatch.setattr("contactlab.store.object_client._SILENCE", timedelta(seconds=1))
     with listening() as port:
         point_to(monkeypatch, port)
         start = time.monotonic()
-        assert "the server does not answer" in said(use)
+        assert "the server does not respond" in said(use)
     assert time.monotonic() - start < 15
 
 
@@ -152,6 +151,8 @@ def test_plain_http_is_not_taken_for_safe(use: Use, monkeypatch: pytest.MonkeyPa
 
 
 def test_not_installed(use: Use, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("object_backend", "object_client"):
+        monkeypatch.delitem(sys.modules, f"contactlab.store.{name}", raising=False)
     monkeypatch.setitem(sys.modules, "obstore", None)
     act, _ = use
     with pytest.raises(OutputError) as raised:

@@ -1,0 +1,342 @@
+"""A store in object storage.
+
+Journal, notes, table and scene are made in a local temporary folder. What must outlive the process
+is stored as it comes: traces by the workers, rows and notes batch by batch, as objects of unique
+names.
+"""
+
+import atexit
+import shutil
+import uuid
+from collections import deque
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from functools import cache, cached_property
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory, mkdtemp
+
+from contactlab.errors import ContactlabError, OutputError, StoreError
+from contactlab.schema import StoreManifest, SweepIdentity
+from contactlab.store.backend_protocol import (
+    IDENTITY,
+    JOURNAL,
+    LOCK,
+    MANIFEST,
+    NOTES,
+    SCENES,
+    TABLE,
+    TRACES,
+    WriteSession,
+)
+from contactlab.store.object_client import ObjectClient
+from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_lease import StoreLease, hold_lease
+from contactlab.store.store_manifest import check_same_sweep, document_json, parse_manifest
+
+_BATCHES = {JOURNAL: "journal", NOTES: "notes"}
+"""The folder of objects that stands for each local file of lines."""
+_OWN = {SCENES, TRACES, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
+_TEMPORARY_PREFIX = "contactlab-"
+_DOWNLOADS = 16
+_UPLOADS = 8
+_MAX_QUEUED = 64
+"""Uploads that may be unfinished at once."""
+_TRACES_AHEAD = 16
+"""Traces that are fetched before they are needed."""
+_TRACE_DOWNLOADS = 8
+_WINDOW = 128
+"""Batches of rows that are in local files at once."""
+
+_fetched: dict[ObjectAddress, tuple[bytes, Path]] = {}
+
+
+class ObjectBackend:
+    """See `Backend`."""
+
+    def __init__(self, address: ObjectAddress, error: type[ContactlabError]) -> None:
+        self.address = address
+        self.client = ObjectClient(address, error)
+
+    def top_names(self) -> set[str]:
+        """Return the names of the objects and folders at the top."""
+        return self.client.top_names()
+
+    def read(self, name: str) -> bytes | None:
+        """Return the content of an object; None if there is none."""
+        found = self.client.find(name)
+        return None if found is None else found.data
+
+    def put(self, name: str, data: bytes) -> None:
+        """Create or replace an object as a whole."""
+        self.client.put(name, data)
+
+    def delete(self, names: Iterable[str]) -> None:
+        """Delete objects; missing ones are no error."""
+        self.client.delete(names)
+
+    def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
+        """Return a local folder with a manifest and its files, fetched if the manifest is new."""
+        before, folder = _fetched.get(self.address, (b"", None))
+        if folder is None or before != manifest:
+            folder = _temporary_folder()
+            fetch_all(self.client, [safe_name(name, self.address) for name in names], folder)
+            (folder / MANIFEST).write_bytes(manifest)
+            _fetched[self.address] = manifest, folder
+        return folder
+
+    def local_folder(self, name: str) -> Path:
+        """Return a local folder with all objects of a folder, fetched once a process."""
+        return _fetched_folder(self.address, name)
+
+    @cached_property
+    def _trace_sizes(self) -> dict[str, int]:
+        return dict(self.client.sizes(TRACES))
+
+    def trace_size(self, name: str) -> int | None:
+        """Return the size of a trace [bytes], by a listing made once; None if there is none."""
+        return self._trace_sizes.get(name)
+
+    def trace_names(self) -> list[str]:
+        """Return the names of all traces, sorted."""
+        return sorted(self._trace_sizes)
+
+    def trace_files(self, names: Iterable[str]) -> Generator[Path | None]:
+        """Yield a local file for each trace; None if it is missing.
+
+        Some are fetched ahead, so that the latency of the server does not add up.
+        """
+        coming: deque[Future[Path | None]] = deque()
+        with (
+            TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
+            ThreadPoolExecutor(_TRACE_DOWNLOADS) as pool,
+        ):
+            for number, name in enumerate(names):
+                target = Path(folder) / str(number)
+                coming.append(pool.submit(self._fetch, safe_name(name, self.address), target))
+                if len(coming) > _TRACES_AHEAD:
+                    yield from _take_first(coming)
+            while coming:
+                yield from _take_first(coming)
+
+    def _fetch(self, name: str, target: Path) -> Path | None:
+        return target if self.client.fetch(name, target) else None
+
+    def leftovers(self) -> list[str]:
+        """Return the names of batches that an interrupted sweep left, sorted."""
+        return sorted(name for each in _BATCHES.values() for name, _ in self.client.sizes(each))
+
+    @contextmanager
+    def write_session(self) -> Generator["ObjectSession"]:
+        """Hold the store's lease."""
+        with (
+            hold_lease(self.client) as lease,
+            TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
+        ):
+            yield ObjectSession(self.client, lease, Path(folder))
+
+
+def _take_first(coming: deque[Future[Path | None]]) -> Iterator[Path | None]:
+    path = coming.popleft().result()
+    yield path
+    if path is not None:
+        path.unlink()
+
+
+class ObjectSession(WriteSession):
+    """See `WriteSession`."""
+
+    def __init__(self, client: ObjectClient, lease: StoreLease, folder: Path) -> None:
+        self.folder = folder
+        self._client = client
+        self._lease = lease
+        self._queue = UploadQueue(client)
+        self._batches: list[str] = []
+        self._lines = 0
+
+    def foreign_names(self) -> list[str]:
+        """Return the names of what does not belong to a store, sorted."""
+        return sorted(self._client.top_names() - _OWN)
+
+    def clear(self) -> None:
+        """Remove all objects but the lock."""
+        # The manifest goes first: a half-removed store must not look finished.
+        for name in (MANIFEST, IDENTITY):
+            self._client.delete([name])
+        self._client.delete([name for name, _ in self._client.sizes() if name != LOCK])
+
+    def begin(self, identity: SweepIdentity) -> None:
+        """Store the scene and, last, the identity."""
+        for file in sorted(path for path in (self.folder / SCENES).rglob("*") if path.is_file()):
+            self._client.put(file.relative_to(self.folder).as_posix(), file)
+        text = document_json(identity)
+        (self.folder / IDENTITY).write_text(text, encoding="utf-8")
+        self._client.put(IDENTITY, text.encode())
+
+    def fetch_journal(self) -> None:
+        """Join the batches of rows and of notes into local files."""
+        self._client.fetch(IDENTITY, self.folder / IDENTITY)
+        self._join_batches(NOTES)
+        self._batches = self._join_batches(JOURNAL)
+        self._lines = _count_lines(self.folder / JOURNAL)
+
+    def replace_journal(self) -> None:
+        """Replace the batches by the local journal, if it has lost lines.
+
+        What is dropped must stay so, also where its trace comes to be stored again.
+        """
+        if self._batches and _count_lines(self.folder / JOURNAL) < self._lines:
+            self._put_journal()
+            self._client.delete(self._batches)
+
+    def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
+        """Upload lines in the background, as a batch of their own."""
+        self._lease.check()
+        self._queue.put(_BATCHES[name], b"".join(line + b"\n" for line in lines))
+
+    def flush(self) -> None:
+        """Wait until all lines are uploaded."""
+        self._queue.close()
+
+    def fetch_table(self) -> None:
+        """Fetch the table."""
+        self._client.fetch(TABLE, self.folder / TABLE)
+
+    def publish(self, manifest: StoreManifest) -> StoreManifest:
+        """Store the table, then the manifest, unless another sweep has published meanwhile."""
+        data = document_json(manifest).encode()
+        published = self._client.find(MANIFEST)
+        if published is None:
+            self._lease.renew()
+            self._client.put(TABLE, self.folder / TABLE)
+            if self._client.create(MANIFEST, data) is None:
+                # Another sweep has published since the renewal, and our table is now beside its
+                # manifest; the two must match.
+                self._client.put(MANIFEST, data)
+        else:
+            theirs = parse_manifest(published.data, self._client.address)
+            check_same_sweep(self._client.address, theirs.sweep, manifest.sweep)
+            manifest = theirs
+        self.remove_journal()
+        return manifest
+
+    def unpublish(self) -> None:
+        """Store the rows of the local journal, then delete manifest and table."""
+        self._put_journal()
+        for name in (MANIFEST, TABLE):
+            self._client.delete([name])
+
+    def remove_journal(self) -> None:
+        """Delete all batches."""
+        for folder in _BATCHES.values():
+            self._client.delete([name for name, _ in self._client.sizes(folder)])
+
+    def _put_journal(self) -> None:
+        name = f"{_BATCHES[JOURNAL]}/{uuid.uuid4().hex}.jsonl"
+        self._client.put(name, self.folder / JOURNAL)
+
+    def _join_batches(self, target: str) -> list[str]:
+        names = [name for name, _ in self._client.sizes(_BATCHES[target])]
+        with (
+            (self.folder / target).open("wb") as joined,
+            TemporaryDirectory(dir=self.folder) as folder,
+        ):
+            for first in range(0, len(names), _WINDOW):
+                some = names[first : first + _WINDOW]
+                fetch_all(self._client, some, Path(folder))
+                for part in (Path(folder) / name for name in some):
+                    if part.is_file():
+                        with part.open("rb") as lines:
+                            shutil.copyfileobj(lines, joined)
+                        part.unlink()
+        return names
+
+
+class UploadQueue:
+    """Uploads small objects in the background, a limited number at a time."""
+
+    def __init__(self, client: ObjectClient) -> None:
+        self._client = client
+        self._pool = ThreadPoolExecutor(_UPLOADS, thread_name_prefix="uploads")
+        self._queued: deque[Future[None]] = deque()
+        self._author = uuid.uuid4().hex
+        self._count = 0
+
+    def put(self, folder: str, data: bytes) -> None:
+        """Upload an object of a new name into a folder; waits while too many are queued.
+
+        Raises:
+            OutputError: it, or one before it, cannot be stored.
+        """
+        name = f"{folder}/{self._author}-{self._count:08d}.jsonl"
+        self._count += 1
+        with self._cancelling():
+            while self._queued and (len(self._queued) >= _MAX_QUEUED or self._queued[0].done()):
+                self._queued.popleft().result()
+        self._queued.append(self._pool.submit(self._create, name, data))
+
+    def close(self) -> None:
+        """Wait until all objects are stored, and end.
+
+        Raises:
+            OutputError: one cannot be stored; those still queued are cancelled.
+        """
+        with self._cancelling():
+            while self._queued:
+                self._queued.popleft().result()
+        self._pool.shutdown()
+
+    @contextmanager
+    def _cancelling(self) -> Generator[None]:
+        """Cancel what has not begun yet if there is an error."""
+        try:
+            yield
+        except BaseException:
+            self._queued.clear()
+            self._pool.shutdown(cancel_futures=True)
+            raise
+
+    def _create(self, name: str, data: bytes) -> None:
+        if self._client.create(name, data) is None:
+            raise OutputError(f"{self._client.address / name} exists already, with other content")
+
+
+def safe_name(name: str, address: ObjectAddress) -> str:
+    """Return a file name that a store gives, once it is sure not to lead out of the store.
+
+    Raises:
+        StoreError: it does.
+    """
+    path = PurePosixPath(name)
+    if path.is_absolute() or ".." in path.parts or path.as_posix() != name:
+        raise StoreError(f"{address} is damaged: it names a file '{name}'")
+    return name
+
+
+def fetch_all(client: ObjectClient, names: Sequence[str], folder: Path) -> None:
+    """Fetch objects into a folder, many at a time; missing ones are left out."""
+    with ThreadPoolExecutor(_DOWNLOADS) as pool:
+        deque(pool.map(lambda name: client.fetch(name, folder / name), names), maxlen=0)
+
+
+@cache
+def _fetched_folder(address: ObjectAddress, name: str) -> Path:
+    client = ObjectClient(address, OutputError)
+    names = [safe_name(file, address) for file, _ in client.sizes(name)]
+    if not names:
+        raise OutputError(f"{address / name} is missing; has the sweep been removed?")
+    folder = _temporary_folder()
+    fetch_all(client, names, folder)
+    return folder / name
+
+
+def _temporary_folder() -> Path:
+    """Return a new folder that is removed when the process ends."""
+    folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    return folder
+
+
+def _count_lines(path: Path) -> int:
+    with path.open("rb") as lines:
+        return sum(1 for _ in lines)

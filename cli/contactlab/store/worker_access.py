@@ -1,0 +1,79 @@
+"""What workers need of a store: its scene, and a place for their traces."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from contactlab.contact import PairSeries, Trace
+from contactlab.errors import OutputError
+from contactlab.schema import TraceFile
+from contactlab.store.backend_protocol import SCENES, TRACES
+from contactlab.store.mcap import TraceExtras, encode_trace
+from contactlab.store.open_backend import backend_at
+from contactlab.store.store_address import Address
+
+
+class TraceSink:
+    """Adds traces to a store; make it in the process that uses it.
+
+    Args:
+        store: the store's address.
+
+    Raises:
+        OutputError: the store cannot be reached.
+    """
+
+    def __init__(self, store: Address) -> None:
+        self._backend = backend_at(store, OutputError)
+
+    def add(
+        self, run_id: str, trace: Trace, row: int, series: Sequence[PairSeries], extras: TraceExtras
+    ) -> TraceFile:
+        """Store the trace of a run; it is in the store when this returns.
+
+        Args:
+            run_id: the run.
+            trace: arrays of a group of runs.
+            row: index of the run in the group.
+            series: net quantities of the trace's pairs, in the same order.
+            extras: the run's record, identity and model.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        name = _trace_name(run_id)
+        encoded = encode_trace(trace, row, series, extras)
+        self._backend.put(name, encoded.content)
+        return TraceFile(
+            file=name,
+            sha256=encoded.sha256,
+            bytes=encoded.size,
+            messages=dict(encoded.messages),
+        )
+
+    def remove(self, run_id: str) -> None:
+        """Remove the trace of a run, if there is one.
+
+        Raises:
+            OutputError: it cannot be removed.
+        """
+        self._backend.delete([_trace_name(run_id)])
+
+
+def local_scene(store: Address, folder: Path) -> Path:
+    """Return a local folder with a store's scene, fetched from object storage if need be.
+
+    Args:
+        store: the store's address.
+        folder: folder of the scene on the machine that runs the sweep; its name is the scene's
+            hash.
+
+    Raises:
+        OutputError: the store cannot be reached, or has no such scene.
+    """
+    if folder.is_dir() or isinstance(store, Path):
+        return folder
+    return backend_at(store, OutputError).local_folder(f"{SCENES}/{folder.name}")
+
+
+def _trace_name(run_id: str) -> str:
+    return f"{TRACES}/{run_id[:2]}/{run_id}.mcap"
