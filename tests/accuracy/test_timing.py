@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.accuracy import timing
-from contactlab.engines import Segments
+from contactlab.engines import MujocoEngine, Segments
 from contactlab.run import forecast
 from contactlab.schema import Timing
 
@@ -66,11 +65,11 @@ def test_runs_take_turns_within_each_round(sweeper: Any, monkeypatch: pytest.Mon
     """First a few steps of each run for its pace, then round by round, always in plan order."""
     seen: list[tuple[int, float]] = []
 
-    def watched(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
+    def watched(_: MujocoEngine, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
         seen.append((segments.model.opt.integrator, segments.model.opt.timestep))
         return 1e-4 * repeats * sum(segments.lengths(most)), repeats * sum(segments.lengths(most))
 
-    monkeypatch.setattr(timing, "time_segments", watched)
+    monkeypatch.setattr(MujocoEngine, "time_segments", watched)
     sweeper.run(TIMED)
     assert len(set(seen)) == 4
     assert seen == seen[:8] * 5
@@ -85,11 +84,11 @@ def test_neither_short_nor_long_runs_take_too_long(
     """At least 20 ms in a round, at most 50 times over; at most 0.1 s, from 8 places."""
     made: list[int] = []
 
-    def watched(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
+    def watched(_: MujocoEngine, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
         made.append(repeats * sum(segments.lengths(most)))
         return cost * made[-1], made[-1]
 
-    monkeypatch.setattr(timing, "time_segments", watched)
+    monkeypatch.setattr(MujocoEngine, "time_segments", watched)
     sweeper.run(TIMED.replace("[1.0e-3, 2.0e-3]", "[1.0e-3]").replace("[Euler, RK4]", "[Euler]"))
     assert set(made[2:]) == {steps}
 

@@ -1,6 +1,7 @@
 """Controls and forces that change over time: equal to a loop that looks them up at every step."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -9,8 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import Buffers, roll_out, roll_out_by_impulse, run_checks
-from contactlab.engines.traces import make_trace
+from contactlab.engines import (
+    Buffers,
+    ImpulseEngine,
+    MujocoEngine,
+    PreparedRuns,
+    make_trace,
+    roll_out,
+)
 from contactlab.errors import SceneError
 from contactlab.scene import InitialStates, Scene
 
@@ -146,10 +153,11 @@ def test_the_second_pass_sees_the_same_run(make_scene: Make, roll: Any) -> None:
     rolled = roll(scene, [{}], STEPS)
     base = scene.base({})
     trace = make_trace(base, rolled.prepared, rolled.rollout)
-    checks = run_checks(base, rolled.prepared, rolled.starts, trace)
+    runs, mujoco = PreparedRuns(base, rolled.prepared, rolled.starts, STEPS), MujocoEngine()
+    checks = mujoco.check_runs(runs, trace)
     assert checks.repeats.all()
     other = rolled.starts._replace(levels=rolled.starts.levels + 1)
-    assert not run_checks(base, rolled.prepared, other, trace).repeats.any()
+    assert not mujoco.check_runs(replace(runs, starts=other), trace).repeats.any()
     assert checks.jacobian.max() < 1e-6
 
 
@@ -171,7 +179,7 @@ def test_a_programme_is_part_of_the_run(make_scene: Make) -> None:
     assert len(ids) == 2
 
 
-def test_the_hand_computed_engine_refuses_what_pushes(make_scene: Make) -> None:
+def test_the_impulse_engine_refuses_external_forces(make_scene: Make) -> None:
     model = (
         '<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/><body name="ball" '
         'pos="0 0 1"><freejoint name="ball"/><geom name="ball" size=".05"/></body></worldbody>'
@@ -180,8 +188,10 @@ def test_the_hand_computed_engine_refuses_what_pushes(make_scene: Make) -> None:
     scene = make_scene(model, "control: {ball.fx: {at: [0, 1], to: [0, 1]}}\n")
     run = scene.resolve({}, 0, None)
     base = scene.base({})
+    assert "no forces but gravity" in str(ImpulseEngine().refusal(scene, run))
+    runs = PreparedRuns(base, [base.prepare({})], scene.starts([run]), 5)
     with pytest.raises(SceneError, match="no forces but gravity"):
-        roll_out_by_impulse(base, [base.prepare({})], scene.starts([run]), 5, Buffers())
+        ImpulseEngine().roll_out(runs, Buffers())
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The impulse engine: the same scene by hand, in the same arrays."""
+"""The impulse engine: the same scenes without a contact model, in the same arrays."""
 
 from typing import Any
 
@@ -6,18 +6,17 @@ import numpy as np
 import pytest
 
 from contactlab.contact import Trace, resolve_impact
-from contactlab.engines import Buffers, make_trace, roll_out_by_impulse
+from contactlab.engines import Buffers, ImpulseEngine, PreparedRuns, make_trace
 from contactlab.errors import SceneError
 from contactlab.scene import Scene
 
 
-def by_hand(name: str, values: dict[str, Any]) -> Trace:
+def simulated(name: str, values: dict[str, Any]) -> Trace:
     scene = Scene.open(name)
     run = scene.resolve({"engine": "impulse", **values}, 0, None)
     base = scene.base(run.structure)
-    prepared = [base.prepare(run.edits())]
-    rollout = roll_out_by_impulse(base, prepared, scene.starts([run]), run.steps, Buffers())
-    return make_trace(base, prepared, rollout)
+    runs = PreparedRuns(base, [base.prepare(run.edits())], scene.starts([run]), run.steps)
+    return make_trace(base, runs.prepared, ImpulseEngine().roll_out(runs, Buffers()))
 
 
 @pytest.mark.parametrize("angle", [0.0, 20.0, 45.0, 70.0])
@@ -27,7 +26,7 @@ def test_the_last_velocity_is_that_of_the_law(
 ) -> None:
     """Zero gravity and one impact: exact, but for the bisection of the damping ratio (1e-15)."""
     values = {"angle": angle, "restitution": restitution, "friction.slide": friction}
-    trace = by_hand("oblique_impact", values)
+    trace = simulated("oblique_impact", values)
     first, last = trace.qvel[0, 0], trace.qvel[0, -1]
     expected = resolve_impact(1.0, first[None], (0, 0, 1), restitution, friction)
     assert last == pytest.approx(expected.velocity[0], abs=1e-12)
@@ -36,7 +35,7 @@ def test_the_last_velocity_is_that_of_the_law(
 
 
 def test_momentum_changes_by_the_recorded_forces() -> None:
-    trace = by_hand("ball_drop", {"restitution": 0.6, "timestep": 1e-3})
+    trace = simulated("ball_drop", {"restitution": 0.6, "timestep": 1e-3})
     step = trace.timestep[0]
     lift = trace.pairs[0].slots[0, :, 0, 1] - 9.81
     # Sums of 3000 numbers of order 10.
@@ -46,7 +45,7 @@ def test_momentum_changes_by_the_recorded_forces() -> None:
 @pytest.mark.parametrize("timestep", [4e-3, 2e-3, 1e-3])
 def test_peaks_fall_by_restitution_squared(timestep: float) -> None:
     """Semi-implicit flight gains or loses at most g h v a bounce, a share of 2 g h / v."""
-    trace = by_hand("ball_drop", {"restitution": 0.9, "timestep": timestep, "drop_height": 2.0})
+    trace = simulated("ball_drop", {"restitution": 0.9, "timestep": timestep, "drop_height": 2.0})
     height = trace.qpos[0, :, 2] - 0.05
     inner = (height[1:-1] > height[:-2]) & (height[1:-1] >= height[2:])
     peaks = height[1:-1][inner]
@@ -56,5 +55,8 @@ def test_peaks_fall_by_restitution_squared(timestep: float) -> None:
 
 
 def test_a_scene_that_is_no_sphere_above_a_plane_is_refused() -> None:
+    scene = Scene.open("box_slide")
+    reason = ImpulseEngine().refusal(scene, scene.resolve({}, 0, None))
+    assert "impulse engine moves one sphere" in str(reason)
     with pytest.raises(SceneError, match="impulse engine moves one sphere"):
-        by_hand("box_slide", {})
+        simulated("box_slide", {})

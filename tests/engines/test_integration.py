@@ -1,6 +1,5 @@
-"""A march is a rollout of which few states are kept, and it lands on any time exactly."""
+"""Integrating keeps few states of a rollout, and ends at any time exactly."""
 
-import sys
 from collections.abc import Callable
 from typing import Any
 
@@ -9,12 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import Buffers, count_work, integrate_to, invariants, roll_out
+from contactlab.engines import Buffers, integration, roll_out
+from contactlab.engines.integration import integrate_to
+from contactlab.engines.step_timing import count_work
 from contactlab.scene import Scene
 
 Make = Callable[..., Scene]
-# The function has its module's name.
-MODULE: Any = sys.modules["contactlab.engines.integration"]
 FALL = """
 <mujoco>
   <option gravity="0 0 -10"/>
@@ -47,7 +46,7 @@ def pushed(make_scene: Make) -> Scene:
 def test_it_is_a_rollout_of_which_few_states_are_kept(
     pushed: Scene, block: int, integrator: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(MODULE, "_BLOCK_BYTES", block)
+    monkeypatch.setattr(integration, "_BLOCK_BYTES", block)
     run = pushed.resolve({"integrator": integrator}, 1, None)
     start = pushed.starts([run])
     model = pushed.prepare(run, start).model
@@ -123,27 +122,6 @@ def test_impacts_are_changes_of_the_number_of_contacts(pushed: Scene) -> None:
     found = integrate_to(prepared.model, start, np.array([STEPS * run.timestep]))
     assert found is not None
     assert found.impacts == np.count_nonzero(np.diff(contacts)) > 0
-
-
-def test_energy_and_momenta_are_those_of_the_motion(make_scene: Make) -> None:
-    """1 m/s and 2 rad/s: m v^2 / 2 + 2/5 m r^2 w^2 / 2, and what it weighs at 100 m."""
-    scene = make_scene(FALL.replace('<geom size=".1"/>', '<geom size=".1" mass="3"/>'))
-    run = scene.resolve({}, 0, None)
-    model = scene.prepare(run, scene.starts([run])).model
-    qpos = np.array([[0, 0, 100, 1, 0, 0, 0.0]])
-    qvel = np.array([[1, 0, 0, 0, 0, 2.0]])
-    found = invariants(model, qpos, qvel, free=True)
-    kinetic = 1.5 + 0.5 * 0.4 * 3 * 0.01 * 4
-    assert found.kinetic == pytest.approx([kinetic], rel=1e-12)
-    assert found.energy == pytest.approx([kinetic + 3 * 10 * 100], rel=1e-12)
-    assert found.momentum is None, "gravity takes momentum away"
-    assert found.lift == pytest.approx(3 * 10 * 1e-3)
-    model.opt.gravity[:] = 0
-    still = invariants(model, qpos, qvel, free=True)
-    assert still.momentum == pytest.approx(np.array([[3.0, 0, 0]]), abs=1e-12)
-    assert still.angular_momentum == pytest.approx(
-        np.array([[0, 0, 0.4 * 3 * 0.01 * 2]]), abs=1e-12
-    )
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,5 @@
 """The loop in Python gives what MuJoCo's batch gives, bit for bit; so do slots without sensors."""
 
-import sys
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -10,14 +9,23 @@ import pytest
 
 from contactlab import resources
 from contactlab.contact import Trace
-from contactlab.engines import Buffers, Rollout, count_work, integrate_to, make_trace, roll_out
-from contactlab.engines.older_mujoco import SimulationError, StepLoop
+from contactlab.engines import (
+    Buffers,
+    OlderMujocoEngine,
+    PreparedRuns,
+    Rollout,
+    make_trace,
+    mujoco_batch,
+    roll_out,
+)
+from contactlab.engines.integration import integrate_to
+from contactlab.engines.older_mujoco import StepLoop
+from contactlab.engines.step_timing import count_work
 from contactlab.scene import CompiledScene, InitialStates, PreparedModel, Scene, has_batch
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 
 STEPS = 120
-USERS = ("rollout", "integration", "step_timing")
 EXPLODING: dict[str, Any] = {"timestep": 0.02, "solref": (-1e12, -1.0)}
 # Everything that decides when a sensor is computed, or what it sees.
 SETTINGS: list[dict[str, Any]] = [
@@ -43,18 +51,14 @@ class Seen(NamedTuple):
 @pytest.fixture
 def by_loop(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Step by the loop from now on."""
-    for user in USERS:
-        module = sys.modules[f"contactlab.engines.{user}"]
-        monkeypatch.setattr(module, "SimulationError", SimulationError)
-    monkeypatch.setattr(sys.modules["contactlab.engines.rollout"], "Batch", StepLoop)
+    monkeypatch.setattr(mujoco_batch, "Batch", StepLoop)
     return monkeypatch
 
 
 @pytest.fixture
 def without_sensors(by_loop: pytest.MonkeyPatch) -> None:
     """Have neither batch nor contact sensors from now on."""
-    module = sys.modules["contactlab.scene.recording_sensors"]
-    by_loop.setattr(module, "has_contact_sensors", lambda: False)
+    by_loop.setattr("contactlab.scene.recording_sensors.has_contact_sensors", lambda: False)
 
 
 def see(name: str, values: Sequence[dict[str, Any]], steps: int = STEPS) -> Seen:
@@ -149,7 +153,7 @@ def test_inputs_that_change(request: pytest.FixtureRequest) -> None:
     assert_same(batch, see("gripping_pad", [{}, {"integrator": "RK4"}]).rollout)
 
 
-def test_marching_and_counting(request: pytest.FixtureRequest) -> None:
+def test_integrating_and_counting(request: pytest.FixtureRequest) -> None:
     seen = see("box_stack", [{}], 1)
     model, start = seen.prepared[0].model, seen.starts.pick(0)
     times = np.array([0.0, 0.0113, 0.05, 0.2])
@@ -157,23 +161,26 @@ def test_marching_and_counting(request: pytest.FixtureRequest) -> None:
     def both() -> tuple[Any, Any]:
         return integrate_to(model, start, times), count_work(model, start, STEPS)
 
-    marched, counted = both()
+    integrated, counted = both()
     request.getfixturevalue("by_loop")
     again, recounted = both()
-    assert again.states.tobytes() == marched.states.tobytes()
-    assert again.impacts == marched.impacts
+    assert again.states.tobytes() == integrated.states.tobytes()
+    assert again.impacts == integrated.impacts
     assert recounted[:5] == counted[:5]
     assert recounted.states.tobytes() == counted.states.tobytes()
 
 
-def test_time_is_the_engines_alone(by_loop: pytest.MonkeyPatch) -> None:
-    by_loop.setattr(sys.modules["contactlab.engines.rollout"], "has_batch", lambda: False)
-    assert (see("ball_drop", [{}], 500).rollout.cost > 0).all()
-    driven = see("ball_drop", [{}], 1)
+@pytest.mark.usefixtures("by_loop")
+def test_cost_is_that_of_native_steps() -> None:
+    engine, seen = OlderMujocoEngine(), see("ball_drop", [{}], 1)
+    runs = PreparedRuns(seen.base, seen.prepared, seen.starts, 500)
+    assert (engine.roll_out(runs, Buffers()).cost > 0).all()
+    assert engine.null_fields(driven=False) == {}
     knots = np.zeros((1, 1, 1))
-    starts = driven.starts._replace(driven=np.zeros((1, 1), np.intp), knots=knots, levels=knots)
-    models = [each.model for each in driven.prepared]
-    assert np.isnan(roll_out(models, starts, 10, Buffers()).cost).all()
+    starts = seen.starts._replace(driven=np.zeros((1, 1), np.intp), knots=knots, levels=knots)
+    driven = PreparedRuns(seen.base, seen.prepared, starts, 10)
+    assert np.isnan(engine.roll_out(driven, Buffers()).cost).all()
+    assert list(engine.null_fields(driven=True)) == ["cost"]
 
 
 @pytest.mark.usefixtures("without_sensors")

@@ -4,15 +4,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import (
-    Buffers,
-    Segments,
-    Work,
-    count_work,
-    roll_out,
-    time_segments,
-    time_steps,
-)
+from contactlab.engines import Buffers, Segments, Work, roll_out
+from contactlab.engines.step_timing import count_work, time_segments, time_steps
 from contactlab.scene import Scene, compile_without_sensors, prepare_without_sensors
 
 STEPS = 100

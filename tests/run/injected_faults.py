@@ -13,8 +13,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from contactlab.engines import rollout
-from contactlab.engines.stepping import Batch
+from contactlab.engines import mujoco_batch
+from contactlab.engines.mujoco_batch import Batch
 from contactlab.run.run_preparation import Preparer
 from contactlab.run.worker import Worker
 
@@ -94,7 +94,7 @@ def bounded_begin(self: Worker, *args: Any) -> None:
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 
 
-inner: Any = rollout
+inner: Any = mujoco_batch
 inner.Batch = Doomed
 Preparer.plans = spoiled_plans
 worker: Any = Worker

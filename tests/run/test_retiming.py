@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from contactlab.run import read_request, run_sweep
-from contactlab.run.retiming import MAX_STEPS, segments_of
+from contactlab.run.retiming import MAX_STEPS, timed_run
 from contactlab.store import Store
 
 SERVE = "from contactlab.run.retiming import main; main()"
@@ -45,7 +45,7 @@ def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     store = Store.open(tmp_path / "store")
     record = next(store.records())
-    segments = segments_of(store, record.run_id)
+    segments = timed_run(store, record.run_id).segments
     assert segments.steps == record.steps
     assert sum(segments.lengths(MAX_STEPS)) == record.steps
     assert segments.model.opt.timestep == record.settings["timestep"]

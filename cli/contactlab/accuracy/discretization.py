@@ -5,11 +5,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.accuracy.reference import PlannedModel, Reference, ReferenceSolver, Watch
+from contactlab.accuracy.reference import PlannedModel, Reference, ReferenceSolver
 from contactlab.accuracy.reference_numerics import with_reference_numerics
 from contactlab.accuracy.refsafe import is_clamped, solref_rules
 from contactlab.contact import Floats
-from contactlab.engines import integrate_to
+from contactlab.engines import Watch
 from contactlab.measure import Discrepancy
 from contactlab.scene import ResolvedRun, Scene
 from contactlab.schema import Accuracy, AccuracyRequest, ErrorKind, SolrefRule
@@ -131,7 +131,8 @@ def _spread(first: int, last: int, most: int) -> Floats:
 
 def _compare(reference: Reference, run: PlannedModel, times: _Times, watch: Watch) -> Note:
     """Compare a whole run with its reference, by trajectory and by invariants."""
-    sampled = integrate_to(run.prepared.model, run.start, times.ends, watch=watch)
+    engine = reference.engine
+    sampled = engine.integrate_to(run.prepared.model, run.start, times.ends, watch=watch)
     if sampled is None:
         return {}
     rows, coarse = reference.rows(times.ends), reference.coarse.sampled
@@ -144,7 +145,8 @@ def _compare(reference: Reference, run: PlannedModel, times: _Times, watch: Watc
 
 def _compare_locally(reference: Reference, run: PlannedModel, times: _Times, watch: Watch) -> Note:
     """Compare a run's model with its reference, restarted from many of the reference's states."""
-    whole = integrate_to(run.prepared.model, run.start, times.ends[-1:], watch=watch)
+    engine = reference.engine
+    whole = engine.integrate_to(run.prepared.model, run.start, times.ends[-1:], watch=watch)
     error, own = (
         reference.local_error(prepared, *times, watch)
         for prepared in (run.prepared, reference.coarse.prepared)

@@ -1,6 +1,6 @@
 """The reference of a family of runs: the same model and start at much finer timesteps."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.accuracy.reference_numerics import with_reference_numerics
 from contactlab.contact import Floats, Invariants, Joints
-from contactlab.engines import SampledStates, integrate_to
+from contactlab.engines import SampledStates, SolvesReferences, Watch, engine_of
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.scene import (
     InitialStates,
@@ -28,7 +28,6 @@ _FALL = 1e-3
 """Height [m] of the fall whose energy is the least scale of energy drifts."""
 
 Rows = NDArray[np.intp] | slice
-Watch = Callable[[], None]
 
 
 class PlannedModel(Protocol):
@@ -71,6 +70,7 @@ class Reference:
         coarse: its distance from the fine one is the estimate of the reference's own error.
         joints: the model's joints.
         free: whether nothing external acts on the model.
+        engine: what solved them.
     """
 
     start: InitialStates
@@ -81,6 +81,7 @@ class Reference:
     coarse: Solution
     joints: Joints
     free: bool
+    engine: SolvesReferences
 
     def rows(self, times: Floats) -> NDArray[np.intp]:
         """Return the rows of the reference at some of its times."""
@@ -116,7 +117,9 @@ class Reference:
         """
         states = self.fine.sampled.states[self.rows(begins)]
         restarts = [
-            integrate_to(prepared.model, self.start, end, begin=begin, state=state, watch=watch)
+            self.engine.integrate_to(
+                prepared.model, self.start, end, begin=begin, state=state, watch=watch
+            )
             for begin, end, state in zip(begins.tolist(), ends[:, None], states, strict=True)
         ]
         qpos = [each.qpos for each in restarts if each is not None]
@@ -134,7 +137,7 @@ class ReferenceSolver:
 
     Args:
         scene: the family's.
-        runs: the family; they differ in numerics alone.
+        runs: the family; they differ in numerics alone, and their engine solves references.
         refine: the family's shortest timestep over that of the coarse solution.
         watch: called before steps, to start their time limit.
     """
@@ -146,6 +149,9 @@ class ReferenceSolver:
         self._run = runs[0]
         self._timestep = min(run.resolved.timestep for run in runs) / refine
         self._watch = watch
+        engine = engine_of(self._run.resolved)
+        assert isinstance(engine, SolvesReferences)
+        self._engine = engine
 
     def reference(self, times: Floats) -> Reference | None:
         """Return the family's reference, or None if no integrator completes it.
@@ -167,6 +173,7 @@ class ReferenceSolver:
                     coarse=coarse,
                     joints=joints_of(fine.prepared.model),
                     free=self._scene.base_of(self._run.resolved).free,
+                    engine=self._engine,
                 )
         return None
 
@@ -190,7 +197,7 @@ class ReferenceSolver:
     ) -> Solution | None:
         resolved = with_reference_numerics(self._run.resolved, integrator, timestep)
         prepared = self._scene.prepare(resolved, self._run.start)
-        sampled = integrate_to(prepared.model, start, times, watch=self._watch)
+        sampled = self._engine.integrate_to(prepared.model, start, times, watch=self._watch)
         return sampled and Solution(prepared, sampled)
 
 

@@ -16,8 +16,8 @@ import mujoco
 import numpy as np
 
 from contactlab.accuracy.discretization import Note
-from contactlab.accuracy.reference import PlannedModel, Watch
-from contactlab.engines import SEGMENTS, Segments, Work, count_work, time_segments, time_steps
+from contactlab.accuracy.reference import PlannedModel
+from contactlab.engines import SEGMENTS, Segments, TimesSteps, Watch, Work, engine_of
 from contactlab.scene import (
     ResolvedRun,
     Scene,
@@ -43,14 +43,21 @@ def count_works(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> Ite
 
     Args:
         scene: theirs.
-        runs: runs of one structure.
+        runs: runs of one structure and engine, which times its steps.
         watch: called before steps, to start their time limit.
     """
     compiled = compile_without_sensors(scene, runs[0].resolved)
+    engine = _timing_engine(runs[0].resolved)
     for run in runs:
         model = prepare_without_sensors(scene, run.resolved, run.start, compiled)
-        work = count_work(model, run.start, run.resolved.steps, watch)
+        work = engine.count_work(model, run.start, run.resolved.steps, watch)
         yield _note_of(work) if work else {}
+
+
+def _timing_engine(run: ResolvedRun) -> TimesSteps:
+    engine = engine_of(run)
+    assert isinstance(engine, TimesSteps)
+    return engine
 
 
 def _note_of(work: Work) -> dict[str, Any]:
@@ -133,7 +140,10 @@ class InterleavedTimer:
         silence_mujoco()
         counted = [(resolved, _work_of(work[run_id])) for run_id, resolved in runs.items()]
         with _no_garbage_collection():
-            portions = [_portion(self._segments(*each)) for each in counted]
+            portions = [
+                _portion(_timing_engine(resolved), self._segments(resolved, done))
+                for resolved, done in counted
+            ]
             rounds = [
                 [
                     self._time(resolved, done, portion)
@@ -145,9 +155,10 @@ class InterleavedTimer:
             yield run_id, _summary(taken, self._model(resolved)[1])
 
     def _time(self, resolved: ResolvedRun, work: Work, portion: _Portion) -> _RoundTimes:
-        segments = self._segments(resolved, work)
-        seconds, steps = time_segments(segments, portion.most, portion.repeats)
-        p50, p99 = np.quantile(time_steps(segments, portion.single), (0.5, 0.99)).tolist()
+        engine, segments = _timing_engine(resolved), self._segments(resolved, work)
+        seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
+        single = engine.time_steps(segments, portion.single)
+        p50, p99 = np.quantile(single, (0.5, 0.99)).tolist()
         return _RoundTimes(seconds / (steps * resolved.timestep), p50, p99)
 
     def _segments(self, resolved: ResolvedRun, work: Work) -> Segments:
@@ -183,8 +194,8 @@ def _summary(rounds: Sequence[_RoundTimes], compile_time: float) -> Note:
     }
 
 
-def _portion(segments: Segments) -> _Portion:
-    seconds, steps = time_segments(segments, _WARM_STEPS, 1)
+def _portion(engine: TimesSteps, segments: Segments) -> _Portion:
+    seconds, steps = engine.time_segments(segments, _WARM_STEPS, 1)
     cost = max(seconds / steps, 1e-7)
     most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.places))))
     once = cost * sum(segments.lengths(most))

@@ -1,34 +1,81 @@
-"""Engines: from compiled models and start states to recorded trajectories."""
+"""Engines: from compiled models and start states to recorded trajectories.
 
-from contactlab.engines.impulse import roll_out_by_impulse
-from contactlab.engines.integration import SampledStates, integrate_to
-from contactlab.engines.rollout import Buffers, Rollout, bytes_of_run, roll_out
-from contactlab.engines.self_checks import run_checks
-from contactlab.engines.step_timing import (
+`ENGINES` has every engine by name; plug-ins add theirs to it. What must know an engine asks it:
+nothing compares names.
+"""
+
+from contactlab.engines.engine import (
     SEGMENTS,
+    Buffers,
+    ChecksRuns,
+    PreparedRuns,
+    Proceed,
+    Rollout,
+    SampledStates,
     Segments,
+    SimulationEngine,
+    SolvesReferences,
+    TimesSteps,
+    Watch,
     Work,
-    count_work,
-    time_segments,
-    time_steps,
+    bytes_of_run,
+    no_limit,
+    proceed_always,
 )
-from contactlab.engines.traces import make_trace, trajectory_hash
+from contactlab.engines.impulse import ImpulseEngine
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.mujoco_engine import MujocoEngine, OlderMujocoEngine
+from contactlab.engines.rollout_trace import make_trace, trajectory_hash
+from contactlab.errors import EngineError, did_you_mean
+from contactlab.registry import Registry
+from contactlab.scene import ResolvedRun, has_batch
 
 __all__ = [
+    "ENGINES",
     "SEGMENTS",
     "Buffers",
+    "ChecksRuns",
+    "ImpulseEngine",
+    "MujocoEngine",
+    "OlderMujocoEngine",
+    "PreparedRuns",
+    "Proceed",
     "Rollout",
     "SampledStates",
     "Segments",
+    "SimulationEngine",
+    "SolvesReferences",
+    "TimesSteps",
+    "Watch",
     "Work",
     "bytes_of_run",
-    "count_work",
-    "integrate_to",
+    "engine_of",
+    "find_engine",
     "make_trace",
+    "no_limit",
+    "proceed_always",
     "roll_out",
-    "roll_out_by_impulse",
-    "run_checks",
-    "time_segments",
-    "time_steps",
     "trajectory_hash",
 ]
+
+ENGINES: Registry[SimulationEngine] = Registry("engine")
+ENGINES.add(MujocoEngine() if has_batch() else OlderMujocoEngine())
+ENGINES.add(ImpulseEngine())
+
+
+def find_engine(name: str) -> SimulationEngine:
+    """Return the engine of this name.
+
+    Raises:
+        EngineError: there is none here.
+    """
+    if name not in ENGINES:
+        raise EngineError(
+            f"no engine '{name}'{did_you_mean(name, ENGINES)}; if a plug-in adds it, load that"
+        )
+    return ENGINES[name]
+
+
+def engine_of(run: ResolvedRun) -> SimulationEngine:
+    """Return the engine that simulates a run."""
+    return find_engine(run.engine)

@@ -1,14 +1,14 @@
-"""A point mass above a plane, stepped by hand: free flight, and impulses where it meets the plane.
+"""The impulse engine: a point mass above a plane, in free flight but for impulses at the plane.
 
-The hand-built baseline of the same scenes: it fills the same arrays as the engine, so that both are
-measured, labelled and compared alike. Flight is semi-implicit as the engine's; an impact happens
-within its step, at the time at which the gap closes, and shows as a force of impulse / timestep in
+A baseline without contact model for the same scenes: it fills the same arrays as MuJoCo, so that
+both are measured, labelled and compared alike. Flight is semi-implicit like MuJoCo's Euler; an
+impact happens within its step, when the gap closes, and shows as a force of impulse / timestep in
 that step's row.
 """
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from importlib.metadata import version
 
 import mujoco
 import numpy as np
@@ -27,14 +27,25 @@ from contactlab.contact import (
     resolve_impact,
     restitution_of,
 )
-from contactlab.engines.rollout import Arrays, Buffers, Rollout
+from contactlab.engines.engine import (
+    Buffers,
+    PreparedRuns,
+    Proceed,
+    Rollout,
+    RolloutArrays,
+    SimulationEngine,
+    Watch,
+    no_limit,
+    proceed_always,
+)
 from contactlab.errors import SceneError
-from contactlab.scene import CompiledScene, InitialStates, PreparedModel
+from contactlab.scene import CompiledScene, InitialStates, PreparedModel, ResolvedRun, Scene
 
 _GEOM = mujoco.mjtGeom
+_NO_FORCES = "the impulse engine knows no forces but gravity; use engine: mujoco"
 _NEEDS = (
     "the impulse engine moves one sphere, on a free joint or on slides along orthogonal axes, "
-    "against one plane; scene this or sweep with engine: mujoco"
+    "against one plane; use such a scene, or engine: mujoco"
 )
 
 
@@ -76,52 +87,68 @@ class _Step:
     impulse: Floats
 
 
-def roll_out_by_impulse(
-    base: CompiledScene,
-    prepared: Sequence[PreparedModel],
-    starts: InitialStates,
-    steps: int,
-    buffers: Buffers,
-    proceed: Callable[[], bool] = lambda: True,
-) -> Rollout:
-    """Return rollouts of a point mass by the impulse law, laid out as the engine's.
+class ImpulseEngine(SimulationEngine):
+    """Newton's restitution and Coulomb friction, as impulses on one sphere above one plane."""
 
-    Args:
-        base: their structure.
-        prepared: (n) their models.
-        starts: where the runs start.
-        steps: N.
-        buffers: memory to record into; its arrays are overwritten by the next call.
-        proceed: asked between runs; if it says no, the rollout has only the first of them.
+    name = "impulse"
+    summary = "the impulse law for a sphere above a plane"
 
-    Raises:
-        SceneError: the scene is not a sphere above a plane, or something pushes it.
-    """
+    @property
+    def version(self) -> str:
+        """The version of contactlab."""
+        return version("contactlab")
+
+    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
+        """Return why it cannot simulate a run: other geoms or joints, or external forces."""
+        base = scene.base_of(run)
+        try:
+            _require_gravity_alone(scene.starts([run]))
+            _mass_of(base, base.prepare(run.edits()))
+        except SceneError as error:
+            return str(error)
+        return None
+
+    def roll_out(
+        self,
+        runs: PreparedRuns,
+        buffers: Buffers,
+        watch: Watch = no_limit,
+        proceed: Proceed = proceed_always,
+    ) -> Rollout:
+        """Simulate point masses above a plane."""
+        _require_gravity_alone(runs.starts)
+        count = len(runs.prepared)
+        arrays = buffers.arrays(runs.base.model, count, runs.steps)
+        arrays.state[:], arrays.sensors[:], arrays.iterations[:] = 0.0, 0.0, 0
+        cost = np.zeros(count)
+        for run in range(count):
+            if run and not proceed():
+                count = run
+                break
+            watch()
+            begin = time.thread_time()
+            mass = _mass_of(runs.base, runs.prepared[run])
+            _fly(runs.base, mass, runs.starts.pick(run), arrays, run)
+            cost[run] = time.thread_time() - begin
+        return Rollout(
+            state=arrays.state[:count],
+            sensors=arrays.sensors[:count],
+            iterations=arrays.iterations[:count],
+            steps=(runs.steps,) * count,
+            cost=cost[:count],
+            warnings=tuple({} for _ in range(count)),
+            errors=(None,) * count,
+        )
+
+
+def _require_gravity_alone(starts: InitialStates) -> None:
     if starts.applied.any() or starts.driven.size:
-        raise SceneError("the impulse engine knows no forces but gravity; write engine: mujoco")
-    count = len(prepared)
-    arrays = buffers.arrays(base.model, count, steps)
-    arrays.state[:], arrays.sensors[:], arrays.iterations[:] = 0.0, 0.0, 0
-    cost = np.zeros(count)
-    for run in range(count):
-        if run and not proceed():
-            count = run
-            break
-        begin = time.thread_time()
-        _fly(base, _mass_of(base, prepared[run]), starts.pick(run), arrays, run)
-        cost[run] = time.thread_time() - begin
-    return Rollout(
-        state=arrays.state[:count],
-        sensors=arrays.sensors[:count],
-        iterations=arrays.iterations[:count],
-        steps=(steps,) * count,
-        cost=cost[:count],
-        warnings=tuple({} for _ in range(count)),
-        errors=(None,) * count,
-    )
+        raise SceneError(_NO_FORCES)
 
 
-def _fly(base: CompiledScene, mass: _Mass, start: InitialStates, arrays: Arrays, run: int) -> None:
+def _fly(
+    base: CompiledScene, mass: _Mass, start: InitialStates, arrays: RolloutArrays, run: int
+) -> None:
     """Step one run and record it."""
     state, sensors = arrays.state[run], arrays.sensors[run]
     timestep = mass.timestep

@@ -1,7 +1,6 @@
-"""Step one run for long and keep its state at few times: memory does not grow with the steps."""
+"""Integrate one run for long, keeping few states: memory does not grow with the steps."""
 
 import copy
-from collections.abc import Callable
 from typing import NamedTuple
 
 import mujoco
@@ -9,33 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats
-from contactlab.engines.rollout import STATE, driven, start_batch
-from contactlab.engines.stepping import Batch, SimulationError
+from contactlab.engines.engine import SampledStates, Watch, no_limit
+from contactlab.engines.mujoco_batch import STATE, Batch, driven, start_batch
+from contactlab.engines.older_mujoco import SimulationError
 from contactlab.scene import InitialStates
 
 _BLOCK_BYTES = 4 << 20
-# A time that is this share of a step from the end of one is that end.
+# A time within this fraction of a step of a step's end counts as that end.
 _SNAP = 1e-6
 
 
-class SampledStates(NamedTuple):
-    """States of one run at T times.
-
-    Attributes:
-        states: (T, nstate) time, qpos, qvel, act.
-        qpos: (T, nq) configuration.
-        qvel: (T, nv) velocity.
-        impacts: how often the number of contacts changed from one step to the next.
-    """
-
-    states: Floats
-    qpos: Floats
-    qvel: Floats
-    impacts: int
-
-
 class _Run(NamedTuple):
-    """What is stepped; `first` is the number of steps that led to where it starts."""
+    """What is stepped; `first` is the number of steps up to where it starts."""
 
     model: mujoco.MjModel
     start: InitialStates
@@ -56,9 +40,9 @@ def integrate_to(
     *,
     begin: float = 0.0,
     state: Floats | None = None,
-    watch: Callable[[], None] = lambda: None,
+    watch: Watch = no_limit,
 ) -> SampledStates | None:
-    """Return a run's states at some times, or None if it does not go through.
+    """Return a run's states at some times, or None if it does not complete.
 
     A time between two steps is reached by a shorter step from the one before, with the same
     integrator: this adds no error of a lower order, as interpolation would.
@@ -116,7 +100,7 @@ def _state_of(batch: Batch) -> Floats:
 
 
 def _block(batch: Batch, run: _Run, steps: range) -> tuple[Floats, np.ndarray] | None:
-    """Return the states after each of some steps, and contacts; None if the engine stopped."""
+    """Return the states and contacts after each of some steps; None if MuJoCo stopped."""
     inputs = driven(run.model, run.start, 0, len(steps), run.first + steps.start)
     before = float(batch.bind("time")[0])
     try:
@@ -131,13 +115,13 @@ def _block(batch: Batch, run: _Run, steps: range) -> tuple[Floats, np.ndarray] |
 
 
 def _fill(states: Floats, grid: _Grid, first: int, rows: Floats) -> None:
-    """Keep those of the rows, the first of which is after `first` steps, that times need."""
+    """Keep the rows at which times lie; the first row is the state after `first` steps."""
     wanted = (grid.steps >= first) & (grid.steps < first + len(rows))
     states[wanted] = rows[grid.steps[wanted] - first]
 
 
 def _finish(run: _Run, states: Floats, grid: _Grid) -> bool:
-    """Step on from the last whole step, in place, where a time lies within a step."""
+    """Where a time lies within a step, go there from the last whole step, in place."""
     model, timestep = copy.copy(run.model), float(run.model.opt.timestep)
     data = mujoco.MjData(model)
     for place in np.flatnonzero(grid.rest):

@@ -8,7 +8,7 @@ contacts.
 
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -26,15 +26,22 @@ from contactlab.contact import (
     TORQUE,
     Floats,
 )
-from contactlab.scene import PREFIX
+from contactlab.scene import PREFIX, has_batch
+
+if TYPE_CHECKING or has_batch():
+    from mujoco.batch import SimulationError
+else:
+
+    class SimulationError(RuntimeError):
+        """MuJoCo raised an error in some runs; `StepLoop.error` has the message of each."""
+
+        def __init__(self, ids: np.ndarray, message: str) -> None:
+            super().__init__(f"run {ids[0]}: {message}")
+
 
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
 _COUNT = 1
-
-
-class SimulationError(RuntimeError):
-    """The engine raised an error in a run; `StepLoop.error` has its message."""
 
 
 class StepLoop:
@@ -76,7 +83,7 @@ class StepLoop:
         return part[:, 0] if name == "time" else part
 
     def error(self, run: int) -> str:
-        """Return the error that the engine raised in a run's last call, or an empty string."""
+        """Return the error that MuJoCo raised in a run's last call, or an empty string."""
         return self._errors[run]
 
     def rollout(
@@ -91,7 +98,7 @@ class StepLoop:
         """Make some steps and record after each; a run that warns stops and repeats its last row.
 
         Raises:
-            SimulationError: the engine raised an error; that run is where it was.
+            SimulationError: MuJoCo raised an error; those runs keep the state they had.
         """
         runs = list(range(len(self._models)) if ids is None else ids)
         arrays = out or {item: self._array(item, len(runs), nstep) for item in record}
@@ -105,7 +112,7 @@ class StepLoop:
                 self._errors[run] = str(error)
         failed = [run for run in runs if self._errors[run]]
         if failed:
-            raise SimulationError(f"run {failed[0]}: {self._errors[failed[0]]}")
+            raise SimulationError(np.array(failed), self._errors[failed[0]])
         return arrays
 
     def _run(

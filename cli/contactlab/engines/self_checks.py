@@ -1,7 +1,6 @@
-"""A second, untimed pass over a group of runs, for what the recorded arrays cannot show."""
+"""MuJoCo's second, untimed pass over runs, for what the recorded arrays cannot show."""
 
 import copy
-from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import mujoco
@@ -9,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats, SelfChecks, Trace
-from contactlab.engines.rollout import STATE, driven, start_batch
-from contactlab.scene import CompiledScene, InitialStates, MonitoredPair, PreparedModel, can_collide
+from contactlab.engines.engine import PreparedRuns, Proceed, proceed_always
+from contactlab.engines.mujoco_batch import STATE, driven, start_batch
+from contactlab.scene import CompiledScene, InitialStates, MonitoredPair, can_collide
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
@@ -22,7 +22,7 @@ _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 
 
-class _Again(NamedTuple):
+class _Repetition(NamedTuple):
     """A second rollout: states after each step, forward against inverse, constraint forces."""
 
     state: Floats
@@ -30,35 +30,28 @@ class _Again(NamedTuple):
     force: Floats
 
 
-def run_checks(
-    base: CompiledScene,
-    prepared: Sequence[PreparedModel],
-    starts: InitialStates,
-    trace: Trace,
-    proceed: Callable[[], bool] = lambda: True,
-) -> SelfChecks:
-    """Return the self-checks of n runs that all went through.
+def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always) -> SelfChecks:
+    """Return the self-checks of runs that completed.
 
     Args:
-        base: their structure.
-        prepared: their models.
-        starts: where they started.
+        runs: what was simulated.
         trace: what they did.
-        proceed: asked between runs; if it says no, only the first of them are checked.
+        proceed: asked between runs; if it says no, only the first ones are checked.
     """
-    again = list[_Again]()
-    for run, each in enumerate(prepared):
+    models, starts = runs.models, runs.starts
+    again = list[_Repetition]()
+    for run, model in enumerate(models):
         if run and not proceed():
             break
-        again.append(_again(each.model, starts.pick(run), trace.steps))
+        again.append(_repeat(model, starts.pick(run), trace.steps))
     jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
     states = range(len(again))
-    geometry = [_geometry(base, prepared[run].model, trace, run, geometry_steps) for run in states]
+    geometry = [_geometry(runs.base, models[run], trace, run, geometry_steps) for run in states]
     return SelfChecks(
-        residual=np.array([_residual(prepared[run].model, again[run]) for run in states]),
+        residual=np.array([_residual(models[run], again[run]) for run in states]),
         jacobian=np.array(
-            [_jacobian(prepared[run].model, trace, starts, run, jacobian_steps) for run in states]
+            [_jacobian(models[run], trace, starts, run, jacobian_steps) for run in states]
         ),
         jacobian_steps=jacobian_steps,
         overlap=np.array([overlap for overlap, _ in geometry]),
@@ -72,17 +65,17 @@ def _spread(steps: int, most: int) -> NDArray[np.intp]:
     return np.unique(np.linspace(0, steps - 1, min(steps, most)).astype(np.intp))
 
 
-def _again(model: mujoco.MjModel, start: InitialStates, steps: int) -> _Again:
+def _repeat(model: mujoco.MjModel, start: InitialStates, steps: int) -> _Repetition:
     checked = copy.copy(model)
     checked.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_FWDINV)
     fields = [int(STATE), "solver_fwdinv", "qfrc_constraint"]
     out = start_batch([checked], start).rollout(
         steps, record=fields, **driven(checked, start, 0, steps)
     )
-    return _Again(*(out[field][0] for field in fields))
+    return _Repetition(*(out[field][0] for field in fields))
 
 
-def _residual(model: mujoco.MjModel, again: _Again) -> Floats:
+def _residual(model: mujoco.MjModel, again: _Repetition) -> Floats:
     """Return (N,) the contradiction between forward and inverse dynamics.
 
     Noslip changes forces after the solver on purpose, so that there is nothing to compare.

@@ -1,51 +1,30 @@
-"""Count what a run takes of the engine, and time its steps by the CPU time of this thread."""
+"""Count what a run takes of MuJoCo, and time its steps by the CPU time of this thread."""
 
 import time
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.engines.rollout import driven, start_batch
-from contactlab.engines.stepping import Batch, SimulationError
+from contactlab.engines.engine import SEGMENTS, Segments, Watch, Work, no_limit
+from contactlab.engines.mujoco_batch import Batch, driven, start_batch
+from contactlab.engines.older_mujoco import SimulationError
 from contactlab.scene import InitialStates
 
-# States kept along a run, its start among them.
-SEGMENTS = 8
+_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_CLOCK_SAMPLES = 200
+_WARM_STEPS = 10
 _BLOCK = 1 << 14
 _FIELDS = ("solver_niter", "ncon", "nefc")
-
-
-class Work(NamedTuple):
-    """What the engine did in all steps of a run.
-
-    Attributes:
-        steps: steps.
-        iterations: solver iterations, summed over contact islands.
-        contacts: contacts in the whole model.
-        rows: constraint rows.
-        places: (P,) steps before which states were kept.
-        states: (P, nstate) these states, all that decides what follows.
-    """
-
-    steps: int
-    iterations: int
-    contacts: int
-    rows: int
-    places: tuple[int, ...]
-    states: Floats
 
 
 def count_work(
     model: mujoco.MjModel,
     start: InitialStates,
     steps: int,
-    watch: Callable[[], None] = lambda: None,
+    watch: Watch = no_limit,
 ) -> Work | None:
-    """Run once, untimed, and count; None if the run does not go through.
+    """Simulate one run, untimed, and count; None if it does not complete.
 
     Args:
         model: what to step.
@@ -61,15 +40,15 @@ def count_work(
         states.append(np.array(batch.state[0]))
         for done in range(begin, end, _BLOCK):
             watch()
-            found = _counted(batch, model, start, range(done, min(done + _BLOCK, end)))
-            if found is None:
+            counted = _count(batch, model, start, range(done, min(done + _BLOCK, end)))
+            if counted is None:
                 return None
-            counts += found
+            counts += counted
     iterations, contacts, rows = counts.tolist()
     return Work(steps, iterations, contacts, rows, tuple(places), np.array(states))
 
 
-def _counted(
+def _count(
     batch: Batch, model: mujoco.MjModel, start: InitialStates, steps: range
 ) -> np.ndarray | None:
     inputs = driven(model, start, 0, len(steps), steps.start)
@@ -79,38 +58,9 @@ def _counted(
         return None
     if batch.warning.any():
         return None
-    # There are as many places as the engine could need, but at most one island a tree.
+    # MuJoCo gives as many islands as it could need; there is at most one a tree.
     out["solver_niter"] = out["solver_niter"][..., : max(1, model.ntree)]
     return np.array([int(out[name].sum(dtype=np.int64)) for name in _FIELDS])
-
-
-_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
-_CLOCK_SAMPLES = 200
-_WARM_STEPS = 10
-
-
-@dataclass(frozen=True)
-class Segments:
-    """What is timed: steps of one run, from states along it.
-
-    Attributes:
-        model: the model, without the sensors that record.
-        start: where the run starts, n being 1; what drives it.
-        places: (P,) steps before which the states stand.
-        states: (P, nstate) the states.
-        steps: steps of the whole run.
-    """
-
-    model: mujoco.MjModel
-    start: InitialStates
-    places: tuple[int, ...]
-    states: Floats
-    steps: int
-
-    def lengths(self, most: int) -> list[int]:
-        """Return how many steps to make from each place: up to the next, at most so many."""
-        ends = (*self.places[1:], self.steps)
-        return [min(most, end - place) for place, end in zip(self.places, ends, strict=True)]
 
 
 def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
@@ -118,12 +68,12 @@ def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, i
 
     Args:
         segments: what to time.
-        most: steps from each place.
-        repeats: how often to go through all places.
+        most: steps of each segment.
+        repeats: how often to go through all segments.
     """
     batch = start_batch([segments.model], segments.start)
     lengths = segments.lengths(most)
-    # What comes first pays for memory that was never touched.
+    # The first steps pay for memory that was never touched.
     _time_segment(batch, segments, 0, min(_WARM_STEPS, lengths[0]))
     seconds = sum(
         _time_segment(batch, segments, place, steps)
@@ -134,16 +84,16 @@ def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, i
 
 
 def time_steps(segments: Segments, most: int) -> Floats:
-    """Return the CPU time of single steps [s], less what the clock itself takes.
+    """Return the CPU time of single steps [s], less what reading the clock takes.
 
     Args:
         segments: what to time.
-        most: steps from each place.
+        most: steps of each segment.
     """
     model, data = segments.model, mujoco.MjData(segments.model)
     clock = time.thread_time_ns
     own = np.median([-(clock() - clock()) for _ in range(_CLOCK_SAMPLES)])
-    found: list[int] = []
+    times: list[int] = []
     for place, state, length in zip(
         segments.places, segments.states, segments.lengths(most), strict=True
     ):
@@ -154,8 +104,8 @@ def time_steps(segments: Segments, most: int) -> Floats:
             data.ctrl[:], data.xfrc_applied.flat[:] = row[: model.nu], row[model.nu :]
             begin = clock()
             mujoco.mj_step(model, data)
-            found.append(clock() - begin)
-    return np.maximum(np.array(found, np.float64) - own, 0.0) * 1e-9
+            times.append(clock() - begin)
+    return np.maximum(np.array(times, np.float64) - own, 0.0) * 1e-9
 
 
 def _time_segment(batch: Batch, segments: Segments, place: int, steps: int) -> float:

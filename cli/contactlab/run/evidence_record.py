@@ -15,10 +15,11 @@ from typing import Any
 
 import numpy as np
 
+from contactlab.engines import engine_of
 from contactlab.measure import METRICS, Assessment
 from contactlab.run.run_verdicts import judge, within_tolerances
-from contactlab.run.tasks import IMPULSE, PlannedRun, Task
-from contactlab.scene import InitialStates, PreparedModel, ResolvedRun
+from contactlab.run.tasks import PlannedRun, Task
+from contactlab.scene import EffectState, InitialStates, PreparedModel, ResolvedRun
 from contactlab.schema import (
     Cost,
     Engine,
@@ -139,6 +140,8 @@ class RecordMaker:
         **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
     ) -> EvidenceRecord:
         run, resolved, sweep = plan.run, plan.resolved, self._task.sweep
+        engine = engine_of(resolved)
+        effects = _effects(plan, engine.ignored(resolved))
         selected = [each for match, each in self._task.expected if match.holds(run.values)]
         verdict = judge(selected, [entry.label for entry in labels], metrics)
         return EvidenceRecord(
@@ -147,11 +150,11 @@ class RecordMaker:
             sweep=self._task.name,
             scene=self._task.scene,
             scene_hash=self._scene_hash,
-            engine=self._engine(plan.resolved),
+            engine=Engine(name=engine.name, version=engine.version),
             axes={name: as_written(value) for name, value in run.values.items()},
             settings=resolved.values,
-            effects={name: each.on for name, each in plan.prepared.effects.items()},
-            effect_reasons={name: each.reason for name, each in plan.prepared.effects.items()},
+            effects={name: each.on for name, each in effects.items()},
+            effect_reasons={name: each.reason for name, each in effects.items()},
             pairs=dict(plan.prepared.pairs),
             edited_geoms=plan.prepared.edited_geoms,
             seed=run.seed,
@@ -170,11 +173,6 @@ class RecordMaker:
             provenance=self._task.provenance,
             **rest,
         )
-
-    def _engine(self, resolved: ResolvedRun) -> Engine:
-        if resolved.settings["engine"] == IMPULSE:
-            return Engine(name=IMPULSE, version=version("contactlab"))
-        return self._task.engine
 
     def with_cost(self, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
         """Return a record with the run's cost and times of day."""
@@ -196,6 +194,12 @@ def _is_knife_edge(outcome: RunOutcome) -> bool | None:
     if outcome.twin_label is None:
         return None
     return outcome.twin_label != outcome.assessment.labels[outcome.row][0].label
+
+
+def _effects(plan: RunPlan, ignored: Mapping[str, str]) -> Mapping[str, EffectState]:
+    """Return the effects of a run, those that its engine ignores being off."""
+    off = {name: EffectState(False, reason) for name, reason in ignored.items()}
+    return {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
 
 
 def _initial(start: InitialStates) -> InitialState:

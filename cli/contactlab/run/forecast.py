@@ -1,6 +1,5 @@
 """What a sweep will cost, before it runs: runs, time, disk; and settings that look wrong."""
 
-import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cache, lru_cache, partial
@@ -10,10 +9,10 @@ import numpy as np
 
 from contactlab.accuracy import raises_solref, reference_steps, timing_seconds
 from contactlab.contact import stiffness_damping
-from contactlab.engines import Buffers, bytes_of_run, roll_out
+from contactlab.engines import PreparedRuns, bytes_of_run, engine_of
 from contactlab.plan import Plan
 from contactlab.run.planned_runs import RunIndex
-from contactlab.scene import ResolvedRun, RowGroup, Scene, has_batch, silence_mujoco
+from contactlab.scene import ResolvedRun, RowGroup, Scene, silence_mujoco
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _FASTEST = 0.8
@@ -126,11 +125,9 @@ def _step_cost(scene: Scene, resolved: ResolvedRun) -> float:
     silence_mujoco()
     steps = min(resolved.steps, _SAMPLE_STEPS)
     starts = scene.starts([resolved])
-    model = scene.prepare(resolved, starts).model
-    begin = time.thread_time()
-    cost = float(roll_out([model], starts, steps, Buffers()).cost[0])
-    # Where Python makes the steps, its own time counts as well.
-    return (cost if has_batch() else time.thread_time() - begin) / steps
+    prepared = [scene.prepare(resolved, starts)]
+    runs = PreparedRuns(scene.base_of(resolved), prepared, starts, steps)
+    return engine_of(resolved).seconds_per_step(runs)
 
 
 def _traced(rule: str, runs: int) -> float:

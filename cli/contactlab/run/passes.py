@@ -1,15 +1,15 @@
 """The passes over a sweep's runs once all are recorded: errors, work and times."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
 from contactlab.accuracy import InterleavedTimer, Note, accuracies, families, timings
+from contactlab.engines import SimulationEngine, SolvesReferences, TimesSteps, engine_of
 from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
-    IMPULSE,
     BeginCallback,
     Crashed,
     Executor,
@@ -82,13 +82,12 @@ class SweepSession:
         """All of its runs at once, with their settings; only small sweeps have passes."""
         return list(self.index.runs())
 
-    @cached_property
-    def repeatable(self) -> Planned:
-        """The runs that the engine completed; no others are run again."""
+    def repeatable(self, able: Callable[[SimulationEngine], bool]) -> Planned:
+        """Return the runs that completed and whose engine is able; no others are repeated."""
         return [
             (run, resolved)
             for run, resolved in self.planned
-            if self.outcomes[run.run_id].status == "ok" and resolved.settings["engine"] != IMPULSE
+            if self.outcomes[run.run_id].status == "ok" and able(engine_of(resolved))
         ]
 
 
@@ -124,8 +123,9 @@ def run_passes(session: SweepSession) -> PassColumns:
 
 
 def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
-    runs = {run.run_id: run for run, _ in session.repeatable}
-    grouped = families(_resolved(session.repeatable), session.scene)
+    repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
+    runs = {run.run_id: run for run, _ in repeatable}
+    grouped = families(_resolved(repeatable), session.scene)
     jobs = [tuple(runs[run_id] for run_id in family) for family in grouped]
     notes = _pooled(session, "errors", jobs)
     return accuracies(request, session.scene, _resolved(session.planned), notes)
@@ -145,10 +145,10 @@ def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, An
 
 
 def _timings(session: SweepSession, rounds: int) -> dict[str, Timing]:
-    runs = session.repeatable
+    runs = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
-    times = _timed(session, rounds, work)
+    times = _timed(session, rounds, _resolved(runs), work)
     return timings(_resolved(session.planned), rounds, work, times)
 
 
@@ -167,12 +167,12 @@ def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dic
     return noted(session.store.notes(), purpose)
 
 
-def _timed(session: SweepSession, rounds: int, work: dict[str, Note]) -> dict[str, Note]:
+def _timed(
+    session: SweepSession, rounds: int, runs: Mapping[str, ResolvedRun], work: Mapping[str, Note]
+) -> dict[str, Note]:
     """Return the times of all runs, which are taken together or not at all."""
     times = noted(session.store.notes(), "times")
-    runs = {
-        run_id: each for run_id, each in _resolved(session.repeatable).items() if work.get(run_id)
-    }
+    runs = {run_id: resolved for run_id, resolved in runs.items() if work.get(run_id)}
     left = sum(run_id not in times for run_id in runs)
     session.begin(len(runs), len(runs) - left)
     if not left:

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from contactlab.engines import bytes_of_run
+from contactlab.engines import bytes_of_run, engine_of
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.plan import Plan
 from contactlab.run.tasks import Job, PlannedRun
@@ -111,6 +111,9 @@ class _Check:
                 f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write a "
                 "positive one there, or sweep `timestep`"
             )
+        engine = engine_of(row.shape.first)
+        if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
+            raise SceneError(why)
         if not self._scene.initial.is_timed or (start := row.start) in self._checked:
             return
         self._scene.initial.check(row.resolved(0))

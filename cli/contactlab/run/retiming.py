@@ -13,12 +13,17 @@ from collections.abc import Generator, Iterator
 from contextlib import contextmanager, suppress
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, NamedTuple
 
-from contactlab.engines import Segments, count_work, time_segments
+from contactlab.engines import ENGINES, Segments, TimesSteps, engine_of
 from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.run.stored_runs import stored_run
-from contactlab.scene import compile_without_sensors, prepare_without_sensors, silence_mujoco
+from contactlab.scene import (
+    MODEL_ENGINE,
+    compile_without_sensors,
+    prepare_without_sensors,
+    silence_mujoco,
+)
 from contactlab.store import Store
 
 MAX_STEPS = 2_000
@@ -29,36 +34,48 @@ _END_TIMEOUT = 10.0
 
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     """Yield engine and version, then an answer to each line."""
-    yield {"engine": f"mujoco {version('mujoco')}", "contactlab": version("contactlab")}
-    prepared: dict[str, Segments] = {}
+    engine = ENGINES[MODEL_ENGINE]
+    yield {"engine": f"{engine.name} {engine.version}", "contactlab": version("contactlab")}
+    prepared: dict[str, TimedRun] = {}
     for line in lines:
         request = json.loads(line)
         try:
             run = str(request["run"])
             if run not in prepared:
                 # One at a time: two processes time the same run, interleaved.
-                prepared = {run: segments_of(store, run)}
-            seconds, steps = time_segments(prepared[run], MAX_STEPS, int(request["repeats"]))
+                prepared = {run: timed_run(store, run)}
+            timed, repeats = prepared[run], int(request["repeats"])
+            seconds, steps = timed.engine.time_segments(timed.segments, MAX_STEPS, repeats)
             yield {"seconds": seconds, "steps": steps}
         except ContactlabError as error:
             yield {"error": str(error)}
 
 
-def segments_of(store: Store, run: str) -> Segments:
-    """Return a stored run, ready to be timed from several places along it.
+class TimedRun(NamedTuple):
+    """A stored run, ready to be timed: the segments of it, and the engine that steps them."""
+
+    engine: TimesSteps
+    segments: Segments
+
+
+def timed_run(store: Store, run: str) -> TimedRun:
+    """Return a stored run, ready to be timed.
 
     Raises:
-        ContactlabError: there is no such run, or it does not go through with this engine.
+        ContactlabError: there is no such run, its engine cannot time it, or it does not complete.
     """
     _, scene, resolved = stored_run(store, run)
+    engine = engine_of(resolved)
+    if not isinstance(engine, TimesSteps):
+        raise ContactlabError(f"run {run}: the {resolved.engine} engine does not time its steps")
     start = scene.starts([resolved])
     model = prepare_without_sensors(
         scene, resolved, start, compile_without_sensors(scene, resolved)
     )
-    work = count_work(model, start, resolved.steps)
+    work = engine.count_work(model, start, resolved.steps)
     if work is None:
-        raise ContactlabError(f"run {run} does not go through")
-    return Segments(model, start, work.places, work.states, work.steps)
+        raise ContactlabError(f"run {run} does not complete")
+    return TimedRun(engine, Segments(model, start, work.places, work.states, work.steps))
 
 
 def main() -> None:

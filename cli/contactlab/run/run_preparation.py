@@ -7,6 +7,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
+from contactlab.engines import ENGINES
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.planned_runs import max_models
 from contactlab.run.tasks import Job, Task
@@ -48,7 +49,7 @@ class Preparer:
         self.task = task
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
-        scene = Scene(stored_scene(folder, task.scene_model, task.scene))
+        scene = Scene(stored_scene(folder, task.scene_model, task.scene), ENGINES)
         self.scene = scene.with_effects(effects_base(task.sweep.effects))
         self._marker = marker
         self._models: OrderedDict[str, PreparedModel] = OrderedDict()

@@ -4,9 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.engines import Buffers, Rollout, roll_out, roll_out_by_impulse, trajectory_hash
+from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, find_engine, trajectory_hash
 from contactlab.errors import StoreError
-from contactlab.run.tasks import IMPULSE
 from contactlab.scene import (
     CompiledScene,
     InitialStates,
@@ -54,11 +53,14 @@ class PreparedReplay:
     state: InitialStates
 
     def roll_out(self) -> Rollout:
-        """Simulate it by the engine that computed it."""
+        """Simulate it by the engine that computed it.
+
+        Raises:
+            EngineError: there is no such engine here.
+        """
         steps = self.record.steps_asked
-        if self.record.engine.name == IMPULSE:
-            return roll_out_by_impulse(self.base, [self.prepared], self.state, steps, Buffers())
-        return roll_out([self.prepared.model], self.state, steps, Buffers())
+        runs = PreparedRuns(self.base, [self.prepared], self.state, steps)
+        return find_engine(self.record.engine.name).roll_out(runs, Buffers())
 
 
 def prepare_replay(store: Store, run: str) -> PreparedReplay:
@@ -84,7 +86,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
     record = store.record(run)
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
-    scene = Scene(source).with_effects(effects_base(identity.resolved.get("effects", {})))
+    scene = Scene(source, ENGINES).with_effects(effects_base(identity.resolved.get("effects", {})))
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
     resolved = scene.resolve(values, record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from contactlab.engines import ENGINES
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.plan import Overrides, Plan, read_sweep
@@ -168,7 +169,7 @@ class SceneLoader:
             SceneError: there is none, or a name of its own is already a column's.
         """
         if reference not in self._opened:
-            scene = Scene.open(reference, self.folder)
+            scene = Scene.open(reference, self.folder, ENGINES)
             _check_names(scene)
             _check_manifest(scene)
             self._opened[reference] = scene

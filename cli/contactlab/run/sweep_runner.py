@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from contactlab.engines import engine_of
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, Metric
 from contactlab.run.evidence_record import (
@@ -28,7 +29,7 @@ from contactlab.run.tasks import (
 )
 from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
-from contactlab.scene import EFFECTS, Scene, null_fields
+from contactlab.scene import EFFECTS, Scene
 from contactlab.schema import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
 from contactlab.store import (
     Column,
@@ -129,9 +130,18 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         engine=engine(),
         metric_versions=metric_versions(),
         runs_asked=len(index),
-        lacking=null_fields(driven=bool(manifest and manifest.control)),
+        lacking=_null_fields(index, driven=bool(manifest and manifest.control)),
         plan_hash=index.hash,
     )
+
+
+def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
+    """Return what the engines of a sweep leave null in their records, with the reason."""
+    engines = {group.first.engine: engine_of(group.first) for group in index.firsts}
+    fields: dict[str, str] = {}
+    for each in engines.values():
+        fields |= each.null_fields(driven=driven)
+    return fields
 
 
 def _shared(request: SweepRequest) -> Mapping[str, Any]:

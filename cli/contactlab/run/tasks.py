@@ -111,8 +111,6 @@ class PlannedRun:
     seed: int
 
 
-# The engine of our own, beside MuJoCo.
-IMPULSE = "impulse"
 Job = tuple[PlannedRun, ...]
 
 

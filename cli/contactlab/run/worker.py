@@ -13,18 +13,18 @@ from contactlab.accuracy import count_works, discretization_errors
 from contactlab.contact import SelfChecks, Setup, Trace
 from contactlab.engines import (
     Buffers,
+    ChecksRuns,
+    PreparedRuns,
     Rollout,
+    engine_of,
     make_trace,
-    roll_out,
-    roll_out_by_impulse,
-    run_checks,
     trajectory_hash,
 )
 from contactlab.measure import Assessment, assess
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
 from contactlab.run.run_preparation import AbandonedError, Preparer, Proceed, always
 from contactlab.run.run_verdicts import missing_effects
-from contactlab.run.tasks import IMPULSE, Finished, Job, PlannedRun, Task, note
+from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene import InitialStates, make_setup
 from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store import TraceSink, record_to_row
@@ -178,12 +178,9 @@ class Worker:
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
         base, steps = self._scene.base_of(resolved[0]), resolved[0].steps
-        by_hand = resolved[0].settings["engine"] == IMPULSE
+        runs, engine = PreparedRuns(base, prepared, starts, steps), engine_of(resolved[0])
         with self._preparer.watchdog() as watch:
-            if by_hand:
-                rollout = roll_out_by_impulse(base, prepared, starts, steps, buffers, proceed)
-            else:
-                rollout = roll_out(models, starts, steps, buffers, watch, proceed)
+            rollout = engine.roll_out(runs, buffers, watch, proceed)
         done = len(rollout.steps)
         resolved, prepared, models = resolved[:done], prepared[:done], models[:done]
         manifest, sweep = self._scene.source.manifest, self._task.sweep
@@ -191,10 +188,10 @@ class Worker:
         trace = make_trace(base, prepared, rollout)
 
         def check(places: Sequence[int], picked: Trace) -> SelfChecks:
-            some = [prepared[place] for place in places]
-            return run_checks(base, some, starts.rows(places), picked, self._grace_period())
+            assert isinstance(engine, ChecksRuns)
+            return engine.check_runs(runs.rows(places), picked, self._grace_period())
 
-        rule = "none" if by_hand else sweep.checks
+        rule = sweep.checks if isinstance(engine, ChecksRuns) else "none"
         return rollout, measured_groups(trace, setup, rollout, rule, check)
 
     def _twin_labels(self, plans: Sequence[RunPlan], starts: InitialStates) -> dict[int, str]:

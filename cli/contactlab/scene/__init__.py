@@ -1,13 +1,13 @@
 """From what a sweep names to compiled models: scenes, parameters, engine switches."""
 
-from contactlab.scene.axis_catalogue import LenientCatalogue
+from contactlab.scene.axis_catalogue import EngineTraits, LenientCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.contact_pairs import MonitoredPair, can_collide
 from contactlab.scene.effects import EFFECTS, NOT_IN_MODEL, Effect, EffectState
 from contactlab.scene.initial_states import PERTURBATION, QPOS0, InitialStates, perturbed_copy
 from contactlab.scene.model_joints import actuated_limbs, joints_of
-from contactlab.scene.model_options import FLAGS
-from contactlab.scene.mujoco_versions import has_batch, null_fields, silence_mujoco, why_unsupported
+from contactlab.scene.model_options import FLAGS, MODEL_ENGINE
+from contactlab.scene.mujoco_versions import has_batch, silence_mujoco, why_unsupported
 from contactlab.scene.parameters import PARAMETERS, Parameter
 from contactlab.scene.recording_sensors import PREFIX, SensorLayout
 from contactlab.scene.resolution import ResolvedRun
@@ -28,6 +28,7 @@ __all__ = [
     "EFFECTS",
     "FLAGS",
     "ID_BYTES",
+    "MODEL_ENGINE",
     "NOT_IN_MODEL",
     "PARAMETERS",
     "PERTURBATION",
@@ -36,6 +37,7 @@ __all__ = [
     "CompiledScene",
     "Effect",
     "EffectState",
+    "EngineTraits",
     "InertiaFault",
     "InitialStates",
     "LenientCatalogue",
@@ -57,7 +59,6 @@ __all__ = [
     "joints_of",
     "make_setup",
     "menagerie_name",
-    "null_fields",
     "perturbed_copy",
     "prepare_without_sensors",
     "silence_mujoco",

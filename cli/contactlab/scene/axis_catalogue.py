@@ -1,7 +1,8 @@
 """Every axis that one scene offers."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Protocol
 
 from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT
@@ -9,7 +10,7 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_fields import field_axis
-from contactlab.scene.model_options import ENGINES
+from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import (
     accepting_unsupported,
     missing_flag_axis,
@@ -20,15 +21,35 @@ from contactlab.scene.setting_values import choice, integer, number, switch
 from contactlab.schema import AxisSpec, Catalogue, SceneManifest, StructureValue
 
 
+class EngineTraits(Protocol):
+    """What a scene must know of an engine that may simulate its runs."""
+
+    @property
+    def summary(self) -> str:
+        """What computes, in a few words."""
+        ...
+
+    @property
+    def omits_unused_effects(self) -> bool:
+        """Whether effects that provably change nothing may be left out of its models."""
+        ...
+
+
+Engines = Mapping[str, EngineTraits]
+
+
 class SceneCatalogue:
     """The axes of a scene: its own initial and structure values, parameters, effects.
 
     Model fields such as `dof_damping[hinge]` are found, though not listed.
     """
 
-    def __init__(self, base: CompiledScene, manifest: SceneManifest | None) -> None:
+    def __init__(
+        self, base: CompiledScene, manifest: SceneManifest | None, engines: Engines
+    ) -> None:
         self._model = base.model
-        self._axes = {axis.name: refusing_unsupported(axis) for axis in _axes(base, manifest)}
+        axes = _axes(base, manifest, engines)
+        self._axes = {axis.name: refusing_unsupported(axis) for axis in axes}
 
     @property
     def names(self) -> Sequence[str]:
@@ -61,14 +82,13 @@ class LenientCatalogue:
         return axis and accepting_unsupported(axis)
 
 
-def _axes(base: CompiledScene, manifest: SceneManifest | None) -> list[AxisSpec]:
+def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines) -> list[AxisSpec]:
     axes = [
         parameter.axis
         for parameter in PARAMETERS.values()
         if parameter.sets not in CONTACT or base.pairs
     ]
-    text = "what computes: MuJoCo, or the impulse law for a sphere above a plane"
-    axes.append(AxisSpec("engine", "", text, choice(ENGINES), ENGINES))
+    axes.append(_engine_axis(engines))
     if base.targets.subject is not None:
         body = base.model.body(base.targets.subject).name
         axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))
@@ -87,6 +107,13 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None) -> list[AxisSpec]
             raise SceneError(f"'{name}' names something else already; give the value another name")
         taken.add(name)
     return own + axes
+
+
+def _engine_axis(engines: Engines) -> AxisSpec:
+    names = tuple(engines) or (MODEL_ENGINE,)
+    summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
+    text = f"what computes: {', or '.join(summaries)}"
+    return AxisSpec("engine", "", text, choice(names), names)
 
 
 def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:

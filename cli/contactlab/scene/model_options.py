@@ -68,7 +68,8 @@ def _with(flags: int, bit: int, state: bool) -> int:
     return flags | bit if state else flags & ~bit
 
 
-ENGINES = ("mujoco", "impulse")
+MODEL_ENGINE = "mujoco"
+"""The engine that models are written for, and that runs a sweep that names none."""
 
 
 def base_settings(
@@ -83,7 +84,7 @@ def base_settings(
         pairs: its monitored pairs.
         subject: id of the body that the setting `mass` means, if there is one.
     """
-    settings = Settings(engine=ENGINES[0])
+    settings = Settings(engine=MODEL_ENGINE)
     settings |= {name: read_option(model, name) for name in OPTIONS}
     if pairs:
         first = effective_parameters(model, pairs[0])

@@ -52,20 +52,6 @@ def has_batch() -> bool:
     return _reaches(_BATCH)
 
 
-def null_fields(*, driven: bool) -> dict[str, str]:
-    """Return what is null in the records of runs of this engine, with the reason.
-
-    Args:
-        driven: whether the runs have inputs that change over time.
-    """
-    if has_batch() or not driven:
-        return {}
-    return {
-        "cost": f"MuJoCo {VERSION} takes inputs that change from Python, whose time would count; "
-        f"{_BATCH} takes them all at once"
-    }
-
-
 def has_contact_sensors() -> bool:
     """Say whether the engine's contact sensors measure all that a slot records."""
     return _reaches(_CONTACT_SENSORS)

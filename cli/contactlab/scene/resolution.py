@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from typing import Any
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.axis_catalogue import SceneCatalogue
+from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
 from contactlab.scene.effects import EFFECTS, EffectRequest, left_uncompiled
 from contactlab.scene.initial_states import QPOS0
-from contactlab.scene.model_options import ENGINES, FLAGS
+from contactlab.scene.model_options import FLAGS
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.schema import SceneManifest, switches
@@ -45,6 +45,11 @@ class ResolvedRun:
     duration: float
     effect_request: EffectRequest
     without: frozenset[str]
+
+    @property
+    def engine(self) -> str:
+        """Name of the engine that simulates it."""
+        return self.settings.word("engine")
 
     @property
     def timestep(self) -> float:
@@ -120,6 +125,7 @@ class RunResolver:
         compiled: returns the compiled scene of structure values.
         switched: effects that the scene switches itself.
         unsupported: flags that this version of MuJoCo lacks.
+        engines: what may simulate its runs, by name.
         auto: whether what provably changes nothing is left out unless a sweep asks for it.
     """
 
@@ -127,6 +133,7 @@ class RunResolver:
     compiled: Callable[[Mapping[str, object]], CompiledScene]
     switched: Mapping[str, object]
     unsupported: frozenset[str]
+    engines: Engines
     auto: bool
 
     @property
@@ -160,7 +167,8 @@ class RunResolver:
                     flags[axis] = asked[axis]
             written = write_axis(settings, axis, given[axis])
             changed.update(settings_of(axis) if written else {axis})
-        auto = self.auto and settings["engine"] == ENGINES[0]
+        engine = self.engines.get(settings.word("engine"))
+        auto = self.auto and (engine is None or engine.omits_unused_effects)
         request = EffectRequest(asked, frozenset(changed), auto)
         return ResolvedRun(
             structure=structure,

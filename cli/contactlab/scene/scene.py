@@ -6,10 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 
 import mujoco
 
-from contactlab.scene.axis_catalogue import SceneCatalogue
+from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.compiled_scene import (
     CompiledScene,
@@ -30,6 +31,8 @@ from contactlab.scene.row_resolution import RowResolver
 from contactlab.scene.run_identity import RunIdentity
 from contactlab.scene.scene_source import SceneSource, find_scene
 
+_NO_ENGINES: Engines = MappingProxyType({})
+
 
 class Scene:
     """A scene with its axes, and what was compiled of it so far.
@@ -41,27 +44,43 @@ class Scene:
         initial: makes the initial states of its runs.
     """
 
-    def __init__(self, source: SceneSource) -> None:
+    def __init__(self, source: SceneSource, engines: Engines = _NO_ENGINES) -> None:
+        """Compile a scene as its manifest has it.
+
+        Args:
+            source: its files and manifest.
+            engines: what may simulate its runs, by name; MuJoCo alone if empty.
+
+        Raises:
+            SceneError: it does not compile, or its manifest does not fit the model.
+        """
         self.source = source
         self._compiled: dict[tuple[str, frozenset[str]], CompiledScene] = {}
         manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
-            self.catalogue = SceneCatalogue(base, manifest)
+            self.catalogue = SceneCatalogue(base, manifest, engines)
             switched = switched_by(manifest, self.catalogue)
         # A bare model is taken as it is written.
         auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
-        self.resolver = RunResolver(manifest, self.base, switched, missing_flags(), auto)
+        self.resolver = RunResolver(manifest, self.base, switched, missing_flags(), engines, auto)
         self.initial = InitialStateMaker(self)
         self.starts([self.resolve({}, 0, None)])
 
     @classmethod
-    def open(cls, reference: str, folder: Path | None = None) -> "Scene":
-        """Find and compile the scene that a sweep names; `folder` is where paths start.
+    def open(
+        cls, reference: str, folder: Path | None = None, engines: Engines = _NO_ENGINES
+    ) -> "Scene":
+        """Find and compile the scene that a sweep names.
+
+        Args:
+            reference: the scene, as the sweep names it.
+            folder: where relative paths start.
+            engines: what may simulate its runs, by name; MuJoCo alone if empty.
 
         Raises:
             SceneError: there is no such scene, or it does not compile.
         """
-        return cls(find_scene(reference, folder))
+        return cls(find_scene(reference, folder), engines)
 
     @property
     def name(self) -> str:

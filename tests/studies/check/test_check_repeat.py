@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.engines import Rollout, roll_out
-from contactlab.run import worker
+from contactlab.engines import MujocoEngine, Rollout
 from contactlab.schema import CheckReport, CheckResult, Measure, Reference
 from contactlab.store import Store
 
@@ -38,13 +37,14 @@ def test_a_run_that_differs_elsewhere_is_found(
     one: One, missed: Missed, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The last bit of one coordinate of this process's own run is changed."""
+    roll_out = MujocoEngine.roll_out
 
     def bent(*arguments: Any, **options: Any) -> Rollout:
         rollout = roll_out(*arguments, **options)
         rollout.state[0, -1, 1] += 2.0**-40
         return rollout
 
-    monkeypatch.setattr(worker, "roll_out", bent)
+    monkeypatch.setattr(MujocoEngine, "roll_out", bent)
     found = one("ball_drop", "repeat", "duration=0.1", "drop_height=0.5")
     assert found.verdict == "fail"
     assert {each.of for each in missed(found)} == {"in another process", "in the same process"}

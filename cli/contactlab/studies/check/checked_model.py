@@ -7,12 +7,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from contactlab.engines import bytes_of_run
+from contactlab.engines import ChecksRuns, bytes_of_run, find_engine
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.run import SceneLoader
 from contactlab.run.planned_runs import RUN_BYTES
-from contactlab.run.tasks import IMPULSE
 from contactlab.scene import (
+    MODEL_ENGINE,
     PARAMETERS,
     QPOS0,
     CompiledScene,
@@ -137,8 +137,12 @@ def open_model(reference: str, assign: Sequence[str], kind: TaskKind | None = No
     scenes = SceneLoader(Path())
     scene = scenes.open(reference)
     values, sweep = read_settings(scenes, reference, assign, ("duration",))
-    if values.get("engine") == IMPULSE:
-        raise SweepFileError("--set engine: a check is of a model in MuJoCo")
+    engine = find_engine(str(values.get("engine", MODEL_ENGINE)))
+    if not isinstance(engine, ChecksRuns):
+        raise SweepFileError(
+            f"--set engine: a check goes over its runs a second time, which the {engine.name} "
+            "engine cannot"
+        )
     resolved = scene.resolve(values, 0, None)
     if not 0 < resolved.timestep < math.inf:
         raise SceneError(

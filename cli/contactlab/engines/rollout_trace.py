@@ -1,4 +1,4 @@
-"""From what the engine recorded to a Trace."""
+"""From what an engine recorded to a Trace, and its hash."""
 
 import hashlib
 from collections.abc import Sequence
@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from contactlab.contact import SLOT_WIDTH, Floats, HeldPose, PairTrace, Trace
-from contactlab.engines.rollout import Rollout
+from contactlab.engines.engine import Rollout
 from contactlab.scene import CompiledScene, PreparedModel
 
 
@@ -17,7 +17,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
     """
     model, layout, sensors = base.model, base.layout, rollout.sensors
     velocity = 1 + model.nq
-    # There are as many places as the engine could need, but at most one island a tree.
+    # MuJoCo gives as many islands as it could need; there is at most one a tree.
     iterations = rollout.iterations[:, :, : max(1, model.ntree)]
     mass = np.array([each.model.body_subtreemass[0] for each in models])
     return Trace(

@@ -1,56 +1,29 @@
-"""Native rollouts: n models of one structure, N steps each, without a Python step loop."""
+"""MuJoCo's rollouts: n models of one structure, N steps each, in batches of one thread."""
 
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from contactlab.contact import Floats
-from contactlab.engines.stepping import Batch, SimulationError
+from contactlab.engines.engine import (
+    Buffers,
+    Proceed,
+    Rollout,
+    RolloutArrays,
+    Watch,
+    no_limit,
+    proceed_always,
+)
+from contactlab.engines.older_mujoco import SimulationError
 from contactlab.scene import InitialStates, has_batch
 
-_ISLANDS = 20
-
-
-@dataclass(frozen=True)
-class Arrays:
-    """Where one call records; see `Rollout` for shapes."""
-
-    state: Floats
-    sensors: Floats
-    iterations: np.ndarray
-
-
-@dataclass
-class Buffers:
-    """One block of memory for each kind of record, grown to the largest call."""
-
-    _floats: Floats = field(default_factory=lambda: np.empty(0))
-    _integers: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
-
-    def arrays(self, model: mujoco.MjModel, runs: int, steps: int) -> Arrays:
-        """Return arrays for n runs of N steps; they share memory with those of the last call."""
-        width = 1 + model.nq + model.nv + model.na
-        state, sensors = runs * (steps + 1) * width, runs * steps * model.nsensordata
-        if len(self._floats) < state + sensors:
-            self._floats = np.empty(state + sensors)
-        if len(self._integers) < runs * steps * _ISLANDS:
-            self._integers = np.empty(runs * steps * _ISLANDS, np.int32)
-        return Arrays(
-            state=self._floats[:state].reshape(runs, steps + 1, width),
-            sensors=self._floats[state : state + sensors].reshape(runs, steps, model.nsensordata),
-            iterations=self._integers[: runs * steps * _ISLANDS].reshape(runs, steps, _ISLANDS),
-        )
-
-
-def bytes_of_run(model: mujoco.MjModel, steps: int) -> int:
-    """Return the memory that one run of N steps records into [bytes]."""
-    width = 1 + model.nq + model.nv + model.na + model.nsensordata
-    return 8 * width * (steps + 1) + 4 * _ISLANDS * steps
-
+if TYPE_CHECKING or has_batch():
+    from mujoco.batch import Batch
+else:
+    from contactlab.engines.older_mujoco import StepLoop as Batch
 
 STATE = (
     mujoco.mjtState.mjSTATE_TIME
@@ -67,31 +40,8 @@ _PERSISTENT = sum(
 _COUNT = 1
 
 
-@dataclass(frozen=True)
-class Rollout:
-    """What the engine returned for n runs of N steps; rows after a run's stop are not valid.
-
-    Attributes:
-        state: (n, N + 1, nstate) time, qpos, qvel, act; row k is the state before step k.
-        sensors: (n, N, nsensordata) row k belongs to step k.
-        iterations: (n, N, islands) solver iterations.
-        steps: steps that each run really made.
-        cost: (n,) thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
-        warnings: engine warnings of each run by name, with their counts.
-        errors: the engine's error of each run, or None.
-    """
-
-    state: Floats
-    sensors: Floats
-    iterations: np.ndarray
-    steps: tuple[int, ...]
-    cost: Floats
-    warnings: tuple[dict[str, int], ...]
-    errors: tuple[str | None, ...]
-
-
 def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batch:
-    """Return a batch of one thread, each run on its own model and at its start."""
+    """Return a batch of one thread, each run with its own model and at its start."""
     persistent = any(model.opt.enableflags & _PERSISTENT for model in models)
     batch = Batch(models[0], len(models), 1, persistent=persistent)
     batch.set_models(list(models))
@@ -108,7 +58,7 @@ def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batc
 def driven(
     model: mujoco.MjModel, starts: InitialStates, run: int, steps: int, first: float = 0
 ) -> dict[str, Any]:
-    """Return what a batch's rollout is told of inputs that change; nothing if none does."""
+    """Return a batch's arguments for inputs that change over time; none if none does."""
     if not starts.driven.size:
         return {}
     inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps))
@@ -122,8 +72,8 @@ def roll_out(
     starts: InitialStates,
     steps: int,
     buffers: Buffers,
-    watch: Callable[[], None] = lambda: None,
-    proceed: Callable[[], bool] = lambda: True,
+    watch: Watch = no_limit,
+    proceed: Proceed = proceed_always,
 ) -> Rollout:
     """Step every run by itself on this thread, so that its CPU time is its own.
 
@@ -157,11 +107,11 @@ def roll_out(
             "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
         }
-        programme = driven(models[run], starts, run, steps)
+        inputs = driven(models[run], starts, run, steps)
         watch()
         start = time.thread_time()
         try:
-            batch.rollout(steps, record=list(out), ids=[run], out=out, **programme)
+            batch.rollout(steps, record=list(out), ids=[run], out=out, **inputs)
         except SimulationError:
             errors[run] = batch.error(run)
             _blank(arrays, run)
@@ -169,8 +119,6 @@ def roll_out(
     made = tuple(
         0 if errors[run] else _valid_steps(arrays.state[run, :, 0]) for run in range(count)
     )
-    if not has_batch():
-        cost = np.array([_native_cost(models[run], starts, run, made[run]) for run in range(count)])
     return Rollout(
         state=arrays.state[:count],
         sensors=arrays.sensors[:count],
@@ -182,20 +130,7 @@ def roll_out(
     )
 
 
-def _native_cost(model: mujoco.MjModel, starts: InitialStates, run: int, steps: int) -> float:
-    """Return what a run's steps take without Python between them: made again, unrecorded."""
-    if starts.driven.size:
-        return np.nan
-    data = mujoco.MjData(model)
-    data.qpos[:], data.qvel[:], data.ctrl[:] = starts.qpos[run], starts.qvel[run], starts.ctrl[run]
-    data.xfrc_applied[:], data.act[:] = starts.applied[run].reshape(-1, 6), starts.act[run]
-    begin = time.thread_time()
-    if steps:
-        mujoco.mj_step(model, data, nstep=steps)
-    return time.thread_time() - begin
-
-
-def _blank(arrays: Arrays, run: int) -> None:
+def _blank(arrays: RolloutArrays, run: int) -> None:
     """Leave nothing of an earlier call in the rows that a failed run did not write."""
     arrays.state[run, 1:] = arrays.state[run, 0]
     arrays.sensors[run] = 0.0

@@ -1,0 +1,344 @@
+"""What an engine is: how runs reach it, and what it hands back.
+
+An engine is one class in one file, derived from `SimulationEngine` and added to `ENGINES`. It must
+say its version and roll runs out. What else it can do it shows by having the methods of
+`ChecksRuns`, `SolvesReferences` or `TimesSteps`; what needs a method leaves runs of engines without
+it alone.
+"""
+
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, Protocol, runtime_checkable
+
+import mujoco
+import numpy as np
+
+from contactlab.contact import Floats, SelfChecks, Trace
+from contactlab.scene import CompiledScene, InitialStates, PreparedModel, ResolvedRun, Scene
+
+_ISLANDS = 20
+
+Watch = Callable[[], None]
+"""Called before a run, or a block of its steps, to start its time limit."""
+
+Proceed = Callable[[], bool]
+"""Asked between runs; False leaves out the rest of them."""
+
+
+def no_limit() -> None:
+    """Start no time limit."""
+
+
+def proceed_always() -> bool:
+    """Leave out no run."""
+    return True
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """What an engine returns for n runs of N steps; rows after a run stopped are not valid.
+
+    Attributes:
+        state: (n, N + 1, nstate) time, qpos, qvel, act; row k is the state before step k.
+        sensors: (n, N, nsensordata) laid out as the scene's `layout` says; row k belongs to step
+            k, which starts at the state of row k.
+        iterations: (n, N, islands) solver iterations.
+        steps: steps that each run made.
+        cost: (n,) thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
+        warnings: engine warnings of each run by name, with their counts.
+        errors: the engine's error of each run, or None.
+    """
+
+    state: Floats
+    sensors: Floats
+    iterations: np.ndarray
+    steps: tuple[int, ...]
+    cost: Floats
+    warnings: tuple[dict[str, int], ...]
+    errors: tuple[str | None, ...]
+
+
+@dataclass(frozen=True)
+class RolloutArrays:
+    """Where a rollout records; see `Rollout` for shapes."""
+
+    state: Floats
+    sensors: Floats
+    iterations: np.ndarray
+
+
+@dataclass
+class Buffers:
+    """Memory for rollouts, kept between calls: fresh pages would cost a tenth of a small run."""
+
+    _floats: Floats = field(default_factory=lambda: np.empty(0))
+    _integers: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
+
+    def arrays(self, model: mujoco.MjModel, runs: int, steps: int) -> RolloutArrays:
+        """Return arrays for n runs of N steps; they share memory with those of the last call."""
+        width = 1 + model.nq + model.nv + model.na
+        state, sensors = runs * (steps + 1) * width, runs * steps * model.nsensordata
+        if len(self._floats) < state + sensors:
+            self._floats = np.empty(state + sensors)
+        if len(self._integers) < runs * steps * _ISLANDS:
+            self._integers = np.empty(runs * steps * _ISLANDS, np.int32)
+        return RolloutArrays(
+            state=self._floats[:state].reshape(runs, steps + 1, width),
+            sensors=self._floats[state : state + sensors].reshape(runs, steps, model.nsensordata),
+            iterations=self._integers[: runs * steps * _ISLANDS].reshape(runs, steps, _ISLANDS),
+        )
+
+
+def bytes_of_run(model: mujoco.MjModel, steps: int) -> int:
+    """Return the memory that one run of N steps records into [bytes]."""
+    width = 1 + model.nq + model.nv + model.na + model.nsensordata
+    return 8 * width * (steps + 1) + 4 * _ISLANDS * steps
+
+
+@dataclass(frozen=True)
+class PreparedRuns:
+    """n runs of one structure and step count, ready to be simulated.
+
+    Attributes:
+        base: their structure: the monitored pairs, and the layout of what is recorded.
+        prepared: (n) their models.
+        starts: where they start, and what drives them.
+        steps: how many steps each makes.
+    """
+
+    base: CompiledScene
+    prepared: Sequence[PreparedModel]
+    starts: InitialStates
+    steps: int
+
+    @property
+    def models(self) -> list[mujoco.MjModel]:
+        """Their compiled models."""
+        return [each.model for each in self.prepared]
+
+    def rows(self, runs: Sequence[int]) -> "PreparedRuns":
+        """Return some of the runs."""
+        return replace(
+            self, prepared=[self.prepared[run] for run in runs], starts=self.starts.rows(runs)
+        )
+
+
+class SimulationEngine(ABC):
+    """Computes trajectories of compiled scenes.
+
+    Attributes:
+        name: its value of the axis `engine`, and its name in records.
+        summary: what computes, in a few words, for the axis' description: "MuJoCo".
+        omits_unused_effects: whether effects of MuJoCo that provably change nothing may be left
+            out of its models; else all that a model has stays on.
+        accepts_every_run: whether it refuses nothing, so that runs need not be asked about.
+    """
+
+    name: str
+    summary: str
+    omits_unused_effects: bool = False
+    accepts_every_run: bool = False
+
+    @property
+    @abstractmethod
+    def version(self) -> str:
+        """The version of what computes the trajectories."""
+
+    @abstractmethod
+    def roll_out(
+        self,
+        runs: PreparedRuns,
+        buffers: Buffers,
+        watch: Watch = no_limit,
+        proceed: Proceed = proceed_always,
+    ) -> Rollout:
+        """Simulate runs.
+
+        Args:
+            runs: what to simulate.
+            buffers: memory to record into; its arrays are overwritten by the next call.
+            watch: to be called before each run.
+            proceed: to be asked between runs; if it says no, only the first runs are returned.
+
+        Raises:
+            SceneError: the engine cannot simulate such runs; `refusal` should have said so.
+        """
+
+    def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:  # noqa: ARG002 - as below
+        """Return why it cannot simulate a run, and what to do instead; None if it can.
+
+        Every run of a sweep is asked about before the first one starts. By default, runs are
+        refused whose sweep sets what the engine ignores.
+        """
+        ignored = self.ignored(run)
+        for name in sorted(run.changed & ignored.keys()):
+            return f"the {self.name} engine ignores {name}, which is set here: {ignored[name]}"
+        return None
+
+    def ignored(self, run: ResolvedRun) -> Mapping[str, str]:  # noqa: ARG002 - some look at it
+        """Return the settings and effects of a run that it leaves out, with the reason.
+
+        Records have such effects as off, for this reason.
+        """
+        return {}
+
+    def null_fields(self, *, driven: bool) -> dict[str, str]:  # noqa: ARG002 - as above
+        """Return what is null in the records of all its runs, with the reason.
+
+        Args:
+            driven: whether the runs have inputs that change over time.
+        """
+        return {}
+
+    def seconds_per_step(self, runs: PreparedRuns) -> float:
+        """Return about how long a step takes [s], by simulating some."""
+        begin = time.thread_time()
+        self.roll_out(runs, Buffers())
+        return (time.thread_time() - begin) / (runs.steps * len(runs.prepared))
+
+
+@runtime_checkable
+class ChecksRuns(Protocol):
+    """An engine that can go over its runs a second time, for what the arrays cannot show."""
+
+    def check_runs(
+        self, runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always
+    ) -> SelfChecks:
+        """Return the self-checks of runs that completed.
+
+        Args:
+            runs: what was simulated.
+            trace: what they did.
+            proceed: asked between runs; if it says no, only the first ones are checked.
+        """
+        ...
+
+
+class SampledStates(NamedTuple):
+    """States of one run at T times.
+
+    Attributes:
+        states: (T, nstate) time, qpos, qvel, act.
+        qpos: (T, nq) configuration.
+        qvel: (T, nv) velocity.
+        impacts: how often the number of contacts changed from one step to the next.
+    """
+
+    states: Floats
+    qpos: Floats
+    qvel: Floats
+    impacts: int
+
+
+@runtime_checkable
+class SolvesReferences(Protocol):
+    """An engine that can integrate runs at timesteps of references, keeping few states."""
+
+    def integrate_to(
+        self,
+        model: mujoco.MjModel,
+        start: InitialStates,
+        times: Floats,
+        *,
+        begin: float = 0.0,
+        state: Floats | None = None,
+        watch: Watch = no_limit,
+    ) -> SampledStates | None:
+        """Return a run's states at some times, or None if it does not complete.
+
+        Args:
+            model: what to step; automatic reset must be off.
+            start: where it starts, n being 1.
+            times: (T,) since the beginning of the run that it is part of [s], increasing.
+            begin: when in that run it starts [s].
+            state: (nstate,) where it starts then, if not at the run's own start.
+            watch: called before each block of steps.
+        """
+        ...
+
+
+# Segments of a run that are timed: one state each is kept along it, its start among them.
+SEGMENTS = 8
+
+
+class Work(NamedTuple):
+    """What the engine did in all steps of a run.
+
+    Attributes:
+        steps: steps.
+        iterations: solver iterations, summed over contact islands.
+        contacts: contacts in the whole model.
+        rows: constraint rows.
+        places: (P,) steps before which states were kept.
+        states: (P, nstate) these states, all that decides what follows.
+    """
+
+    steps: int
+    iterations: int
+    contacts: int
+    rows: int
+    places: tuple[int, ...]
+    states: Floats
+
+
+@dataclass(frozen=True)
+class Segments:
+    """Parts of one run that are timed, each from a state that the run passes through.
+
+    Attributes:
+        model: the model, without the sensors that record.
+        start: where the run starts, n being 1; what drives it.
+        places: (P,) the step with which each segment begins.
+        states: (P, nstate) the states there.
+        steps: steps of the whole run.
+    """
+
+    model: mujoco.MjModel
+    start: InitialStates
+    places: tuple[int, ...]
+    states: Floats
+    steps: int
+
+    def lengths(self, most: int) -> list[int]:
+        """Return the steps of each segment: up to the next one, at most so many."""
+        ends = (*self.places[1:], self.steps)
+        return [min(most, end - place) for place, end in zip(self.places, ends, strict=True)]
+
+
+@runtime_checkable
+class TimesSteps(Protocol):
+    """An engine whose steps can be timed by themselves, with nothing recorded."""
+
+    def count_work(
+        self, model: mujoco.MjModel, start: InitialStates, steps: int, watch: Watch = no_limit
+    ) -> Work | None:
+        """Simulate one run, untimed, and count; None if it does not complete.
+
+        Args:
+            model: what to step.
+            start: where it starts, n being 1.
+            steps: how many to make.
+            watch: called before each block of steps.
+        """
+        ...
+
+    def time_segments(self, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
+        """Return the CPU time of stepping [s], and how many steps it took.
+
+        Args:
+            segments: what to time.
+            most: steps of each segment.
+            repeats: how often to go through all segments.
+        """
+        ...
+
+    def time_steps(self, segments: Segments, most: int) -> Floats:
+        """Return the CPU time of single steps [s], less what reading the clock takes.
+
+        Args:
+            segments: what to time.
+            most: steps of each segment.
+        """
+        ...
