@@ -1,10 +1,10 @@
 """From numbers and limits to the result of a check."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
+from contactlab.mjcf import CONTACT, OPTIONS, default_lines, option_lines
 from contactlab.run.evidence_record import as_written
-from contactlab.scene import PARAMETERS
 from contactlab.schema import Change, CheckName, CheckResult, Measure
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values
@@ -80,45 +80,33 @@ def not_applicable(
     )
 
 
-_CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
-_USUAL_CURVE = (0.5, 2.0)
+_DEFAULT_CURVE = (0.5, 2.0)
+"""Midpoint and power of an impedance, where MJCF names none."""
 
 
 def change(checked: CheckedModel, settings: Values, *, cures: bool | None, shown: str) -> Change:
-    """Return a change of settings, with the lines that make it in the checked's model."""
+    """Return a change of settings, with the lines that make it in a model.
+
+    Args:
+        checked: the model; whether it has <pair> elements decides where contact parameters stand.
+        settings: values by axis: options and contact parameters.
+        cures: whether the check passed with it; None if that was not run.
+        shown: what running it gave.
+    """
+    texts = {name: mjcf_text(value) for name, value in settings.items()}
+    options = {name: text for name, text in texts.items() if name in OPTIONS}
+    contact = {name: texts[name] for name in CONTACT if name in texts}
+    elements = ("geom", "pair") if checked.base.targets.explicit else ("geom",)
     return Change(
-        lines=mjcf(settings, explicit=bool(checked.base.targets.explicit)),
+        lines=(*option_lines(options, {}), *default_lines(contact, elements)),
         settings={name: as_written(value) for name, value in settings.items()},
         cures=cures,
         shown=shown,
     )
 
 
-def mjcf(settings: Values, *, explicit: bool = False) -> tuple[str, ...]:
-    """Return the lines that set options and contact parameters.
-
-    Args:
-        settings: values by axis.
-        explicit: whether <pair> elements hold contact parameters as well.
-    """
-    contact = {name: settings[name] for name in _CONTACT if name in settings}
-    option = {name: settings[name] for name in settings if name in PARAMETERS.keys() - {*_CONTACT}}
-    lines = [f"<option{_attributes(option)}/>"] if option else []
-    if contact:
-        lines += ["<default>", f"  <geom{_attributes(contact)}/>"]
-        lines += [f"  <pair{_attributes(contact)}/>"] if explicit else []
-        lines += ["</default>"]
-    return tuple(lines)
-
-
-def _attributes(values: Mapping[str, object]) -> str:
-    return "".join(f' {name}="{written(value)}"' for name, value in values.items())
-
-
-def written(value: object) -> str:
+def mjcf_text(value: object) -> str:
     """Return a value as MJCF has it; an impedance without the curve that it has by default."""
-    if isinstance(value, tuple) and value[3:] == _USUAL_CURVE:
+    if isinstance(value, tuple) and value[3:] == _DEFAULT_CURVE:
         value = value[:3]
-    if isinstance(value, float):
-        value = (value,)
-    return str(as_written(value))
+    return str(as_written((value,) if isinstance(value, float) else value))

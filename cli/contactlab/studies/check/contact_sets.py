@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.contact import Floats, impedance, rest_penetration, stiffness_damping
 from contactlab.schema import PairRecord
-from contactlab.studies.check.check_results import written
+from contactlab.studies.check.check_results import mjcf_text
 from contactlab.studies.check.checked_model import CheckedModel, axis_value
 
 _REFSAFE_STEPS = 2.0
@@ -34,7 +34,7 @@ class ContactSet:
     def name(self) -> str:
         """Its parameters, in words."""
         record = self.record
-        said = f"solref {written(record.solref)}, solimp {written(record.solimp)}"
+        said = f"solref {mjcf_text(record.solref)}, solimp {mjcf_text(record.solimp)}"
         if record.margin:
             said += f", margin {record.margin:g}"
         return f"{said}, condim {record.condim}, friction {record.friction[0]:g}"

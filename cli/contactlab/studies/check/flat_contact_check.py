@@ -11,10 +11,10 @@ from contactlab.studies.check.check_results import (
     below,
     change,
     informative,
+    mjcf_text,
     not_applicable,
     result,
     violated,
-    written,
 )
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.check.contact_sets import (
@@ -160,7 +160,7 @@ def _stiffer(
 
 
 def _words(settings: Values) -> str:
-    return " and ".join(f"{name} {written(value)}" for name, value in settings.items())
+    return " and ".join(f"{name} {mjcf_text(value)}" for name, value in settings.items())
 
 
 def _stiff_settings(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> dict[str, object]:

@@ -15,10 +15,10 @@ from contactlab.studies.check.check_results import (
     below,
     change,
     informative,
+    mjcf_text,
     not_applicable,
     result,
     violated,
-    written,
 )
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.session import Values
@@ -174,7 +174,7 @@ def verdict_on_chatter(changes: Sequence[Change]) -> Iterator[str]:
         return
     longest = max((_timestep(each) for each in shorter if each.cures), default=None)
     yield (
-        f"solimp {written(_HARD['solimp'])} at the same timestep "
+        f"solimp {mjcf_text(_HARD['solimp'])} at the same timestep "
         f"{'cures' if hard[0].cures else 'does not cure'} the chatter, a smaller timestep "
         + ("does not" if longest is None else f"does, {longest * 1e3:g} ms")
     )
@@ -208,7 +208,7 @@ def _outcome(
     left = [each for each in violated(measures) if each.name in {*aimed, _LOST}]
     found = {each.name for each in measures}
     cures = not left and aimed - {_LOST} <= found
-    said = " and ".join(f"{name} {written(value)}" for name, value in tried.row.items())
+    said = " and ".join(f"{name} {mjcf_text(value)}" for name, value in tried.row.items())
     what = ", ".join(sorted(name.replace("_", " ") for name in aimed))
     numbers = ", ".join(_worst(measures, name) for name in sorted(aimed))
     verb = "cures" if cures else "does not cure"

@@ -23,8 +23,8 @@ from contactlab.studies.effects.effect_toggles import (
     TrialOutcome,
     TrialRunner,
     find_toggles,
-    mjcf_lines,
-    sweep_lines,
+    settings_mjcf,
+    settings_sweep,
 )
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.effects.metric_changes import (
@@ -270,8 +270,8 @@ def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> Small
         off=tuple(name for name in made if toggles[name].on),
         added=tuple(name for name in made if not toggles[name].on),
         settings=_written(settings),
-        mjcf=mjcf_lines(settings),
-        sweep=sweep_lines(settings, proven),
+        mjcf=settings_mjcf(settings),
+        sweep=settings_sweep(settings, proven),
     )
 
 

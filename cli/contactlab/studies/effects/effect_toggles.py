@@ -2,124 +2,18 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from types import MappingProxyType
 from typing import Any
 
+from contactlab.mjcf import default_lines, option_lines
 from contactlab.run.evidence_record import as_written
-from contactlab.scene import EFFECTS, FLAGS, EffectState
+from contactlab.scene import EFFECTS, Effect, EffectState
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 
-_OPTIONS = {
-    "elliptic": ("cone", {True: "elliptic", False: "pyramidal"}),
-    "noslip": ("noslip_iterations", {True: "3", False: "0"}),
-    "implicit": ("integrator", {True: "implicitfast", False: "Euler"}),
-}
-_AIR = {"density": "0", "viscosity": "0", "wind": "0 0 0"}
-_DIMS = {
-    "tangential_friction": {True: 3, False: 1},
-    "torsional_friction": {True: 4, False: 3},
-    "rolling_friction": {True: 6, False: 4},
-}
-_REMARKS = {
-    "sensor": "<!-- remove the elements of <sensor> -->",
-    "tendon": "<!-- in <tendon>, set no stiffness, damping, friction loss, armature or range; "
-    "remove what no actuator, equality or sensor refers to -->",
-}
+States = Mapping[str, EffectState]
+"""The state of every effect in a run, by name."""
 
-
-def mjcf_lines(settings: Values) -> tuple[str, ...]:
-    """Return what makes these settings in a model."""
-    options = dict(_options(settings))
-    flags = {
-        name: "enable" if value else "disable"
-        for name, value in settings.items()
-        if name in FLAGS and isinstance(value, bool)
-    }
-    return (*_option_lines(options, flags), *_geom_lines(settings), *_remarks(settings))
-
-
-def sweep_lines(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
-    """Return what makes these settings in a sweep file.
-
-    Args:
-        settings: by axis.
-        proven: effects that `auto` leaves out by itself.
-    """
-    switched = {
-        name: value
-        for name, value in settings.items()
-        if isinstance(value, bool) and name not in set(proven)
-    }
-    axes = {name: value for name, value in settings.items() if not isinstance(value, bool)}
-    words = ["base: auto", *(f"{name}: {str(value).lower()}" for name, value in switched.items())]
-    lines = [f"effects: {{{', '.join(words)}}}"]
-    if axes:
-        lines.append("axes:")
-        lines += [f"  {name}: [{as_written(value)}]" for name, value in axes.items()]
-    return tuple(lines)
-
-
-def _options(settings: Values) -> Iterable[tuple[str, str]]:
-    for name, value in settings.items():
-        if name in _OPTIONS and isinstance(value, bool):
-            option, words = _OPTIONS[name]
-            yield option, words[value]
-        elif name == "air" and value is False:
-            yield from _AIR.items()
-        elif name == "gravity":
-            yield name, "0 0 0"
-        elif name == "impratio":
-            yield name, str(as_written(value))
-
-
-def _option_lines(options: Mapping[str, str], flags: Mapping[str, str]) -> list[str]:
-    if not flags:
-        return [f"<option{_attributes(options)}/>"] if options else []
-    head = f"<option{_attributes(options)}>"
-    return [head, f"  <flag{_attributes(flags)}/>", "</option>"]
-
-
-def _geom_lines(settings: Values) -> list[str]:
-    bounds = [
-        _DIMS[name][value]
-        for name, value in settings.items()
-        if name in _DIMS and isinstance(value, bool)
-    ]
-    if not bounds:
-        return []
-    remark = "<!-- and on every geom and pair that has a condim of its own -->"
-    return ["<default>", f'  <geom condim="{min(bounds)}"/> {remark}', "</default>"]
-
-
-def _remarks(settings: Values) -> list[str]:
-    return [text for name, text in _REMARKS.items() if settings.get(name) is False]
-
-
-def _attributes(values: Mapping[str, str]) -> str:
-    return "".join(f' {name}="{value}"' for name, value in values.items())
-
-
-# All that is solved, which pairs of bodies touch, and what inverse dynamics says are the model's.
-_KEPT = {"constraint", "filterparent", "invdiscrete"}
-# What turns on an effect that the base configuration lacks.
-_ON: Mapping[str, Values] = MappingProxyType(
-    {
-        "torsional_friction": {"torsional_friction": True},
-        "rolling_friction": {"rolling_friction": True},
-        "elliptic": {"elliptic": True},
-        "noslip": {"noslip": True},
-        "impratio": {"impratio": 10.0},
-        "speculative": {"speculative": True},
-        # What sleeps is an island; in a set that leaves islands out, sleep brings them back.
-        "sleep": {"sleep": True, "island": True},
-        "diagexact": {"diagexact": True},
-        "implicit": {"implicit": True},
-    }
-)
-_OFF: Mapping[str, Values] = MappingProxyType(
-    {"gravity": {"gravity": 0.0}, "impratio": {"impratio": 1.0}}
-)
+_CONDIM_COMMENT = "and on every geom and pair that has a condim of its own"
 
 
 @dataclass(frozen=True)
@@ -143,11 +37,11 @@ def find_toggles(setup: AblationSetup) -> tuple[Toggle, ...]:
     """Return every effect that can be changed, as the base configuration has it."""
     written = [*_choices(setup, "all")]
     proven = [*_choices(setup, "auto")]
-    found = (_toggle(name, written, proven) for name in EFFECTS if name not in _KEPT)
-    return tuple(each for each in found if each is not None)
+    toggles = (_toggle(each, written, proven) for each in EFFECTS.values() if each.studied)
+    return tuple(each for each in toggles if each is not None)
 
 
-def _choices(setup: AblationSetup, rest: str) -> Iterator[Mapping[str, EffectState]]:
+def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
     scene = setup.scene.with_effects(rest)
     for scenario in setup.scenarios:
         run = scene.resolve({**setup.base, **scenario}, setup.seeds[0], setup.duration)
@@ -155,14 +49,60 @@ def _choices(setup: AblationSetup, rest: str) -> Iterator[Mapping[str, EffectSta
 
 
 def _toggle(
-    name: str, written: list[Mapping[str, EffectState]], proven: list[Mapping[str, EffectState]]
+    effect: Effect,
+    written: list[Mapping[str, EffectState]],
+    proven: list[Mapping[str, EffectState]],
 ) -> Toggle | None:
-    on = any(each[name].on for each in written)
-    if not on:
-        return Toggle(name, False, _ON[name], None) if name in _ON else None
+    name = effect.name
+    if not any(each[name].on for each in written):
+        return Toggle(name, False, effect.on, None) if effect.on else None
     unused = not any(each[name].on for each in proven)
     proof = proven[0][name].reason if unused and written[0][name].on else None
-    return Toggle(name, True, _OFF.get(name, {name: False}), proof)
+    return Toggle(name, True, effect.off or {name: False}, proof)
+
+
+def settings_mjcf(settings: Values) -> tuple[str, ...]:
+    """Return the lines of MJCF that make some settings of toggles."""
+    options: dict[str, str] = {}
+    flags: dict[str, bool] = {}
+    condims: list[int] = []
+    comments: list[str] = []
+    for name, value in settings.items():
+        if not isinstance(value, bool):
+            options[name] = "0 0 0" if name == "gravity" else str(as_written(value))
+            continue
+        mjcf = EFFECTS[name].switch.mjcf(on=value)
+        options |= mjcf.options
+        flags |= mjcf.flags
+        condims += [] if mjcf.condim is None else [mjcf.condim]
+        comments += [] if mjcf.comment is None else [f"<!-- {mjcf.comment} -->"]
+    contact = {"condim": str(min(condims))} if condims else {}
+    return (
+        *option_lines(options, flags),
+        *default_lines(contact, comment=_CONDIM_COMMENT),
+        *comments,
+    )
+
+
+def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
+    """Return the lines of a sweep file that make some settings of toggles.
+
+    Args:
+        settings: by axis.
+        proven: effects that `auto` leaves out by itself.
+    """
+    switched = {
+        name: value
+        for name, value in settings.items()
+        if isinstance(value, bool) and name not in set(proven)
+    }
+    axes = {name: value for name, value in settings.items() if not isinstance(value, bool)}
+    words = ["base: auto", *(f"{name}: {str(value).lower()}" for name, value in switched.items())]
+    lines = [f"effects: {{{', '.join(words)}}}"]
+    if axes:
+        lines.append("axes:")
+        lines += [f"  {name}: [{as_written(value)}]" for name, value in axes.items()]
+    return tuple(lines)
 
 
 Row = Mapping[str, Any]
