@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import STORE, Address, Format, FormatOption, store_at
+from contactlab.commands import options as opt
 from contactlab.commands.terminal import print_json
 
 app = typer.Typer(help="Keep stores to compare with.", no_args_is_help=True)
@@ -19,18 +19,18 @@ def baseline() -> None:
 @app.command()
 def update(
     store: Annotated[
-        Address,
-        typer.Argument(parser=store_at, metavar=STORE, help="Store to take as the baseline."),
+        opt.Address,
+        opt.store_argument("STORE", "Store to take as the baseline."),
     ],
     dest: Annotated[Path, typer.Argument(help="Folder of the baseline, created or replaced.")],
-    output: FormatOption = Format.text,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Write a store without its traces, small enough to commit."""
     from contactlab.store import write_baseline
 
     manifest = write_baseline(store, dest)
     size = sum(path.stat().st_size for path in dest.rglob("*") if path.is_file())
-    if output is Format.json:
+    if output is opt.Format.json:
         print_json({"baseline": str(dest), "runs": manifest.runs, "bytes": size})
         return
     typer.echo(f"{dest} holds the {manifest.runs} runs of {store} without traces: {_size(size)}")

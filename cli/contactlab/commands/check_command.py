@@ -6,14 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import (
-    RESULTS,
-    Format,
-    FormatOption,
-    SetOption,
-    StudyFolderOption,
-    WorkersOption,
-)
+from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import print_table
 from contactlab.errors import ExpectationError
@@ -34,12 +27,12 @@ def check(
     model: Annotated[
         str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
     ],
-    assign: SetOption = None,
+    assign: opt.SetOption = None,
     only: Annotated[
         list[str] | None,
         typer.Option("--only", metavar="CHECK", help="Make only this check; may be repeated."),
     ] = None,
-    folder: StudyFolderOption = None,
+    folder: opt.StudyFolderOption = None,
     *,
     keyframe: Annotated[
         str | None,
@@ -48,8 +41,8 @@ def check(
         ),
     ] = None,
     kind: Annotated[Task, typer.Option(help="Task that the timestep has to suit.")] = Task.auto,
-    workers: WorkersOption = None,
-    output: FormatOption = Format.text,
+    workers: opt.WorkersOption = None,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
     from contactlab.studies.check import CheckRequest, run
@@ -60,10 +53,10 @@ def check(
         only=only or (),
         kind=None if kind is Task.auto else kind.value,
     )
-    target = folder or RESULTS / "check" / _name(model)
+    target = folder or opt.RESULTS / "check" / _name(model)
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
-    if output is Format.json:
+    if output is opt.Format.json:
         typer.echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)

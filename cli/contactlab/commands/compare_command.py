@@ -3,7 +3,6 @@
 import os
 import sys
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from datetime import date, datetime
 from enum import StrEnum
 from functools import partial
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import Address, store_at
+from contactlab.commands.options import Address, store_argument
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
@@ -46,13 +45,8 @@ _SUFFIXES = {
 
 
 def compare(
-    baseline: Annotated[
-        Address,
-        typer.Argument(parser=store_at, metavar="BASELINE", help="Store to compare with."),
-    ],
-    candidate: Annotated[
-        Address, typer.Argument(parser=store_at, metavar="CANDIDATE", help="Store to judge.")
-    ],
+    baseline: Annotated[Address, store_argument("BASELINE", "Store to compare with.")],
+    candidate: Annotated[Address, store_argument("CANDIDATE", "Store to judge.")],
     policy: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Policy file: tolerances, and what fails the job."),
@@ -99,14 +93,20 @@ def compare(
     ] = None,
 ) -> None:
     """Compare a store with a baseline; exit with 1 if a gate fails."""
-    if remeasure is None and (baseline_python or candidate_python):
-        raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
+    from contactlab.compare import compare as compare_stores
+    from contactlab.compare import unreadable_report
+
     targets = _targets(files or [])
-    pythons = (baseline_python, candidate_python)
-    request = _Request(baseline, candidate, policy, match, thorough, remeasure, pythons)
+    timers = _timers(remeasure, baseline_python, candidate_python)
+    run = partial(compare_stores, baseline, candidate, thorough=thorough, remeasure=timers)
     if accept is not None:
-        _accept(request, accept, reason, until.date() if until else None)
-    report = _report(request, targets)
+        _accept(policy, match, run, (accept, reason, until.date() if until else None))
+    rules = _rules(policy, match)
+    try:
+        report = run(rules)
+    except StoreError as error:
+        _publish(unreadable_report(error, rules), targets)
+        raise
     _publish(report, targets)
     typer.echo(_rendered(report, output), nl=False)
     if report.exit_code == ExpectationError.exit_code:
@@ -115,64 +115,41 @@ def compare(
         raise StoreError(report.headline)
 
 
-@dataclass(frozen=True)
-class _Request:
-    """What to compare, and how."""
+def _timers(
+    runs: int | None, baseline_python: Path | None, candidate_python: Path | None
+) -> "Remeasure | None":
+    if runs is None:
+        if baseline_python or candidate_python:
+            raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
+        return None
+    from contactlab.compare import Remeasure
+    from contactlab.run import timing_process
 
-    baseline: Address
-    candidate: Address
-    policy: Path | None
-    match: Match | None
-    thorough: bool
-    remeasure: int | None
-    pythons: tuple[Path | None, Path | None]
-
-    def read_policy(self, *, new: bool = False) -> "ComparePolicy":
-        """Return the policy of the file, or the default one: without a file, or for a new one."""
-        from contactlab.compare import DEFAULT_POLICY, read_policy
-
-        file = None if new and self.policy and not self.policy.exists() else self.policy
-        read = DEFAULT_POLICY if file is None else read_policy(file)
-        return read.model_copy(update={"match": self.match.value}) if self.match else read
-
-    def report(self, policy: "ComparePolicy") -> "ComparisonReport":
-        from contactlab.compare import compare as compare_stores
-
-        return compare_stores(
-            self.baseline,
-            self.candidate,
-            policy,
-            thorough=self.thorough,
-            remeasure=self._timers(self.remeasure) if self.remeasure else None,
-        )
-
-    def _timers(self, runs: int) -> "Remeasure":
-        from contactlab.compare import Remeasure
-        from contactlab.run import timing_process
-
-        pythons = [python or Path(sys.executable) for python in self.pythons]
-        return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
+    here = Path(sys.executable)
+    pythons = (baseline_python or here, candidate_python or here)
+    return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
 
 
-def _report(request: _Request, targets: Sequence[tuple[Path, ReportFormat]]) -> "ComparisonReport":
-    """Compare; publish a report also of stores that cannot be compared."""
-    from contactlab.compare import unreadable_report
+def _rules(policy: Path | None, match: Match | None) -> "ComparePolicy":
+    from contactlab.compare import DEFAULT_POLICY, read_policy
 
-    policy = request.read_policy()
-    try:
-        return request.report(policy)
-    except StoreError as error:
-        _publish(unreadable_report(error, policy), targets)
-        raise
+    read = DEFAULT_POLICY if policy is None else read_policy(policy)
+    return read.model_copy(update={"match": match.value}) if match else read
 
 
-def _accept(request: _Request, name: str, reason: str, until: date | None) -> None:
+def _accept(
+    policy: Path | None,
+    match: Match | None,
+    run: "Callable[[ComparePolicy], ComparisonReport]",
+    entry: tuple[str, str, date | None],
+) -> None:
+    """Add to the policy file, which may be new, that a check of this comparison may fail."""
     from contactlab.compare import accept, acceptance
 
-    if request.policy is None:
+    if policy is None:
         raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
-    report = request.report(request.read_policy(new=True))
-    accept(request.policy, acceptance(report, name, reason, until))
+    report = run(_rules(policy if policy.exists() else None, match))
+    accept(policy, acceptance(report, *entry))
 
 
 def _targets(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:

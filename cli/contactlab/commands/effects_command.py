@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import (
-    RESULTS,
-    FigureOption,
-    Format,
-    FormatOption,
-    SetOption,
-    StudyFolderOption,
-    WorkersOption,
-)
+from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import print_table, say
 from contactlab.errors import ExpectationError
@@ -27,15 +19,15 @@ def effects(
         str,
         typer.Argument(metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file."),
     ],
-    assign: SetOption = None,
-    folder: StudyFolderOption = None,
+    assign: opt.SetOption = None,
+    folder: opt.StudyFolderOption = None,
     *,
     seeds: Annotated[
         int, typer.Option(min=1, help="Seeds, and so runs, per scenario and effect.")
     ] = 6,
-    figure: FigureOption = None,
-    workers: WorkersOption = None,
-    output: FormatOption = Format.text,
+    figure: opt.FigureOption = None,
+    workers: opt.WorkersOption = None,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.studies.effects import EffectsRequest, run
@@ -44,7 +36,7 @@ def effects(
     if figure is not None:
         check_figure(figure)
     request = EffectsRequest(source, assign or (), seeds)
-    target = folder or RESULTS / "effects" / request.setup.scene.name
+    target = folder or opt.RESULTS / "effects" / request.setup.scene.name
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
     if figure is not None:
@@ -52,7 +44,7 @@ def effects(
 
         draw(report, figure)
         say(f"drew {figure}")
-    if output is Format.json:
+    if output is opt.Format.json:
         typer.echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.models import ArgumentInfo
 
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
@@ -22,7 +23,6 @@ else:
     Address = str
 
 RESULTS = Path("results")
-STORE = "STORE"
 
 
 class Format(StrEnum):
@@ -55,9 +55,13 @@ def folder_at(text: str) -> Path:
     return address
 
 
+def store_argument(metavar: str, help: str) -> ArgumentInfo:  # noqa: A002 - as typer calls it
+    """Return a positional argument that names a store."""
+    return typer.Argument(parser=store_at, metavar=metavar, help=help)
+
+
 StoreArgument = Annotated[
-    Address,
-    typer.Argument(parser=store_at, metavar=STORE, help="Store: a folder or s3://BUCKET/PREFIX."),
+    Address, store_argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.")
 ]
 RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="Run id, or its first digits.")]
 SweepStoreOption = Annotated[
@@ -66,7 +70,7 @@ SweepStoreOption = Annotated[
         "-o",
         "--output",
         parser=store_at,
-        metavar=STORE,
+        metavar="STORE",
         help="Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
     ),
 ]

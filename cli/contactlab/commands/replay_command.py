@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, RunArgument, StoreArgument
+from contactlab.commands import options as opt
 from contactlab.commands.terminal import print_json
 from contactlab.errors import ExpectationError
 
@@ -15,13 +15,13 @@ if TYPE_CHECKING:
 
 
 def replay(
-    store: StoreArgument,
-    run: RunArgument,
+    store: opt.StoreArgument,
+    run: opt.RunArgument,
     *,
     view: Annotated[
         bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
     ] = False,
-    output: FormatOption = Format.text,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Simulate a stored run again and check that every state is bitwise equal."""
     from contactlab.run import prepare_replay
@@ -36,7 +36,7 @@ def replay(
         open_viewer(start.prepared.model, start.state)
         return
     result = run_again(opened, run)
-    if output is Format.json:
+    if output is opt.Format.json:
         print_json(asdict(result))
     else:
         for line in _lines(result):

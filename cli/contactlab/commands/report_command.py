@@ -5,15 +5,7 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import (
-    STORE,
-    Address,
-    ErrorOption,
-    StoreArgument,
-    ToleranceOption,
-    accuracy_criteria,
-    store_at,
-)
+from contactlab.commands import options as opt
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError
 
@@ -21,7 +13,7 @@ _ALL = 1_000_000
 
 
 def report(
-    store: StoreArgument,
+    store: opt.StoreArgument,
     target: Annotated[
         Path | None,
         typer.Option(
@@ -32,8 +24,8 @@ def report(
         ),
     ] = None,
     *,
-    error: ErrorOption = None,
-    tolerance: ToleranceOption = None,
+    error: opt.ErrorOption = None,
+    tolerance: opt.ToleranceOption = None,
     traces: Annotated[
         str,
         typer.Option(metavar="N|all|none", help="Runs whose time series the page includes."),
@@ -43,10 +35,10 @@ def report(
         typer.Option(min=1, help="Size above which the page has statistics instead of runs [MB]."),
     ] = 25.0,
     baseline: Annotated[
-        Address | None,
+        opt.Address | None,
         typer.Option(
-            parser=store_at,
-            metavar=STORE,
+            parser=opt.store_at,
+            metavar="STORE",
             help="Store to compare with, as `contactlab compare` does.",
         ),
     ] = None,
@@ -62,7 +54,7 @@ def report(
     from contactlab.report import PageRequest, write_figures, write_page
     from contactlab.store import Store
 
-    criteria = accuracy_criteria(error, tolerance)
+    criteria = opt.accuracy_criteria(error, tolerance)
     if figures is not None:
         for path in write_figures(Store.open(store), figures, formats.split(","), criteria):
             typer.echo(path)
@@ -79,7 +71,7 @@ def report(
     typer.echo(page)
 
 
-def _beside(store: Address) -> Path:
+def _beside(store: opt.Address) -> Path:
     if not isinstance(store, Path):
         return Path(f"{store.name}.html")
     named = store if store.name else store.resolve()

@@ -5,15 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import (
-    RESULTS,
-    Format,
-    FormatOption,
-    MujocoOption,
-    StudyFolderOption,
-    WorkersOption,
-    rerun_with_mujoco,
-)
+from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import print_json, print_table
 from contactlab.errors import ExpectationError
@@ -30,20 +22,20 @@ def stability(
         list[str] | None,
         typer.Argument(metavar="NAME", help="Cases or model files; all cases by default."),
     ] = None,
-    folder: StudyFolderOption = None,
-    workers: WorkersOption = None,
-    mujoco: MujocoOption = None,
-    output: FormatOption = Format.text,
+    folder: opt.StudyFolderOption = None,
+    workers: opt.WorkersOption = None,
+    mujoco: opt.MujocoOption = None,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.studies.stability_cases import StabilityRequest, run
 
-    target = folder or RESULTS / "stability"
-    rerun_with_mujoco(mujoco, None if folder else target)
+    target = folder or opt.RESULTS / "stability"
+    opt.rerun_with_mujoco(mujoco, None if folder else target)
     with study_session(target, workers, _THEN) as session:
         report = run(StabilityRequest(names or ()), session)
     cases = report.cases
-    if output is Format.json:
+    if output is opt.Format.json:
         print_json(report.model_dump(mode="json"))
     else:
         _print(cases)

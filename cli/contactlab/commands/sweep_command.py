@@ -8,17 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import (
-    RESULTS,
-    Format,
-    FormatOption,
-    MujocoOption,
-    SetOption,
-    SweepStoreOption,
-    WorkersOption,
-    rerun_with_mujoco,
-    worker_count,
-)
+from contactlab.commands import options as opt
 from contactlab.commands.show_command import format_value, print_summary
 from contactlab.commands.stopping import resumable
 from contactlab.commands.terminal import print_json, print_table, progress_display, say
@@ -39,8 +29,8 @@ class ExecutorName(StrEnum):
 
 def sweep(
     name: Annotated[str, typer.Argument(metavar="SWEEP", help="Sweep file or shipped sweep.")],
-    store: SweepStoreOption = None,
-    assign: SetOption = None,
+    store: opt.SweepStoreOption = None,
+    assign: opt.SetOption = None,
     only: Annotated[
         list[str] | None,
         typer.Option(
@@ -52,7 +42,7 @@ def sweep(
     limit: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Keep the first N runs.")
     ] = None,
-    workers: WorkersOption = None,
+    workers: opt.WorkersOption = None,
     *,
     executor: Annotated[
         ExecutorName, typer.Option(help="Where jobs run: on this machine, or on a Ray cluster.")
@@ -61,7 +51,7 @@ def sweep(
         str | None,
         typer.Option(metavar="HOST:PORT|auto", help="Ray cluster to join; by default starts one."),
     ] = None,
-    mujoco: MujocoOption = None,
+    mujoco: opt.MujocoOption = None,
     plan: Annotated[
         bool, typer.Option("--plan", help="Print runs, time and disk space; run nothing.")
     ] = False,
@@ -71,7 +61,7 @@ def sweep(
         bool,
         typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed."),
     ] = False,
-    output: FormatOption = Format.text,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
@@ -80,14 +70,14 @@ def sweep(
 
     _check_executor(executor, address, workers)
     path = resources.find_sweep(name)
-    target = store or RESULTS / path.stem
-    rerun_with_mujoco(mujoco, None if store else RESULTS / path.stem)
+    target = store or opt.RESULTS / path.stem
+    opt.rerun_with_mujoco(mujoco, None if store else opt.RESULTS / path.stem)
     request = read_request(
         path,
         path.stem,
         target,
         folder=path.parent,
-        workers=worker_count(workers),
+        workers=opt.worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
         fresh=fresh,
         retry_failed=retry_failed,
@@ -144,9 +134,9 @@ def _confirm(count: int, *, yes: bool) -> None:
         )
 
 
-def _print_plan(plan: "Plan", forecast: "Forecast", output: Format) -> None:
+def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:
     axes = [(axis.name, axis.role, axis.count, _range(axis.values)) for axis in plan.axes]
-    if output is Format.json:
+    if output is opt.Format.json:
         keys = ("name", "role", "count", "values")
         listed = [dict(zip(keys, axis, strict=True)) for axis in axes]
         print_json({"axes": listed, "seeds": len(plan.sweep.seed_values), **vars(forecast)})

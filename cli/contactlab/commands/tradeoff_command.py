@@ -6,18 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import (
-    RESULTS,
-    Address,
-    ErrorOption,
-    FigureOption,
-    Format,
-    FormatOption,
-    SweepStoreOption,
-    ToleranceOption,
-    WorkersOption,
-    accuracy_criteria,
-)
+from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import (
     print_json,
@@ -47,24 +36,24 @@ def tradeoff(
         str, typer.Argument(metavar="STORE|SWEEP", help="Store, sweep file or shipped sweep.")
     ],
     *,
-    error: ErrorOption = None,
-    tolerance: ToleranceOption = None,
-    figure: FigureOption = None,
+    error: opt.ErrorOption = None,
+    tolerance: opt.ToleranceOption = None,
+    figure: opt.FigureOption = None,
     write: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Write a sweep file of the recommended settings."),
     ] = None,
-    store: SweepStoreOption = None,
-    workers: WorkersOption = None,
-    output: FormatOption = Format.text,
+    store: opt.SweepStoreOption = None,
+    workers: opt.WorkersOption = None,
+    output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
     from contactlab.tradeoff import draw
 
-    criteria = accuracy_criteria(error, tolerance)
+    criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
     report = _analyse_store(name, store, criteria) or _run(name, store, workers, criteria)
-    if output is Format.json:
+    if output is opt.Format.json:
         print_json(report.model_dump(mode="json"))
     else:
         _print(report)
@@ -90,7 +79,7 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
 
 
 def _analyse_store(
-    name: str, target: Address | None, criteria: "Criteria"
+    name: str, target: opt.Address | None, criteria: "Criteria"
 ) -> "TradeoffReport | None":
     """Return the report of a store, without loading an engine; None if there is only a sweep."""
     from contactlab.store import Store
@@ -101,11 +90,11 @@ def _analyse_store(
 
 
 def _run(
-    name: str, target: Address | None, workers: int | None, criteria: "Criteria"
+    name: str, target: opt.Address | None, workers: int | None, criteria: "Criteria"
 ) -> "TradeoffReport":
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
-    with study_session(RESULTS / "tradeoff", workers) as session:
+    with study_session(opt.RESULTS / "tradeoff", workers) as session:
         return run(TradeoffRequest(name, criteria, target), session)
 
 
