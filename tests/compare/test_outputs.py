@@ -200,7 +200,7 @@ def test_markdown_stays_below_what_a_job_summary_holds(same: ComparisonReport) -
     checks = [check_of("x" * 2_000, number) for number in range(2_000)]
     text = as_markdown(report_of(same, *checks))
     assert 100_000 < len(text.encode()) < 900_000
-    assert "There is more" in text
+    assert "The rest is left out" in text
 
 
 def test_text_of_many_failures_stays_readable(same: ComparisonReport) -> None:

@@ -53,7 +53,7 @@ def test_axes_that_differ_in_the_last_digits(
     for index, run in enumerate(other.runs):
         axes = {**run.axes, "timestep": run.axes["timestep"] * (1 + 1e-12)}
         other.change(index, run_id=f"{index + 100:016x}", axes=axes)
-    with pytest.raises(StoreError, match=r"no run of .* is in .*; .* write --match axes"):
+    with pytest.raises(StoreError, match=r"no run of .* is in .*; .* add --match axes"):
         compare(baseline, stored("other", other))
     assert compare(baseline, stored("other2", other), BY_AXES).pairs.paired == 8
 
@@ -102,5 +102,5 @@ def test_words_and_numbers_cannot_be_matched(
     other = runs()
     for index, run in enumerate(other.runs):
         other.change(index, axes={**run.axes, "timestep": str(run.axes["timestep"])})
-    with pytest.raises(StoreError, match="axis 'timestep' has words in one store only"):
+    with pytest.raises(StoreError, match="axis 'timestep' is text in one store only"):
         compare(baseline, stored("other", other), BY_AXES)

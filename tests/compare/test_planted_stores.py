@@ -87,7 +87,7 @@ def test_a_copy_of_the_baseline_is_told(baseline: Path, tmp_path: Path) -> None:
 
 
 def test_a_store_with_itself(baseline: Path) -> None:
-    with pytest.raises(PolicyError, match="are the same store, which says nothing") as raised:
+    with pytest.raises(PolicyError, match="are the same store; compare the stores") as raised:
         compare(baseline, baseline)
     assert raised.value.exit_code == 2
 
@@ -161,9 +161,9 @@ def test_an_empty_store(runs: Runs, stored: Stored, tampering: Any, side: str) -
         ({"metrics": {"dept": {"rel": 1.0}}}, "no such metric; did you mean 'depth'?"),
         (
             {"metrics": {"depth": {"by": ["con"]}}},
-            "is no axis of the baseline; did you mean 'cone'",
+            "is not an axis of the baseline; did you mean 'cone'",
         ),
-        ({"accept": [{"check": "depth", "max": 1, "reason": "x"}]}, "which is no check"),
+        ({"accept": [{"check": "depth", "max": 1, "reason": "x"}]}, "which is not a check"),
         (
             {"labels": {"allow": [{"from": "stabel", "to": "chatter", "max": 1, "reason": "x"}]}},
             "no such label; did you mean 'stable'?",

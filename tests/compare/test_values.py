@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.compare.metric_checks import aggregate, judge, value_gaps
-from contactlab.compare.policies import MetricTolerance
+from contactlab.compare.metric_checks import aggregate, gap_verdicts, judge
+from contactlab.compare.policies import EffectiveRule
 from contactlab.compare.verdicts import (
     BETTER,
     CHANGED,
@@ -18,14 +18,14 @@ from contactlab.compare.verdicts import (
     NOT_COMPARABLE,
     SAME,
     WORSE,
+    CheckSubject,
     verdict_counts,
-    worst_verdict,
 )
 from contactlab.store import NumberColumn
 
 REALS = st.floats(-1e6, 1e6)
 RULES = st.builds(
-    MetricTolerance,
+    EffectiveRule,
     better=st.sampled_from(["lower", "higher", "none"]),
     rel=st.floats(0, 1),
     abs=st.floats(0, 1),
@@ -37,7 +37,7 @@ RULES = st.builds(
 )
 
 
-def rule(**changes: Any) -> MetricTolerance:
+def rule(**changes: Any) -> EffectiveRule:
     plain: dict[str, Any] = {
         "better": "lower",
         "rel": 0.0,
@@ -48,10 +48,10 @@ def rule(**changes: Any) -> MetricTolerance:
         "level": "gate",
         "needs_same": (),
     }
-    return MetricTolerance(**{**plain, **changes})
+    return EffectiveRule(**{**plain, **changes})
 
 
-def one_by_one(each: MetricTolerance, before: float, after: float) -> int:
+def one_by_one(each: EffectiveRule, before: float, after: float) -> int:
     """Judge one pair, as the policy's text says."""
     if abs(after - before) <= each.abs + each.rel * abs(before):
         return SAME
@@ -62,7 +62,7 @@ def one_by_one(each: MetricTolerance, before: float, after: float) -> int:
 
 
 @given(RULES, st.lists(st.tuples(REALS, REALS), min_size=1))
-def test_all_pairs_at_once(each: MetricTolerance, pairs: list[tuple[float, float]]) -> None:
+def test_all_pairs_at_once(each: EffectiveRule, pairs: list[tuple[float, float]]) -> None:
     before, after = (np.array(column) for column in zip(*pairs, strict=True))
     assert judge(each, before, after).tolist() == [one_by_one(each, *pair) for pair in pairs]
 
@@ -92,7 +92,7 @@ def test_what_is_not_there_is_never_the_same(
     pairs: list[tuple[float | None, float | None, bool]],
 ) -> None:
     before, after, exempt = (list(each) for each in zip(*pairs, strict=True))
-    found = value_gaps(column(before), column(after), np.array(exempt)).tolist()
+    found = gap_verdicts(column(before), column(after), np.array(exempt)).tolist()
     for verdict, old, new, free in zip(found, before, after, exempt, strict=True):
         given_values = [value for value in (old, new) if value is not None]
         if not all(math.isfinite(value) for value in given_values):
@@ -131,5 +131,7 @@ def test_ratios_to_zero() -> None:
 @given(st.lists(st.sampled_from(range(len(NAMES)))))
 def test_a_fold_is_the_worst_and_counts_add_up(codes: list[int]) -> None:
     verdicts = np.array(codes, dtype=np.int8)
-    assert worst_verdict(verdicts) == (NAMES[max(codes)] if codes else "same")
+    assert CheckSubject("check", "metrics", "gate").check(verdicts, "").verdict == (
+        NAMES[max(codes)] if codes else "same"
+    )
     assert sum(verdict_counts(verdicts).values()) == len(codes)

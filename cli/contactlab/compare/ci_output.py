@@ -1,4 +1,4 @@
-"""A comparison as Markdown, for a job summary or a comment."""
+"""A comparison for CI jobs: Markdown, GitHub annotations and JUnit XML."""
 
 import re
 from collections.abc import Iterator, Sequence
@@ -7,8 +7,8 @@ from xml.etree import ElementTree as ET
 from contactlab.compare.report_lines import (
     WORDS,
     ReportLine,
+    check_message,
     check_name,
-    finding,
     label_changes,
     pair_location,
     pair_values,
@@ -24,17 +24,22 @@ MOST_BYTES = 900_000
 _MOST_FIRST = 12
 _MOST_LINES = 1_000
 _SIGNS = {"failed": "❌", "skipped": "⚪", "warned": "⚠️", "noted": "ℹ️", "passed": "✅"}  # noqa: RUF001
+assert set(_SIGNS) == set(WORDS)
 _HEAD = ("| | check | found | worst | where |", "|---|---|---|---|---|")
+_MOST_ANNOTATIONS = 9
+"""A step shows ten errors and ten warnings, and silently drops the others."""
+# XML cannot represent these characters, not even escaped.
+_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def as_markdown(report: ComparisonReport) -> str:
-    """Return a comparison as Markdown of less than 0.9 MB: the verdict, then what to look at."""
+    """Return a comparison as Markdown of less than 0.9 MB, the worst first."""
     lines: list[str] = []
     left = MOST_BYTES - 1_000
     for line in _lines(report):
         left -= len(line.encode()) + 1
         if left < 0:
-            lines.append("\nThere is more; this is as much as a job summary holds.\n")
+            lines.append("\nThe rest is left out: a job summary holds no more.\n")
             break
         lines.append(line)
     return "\n".join(lines) + "\n"
@@ -51,10 +56,10 @@ def _lines(report: ComparisonReport) -> Iterator[str]:
     yield f"- runs: {_escaped(run_summary(report))}"
     if label_changes(report):
         yield f"- labels: {_escaped(', '.join(label_changes(report)))}"
-    found = report_lines(report)
-    urgent = [line for line in found if line.urgent]
+    shown = report_lines(report)
+    urgent = [line for line in shown if line.urgent]
     first = urgent[:_MOST_FIRST]
-    rest = [*urgent[_MOST_FIRST:], *(line for line in found if not line.urgent)]
+    rest = [*urgent[_MOST_FIRST:], *(line for line in shown if not line.urgent)]
     yield from _table(first)
     yield ""
     yield f"{_SIGNS['passed']} {passed_summary(report)}"
@@ -91,38 +96,33 @@ def _commands(advice: Sequence[str]) -> Iterator[str]:
 
 
 def _escaped(text: str) -> str:
-    """Return text that Markdown shows as it is, in one line of a table."""
+    """Return text that Markdown shows as it is, in one cell of a table."""
     plain = " ".join(text.split()).replace("\\", "\\\\")
     for sign in "|`*_<>[]#~$":
         plain = plain.replace(sign, f"\\{sign}")
     return plain
 
 
-assert set(_SIGNS) == set(WORDS)
-
-
-_MOST = 9
-"""A step shows ten errors and ten warnings; what is beyond is dropped without a word."""
-
-
 def as_annotations(report: ComparisonReport) -> str:
-    """Return the annotations of failed and warned checks: 9 of each, and how many more."""
+    """Return the annotations of errors and warnings: 9 of each, and how many more."""
     if report.baseline is None or report.candidate is None:
         return _annotation("error", "contactlab compare", report.headline) + "\n"
     title = f"contactlab {report.candidate.sweep}"
     urgent = [line for line in report_lines(report) if line.urgent]
     errors = [line for line in urgent if line.outcome != "warned"]
     warnings = [line for line in urgent if line.outcome == "warned"]
-    found = [*_annotations("error", title, errors), *_annotations("warning", title, warnings)]
-    return "".join(f"{line}\n" for line in found)
+    lines = [*_annotations("error", title, errors), *_annotations("warning", title, warnings)]
+    return "".join(f"{line}\n" for line in lines)
 
 
 def _annotations(command: str, title: str, lines: Sequence[ReportLine]) -> Iterator[str]:
-    for line in lines[:_MOST]:
+    for line in lines[:_MOST_ANNOTATIONS]:
         where = f" ({line.worst} at {line.where})" if line.worst else ""
-        yield _annotation(command, title, f"{line.name}: {line.found}{where}")
-    if len(lines) > _MOST:
-        yield _annotation(command, title, f"and {len(lines) - _MOST:,} more; see the summary")
+        yield _annotation(command, title, f"{line.name}: {line.message}{where}")
+    if len(lines) > _MOST_ANNOTATIONS:
+        yield _annotation(
+            command, title, f"and {len(lines) - _MOST_ANNOTATIONS:,} more; see the summary"
+        )
 
 
 def _annotation(command: str, title: str, message: str) -> str:
@@ -137,15 +137,11 @@ def _property(text: str) -> str:
     return _data(text).replace(":", "%3A").replace(",", "%2C")
 
 
-# XML has no way to write these, not even escaped.
-_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-
-
 def as_junit(report: ComparisonReport) -> str:
     """Return a comparison as JUnit XML.
 
-    Warnings and notes are passed cases that say so in `system-out`; what cannot be compared is
-    skipped, and skipping what must be comparable is an error of the case that says so.
+    Warnings and notes are passed cases with a `system-out`; what cannot be compared is a skipped
+    case.
     """
     sweep = "stores" if report.baseline is None else report.baseline.sweep
     suite = ET.Element("testsuite", name=_clean(f"contactlab compare {sweep}"))
@@ -172,15 +168,15 @@ def _case(check: Check, sweep: str, advice: Sequence[str]) -> ET.Element:
         classname=_clean(".".join(part.replace(".", "_") for part in parts)),
         time="0",
     )
-    message = _clean(f"{check.verdict}: {finding(check)}")
+    message = _clean(f"{check.verdict}: {check_message(check)}")
     if check.outcome == "failed":
         failure = ET.SubElement(case, "failure", message=message, type=check.verdict)
         failure.text = _clean("\n".join([message, *_pairs(check), *advice]))
     elif check.outcome == "skipped":
         ET.SubElement(case, "skipped", message=message)
     elif check.outcome != "passed":
-        told = "\n".join([f"{check.outcome}: {message}", *_pairs(check)])
-        ET.SubElement(case, "system-out").text = _clean(told)
+        output = "\n".join([f"{check.outcome}: {message}", *_pairs(check)])
+        ET.SubElement(case, "system-out").text = _clean(output)
     return case
 
 

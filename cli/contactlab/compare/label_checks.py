@@ -1,7 +1,8 @@
-"""Labels: which are new, of which runs, and which of these changes the policy allows."""
+"""Checks of labels: which are new in which runs, and which changes the policy allows."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,153 +19,140 @@ from contactlab.compare.verdicts import (
     WORSE,
     CheckSubject,
     Verdicts,
-    make_check,
-    skipped_check,
 )
 from contactlab.compare.wording import out_of, plural
 from contactlab.schema import AllowedTransition, Check, Transition
 
-Masks = NDArray[np.int64]
+BitSets = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
 class PairLabels:
-    """The labels of all pairs.
+    """The labels of all pairs; those of `ranks` are ordered worst first.
 
     Attributes:
-        compared: the stores.
-        before: (n,) place of the worst label in `ranks`, in the baseline.
-        after: the same in the candidate.
-        gained: (n,) bit i says that label i of `ranks` is new.
-        lost: the same of those that are gone.
-        excused: (n,) whether the policy allows the change.
-        notes: what is to be said of allowed transitions, by label.
+        paired: the stores.
+        before: (n,) index in `ranks` of the worst label in the baseline.
+        after: (n,) the same in the candidate.
+        gained: (n,) bit i is set if label i of `ranks` is new.
+        lost: (n,) bit i is set if it is gone.
+        allowed: (n,) whether the policy allows the change.
+        notes: why allowed transitions do not apply, by label.
     """
 
-    compared: PairedStores
-    before: Masks
-    after: Masks
-    gained: Masks
-    lost: Masks
-    excused: NDArray[np.bool_]
+    paired: PairedStores
+    before: NDArray[np.int64]
+    after: NDArray[np.int64]
+    gained: BitSets
+    lost: BitSets
+    allowed: NDArray[np.bool_]
     notes: dict[str, str]
 
     @classmethod
-    def of(cls, compared: PairedStores) -> "PairLabels":
-        """Return the labels of all pairs, with what the policy excuses."""
-        sides = (compared.baseline, compared.candidate)
-        before, after = (compared.labels(side) for side in sides)
-        old, new = (compared.label_sets(side) for side in sides)
-        stable = np.int64(1) << (len(compared.ranks) - 1)
-        gained, lost = new & ~old & ~stable, old & ~new & ~stable
-        excused = np.zeros(len(before), dtype=np.bool_)
+    def of(cls, paired: PairedStores) -> "PairLabels":
+        """Return the labels of all pairs, and what the policy allows of their changes."""
+        stores = (paired.baseline, paired.candidate)
+        before, after = (paired.labels(each) for each in stores)
+        old, new = (paired.label_sets(each) for each in stores)
+        stable = np.int64(1) << (len(paired.ranks) - 1)
+        allowed = np.zeros(len(before), dtype=np.bool_)
         notes: dict[str, str] = {}
-        for entry in compared.policy.labels.allow:
-            moved = _moved(compared.ranks, before, after, entry)
-            if obstacle := _obstacle(entry, int(moved.sum()), compared):
+        for entry in paired.policy.labels.allow:
+            moved = before == paired.ranks.index(entry.from_)
+            moved &= after == paired.ranks.index(entry.to)
+            if obstacle := _obstacle(entry, int(moved.sum()), paired):
                 notes[entry.to] = obstacle
             else:
-                excused |= moved
-        return cls(compared, before, after, gained, lost, excused, notes)
+                allowed |= moved
+        return cls(
+            paired, before, after, new & ~old & ~stable, old & ~new & ~stable, allowed, notes
+        )
 
-    @property
+    @cached_property
     def verdicts(self) -> Verdicts:
-        """The verdict of every pair (n,): its worst label decides, then labels beside it."""
-        level = self.before == self.after
-        worse = (self.after < self.before) | (level & (self.gained != 0))
-        better = (self.after > self.before) | (level & (self.gained == 0) & (self.lost != 0))
+        """The verdict on each pair (n,): by the worst label or, if equal, by the other labels."""
+        equal = self.before == self.after
+        worse = (self.after < self.before) | (equal & (self.gained != 0))
+        better = (self.after > self.before) | (equal & (self.gained == 0) & (self.lost != 0))
         return np.where(worse, WORSE, np.where(better, BETTER, SAME)).astype(np.int8)
 
     def transitions(self) -> tuple[Transition, ...]:
-        """Return how many runs went from which worst label to which other, most first."""
-        ranks, moved = self.compared.ranks, self.before != self.after
-        codes = self.before[moved] * len(ranks) + self.after[moved]
-        found, counts = np.unique(codes, return_counts=True)
+        """Return how many runs changed from which worst label to which, most frequent first."""
+        ranks, moved = self.paired.ranks, self.before != self.after
+        changes = np.stack([self.before[moved], self.after[moved]], axis=1)
+        found, counts = np.unique(changes, axis=0, return_counts=True)
         pairs = zip(found.tolist(), counts.tolist(), strict=True)
         return tuple(
             Transition(
-                baseline=ranks[code // len(ranks)],
-                candidate=ranks[code % len(ranks)],
+                baseline=ranks[before],
+                candidate=ranks[after],
                 runs=count,
-                verdict="worse" if code % len(ranks) < code // len(ranks) else "better",
+                verdict="worse" if after < before else "better",
             )
-            for code, count in sorted(pairs, key=lambda pair: -pair[1])
+            for (before, after), count in sorted(pairs, key=lambda pair: -pair[1])
         )
 
 
-def label_checks(outcomes: PairLabels) -> Iterator[Check]:
+def label_checks(labels: PairLabels) -> Iterator[Check]:
     """Yield for each label and group whether it is new in some runs."""
-    compared = outcomes.compared
-    rules = compared.policy.labels
-    told = list(groups(compared.baseline, compared.pairing, rules.by))
-    thresholds = difference(compared.baseline, compared.candidate, "thresholds")
-    required = "thresholds" in compared.policy.require.same
-    verdicts = outcomes.verdicts
-    for place, label in enumerate(compared.ranks[:-1]):
-        for group, member in told:
+    paired, rules = labels.paired, labels.paired.policy.labels
+    grouped = list(groups(paired.baseline, paired.pairing, rules.by))
+    thresholds = difference(paired.baseline, paired.candidate, "thresholds")
+    if "thresholds" not in paired.policy.require.same:
+        thresholds = None
+    for rank, label in enumerate(paired.ranks[:-1]):
+        for group, member in grouped:
             subject = CheckSubject(f"no new {label}", "labels", rules.level, group)
-            if thresholds and required:
-                yield skipped_check(
-                    subject, f"thresholds differ: {thresholds[0]}, now {thresholds[1]}"
-                )
+            if thresholds:
+                yield subject.skipped(f"thresholds differ: {thresholds[0]}, now {thresholds[1]}")
             else:
-                yield _check(outcomes, subject, place, np.flatnonzero(member), verdicts)
+                yield _check(labels, subject, rank, np.flatnonzero(member))
 
 
 def _check(
-    outcomes: PairLabels,
-    subject: CheckSubject,
-    place: int,
-    members: NDArray[np.intp],
-    whole: Verdicts,
+    labels: PairLabels, subject: CheckSubject, rank: int, members: NDArray[np.intp]
 ) -> Check:
-    gained = outcomes.gained[members] >> place & 1 == 1
-    lost = outcomes.lost[members] >> place & 1 == 1
-    excused, of_run = outcomes.excused[members], whole[members]
+    """Return whether label `rank` is new in some of the pairs with indices `members`."""
+    gained = labels.gained[members] >> rank & 1 == 1
+    lost = labels.lost[members] >> rank & 1 == 1
+    allowed, of_pair = labels.allowed[members], labels.verdicts[members]
     verdicts = np.full(len(members), SAME, dtype=np.int8)
-    verdicts[lost & (of_run == BETTER)] = BETTER
-    verdicts[gained & ((of_run != WORSE) | excused)] = CHANGED
-    verdicts[gained & (of_run == WORSE) & ~excused] = WORSE
-    label = outcomes.compared.ranks[place]
-    parts = list(_label_counts(verdicts, label, int((gained & excused).sum())))
-    if label in outcomes.notes and gained.any():
-        parts.append(outcomes.notes[label])
+    verdicts[lost & (of_pair == BETTER)] = BETTER
+    verdicts[gained & ((of_pair != WORSE) | allowed)] = CHANGED
+    verdicts[gained & (of_pair == WORSE) & ~allowed] = WORSE
+    ranks = labels.paired.ranks
+    parts = list(_counts(verdicts, ranks[rank], int((gained & allowed).sum())))
+    if ranks[rank] in labels.notes and gained.any():
+        parts.append(labels.notes[ranks[rank]])
     shown = members[np.flatnonzero(verdicts == verdicts.max(initial=SAME))[:MOST_SHOWN]]
     shown = shown if verdicts.any() else shown[:0]
-    ranks = outcomes.compared.ranks
-    worst = outcomes.compared.run_pairs(
+    worst = labels.paired.run_pairs(
         shown.tolist(),
-        [ranks[code] for code in outcomes.before[shown].tolist()],
-        [ranks[code] for code in outcomes.after[shown].tolist()],
+        [ranks[code] for code in labels.before[shown].tolist()],
+        [ranks[code] for code in labels.after[shown].tolist()],
     )
-    return make_check(subject, verdicts, "; ".join(parts), worst)
+    return subject.check(verdicts, "; ".join(parts), worst)
 
 
-def _label_counts(verdicts: Verdicts, label: str, excused: int) -> Iterator[str]:
+def _counts(verdicts: Verdicts, label: str, allowed: int) -> Iterator[str]:
     counts = np.bincount(verdicts, minlength=len(NAMES)).tolist()
     total = len(verdicts)
     if counts[WORSE]:
         yield f"{out_of(counts[WORSE], total)} newly {label}"
-    if excused:
-        yield f"{plural(excused)} newly {label}, as the policy allows"
-    if counts[CHANGED] > excused:
-        yield f"{plural(counts[CHANGED] - excused)} newly {label}, but better on the whole"
+    if allowed:
+        yield f"{plural(allowed)} newly {label}, as the policy allows"
+    if counts[CHANGED] > allowed:
+        yield f"{plural(counts[CHANGED] - allowed)} newly {label}, but better on the whole"
     if counts[BETTER]:
         yield f"{out_of(counts[BETTER], total)} no longer {label}"
     if not any(counts[BETTER:]):
         yield f"none in {plural(total)}"
 
 
-def _moved(
-    ranks: Sequence[str], before: Masks, after: Masks, entry: AllowedTransition
-) -> NDArray[np.bool_]:
-    return (before == ranks.index(entry.from_)) & (after == ranks.index(entry.to))
-
-
-def _obstacle(entry: AllowedTransition, runs: int, compared: PairedStores) -> str | None:
-    """Return why an allowed transition excuses nothing; None if it does."""
+def _obstacle(entry: AllowedTransition, runs: int, paired: PairedStores) -> str | None:
+    """Return why an allowed transition does not apply; None if it does."""
     arrow = f"{entry.from_} -> {entry.to}"
-    if entry.until is not None and entry.until < compared.today:
+    if entry.until is not None and entry.until < paired.today:
         return f"{arrow} was allowed until {entry.until} ({entry.reason})"
     if runs > entry.max:
         return f"{arrow} is allowed for {plural(entry.max)}, but {runs:,} do so ({entry.reason})"

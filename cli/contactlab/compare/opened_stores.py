@@ -1,12 +1,10 @@
-"""The two stores, opened and checked."""
+"""The two stores: opened, checked, and how they differ as a whole."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from contactlab.compare.verdicts import CHANGED, SAME, CheckSubject, make_check, skipped_check
+from contactlab.compare.verdicts import CHANGED, SAME, CheckSubject
 from contactlab.errors import PolicyError, StoreError
 from contactlab.schema import (
     Check,
@@ -35,16 +33,16 @@ class OpenedStore:
 
     @property
     def manifest(self) -> StoreManifest:
-        """What the store holds."""
+        """The store's manifest."""
         return self.store.manifest
 
     @property
     def columns(self) -> RunColumns:
-        """Its table."""
+        """The columns of the store's table."""
         return self.store.columns
 
-    def described(self) -> ComparedStore:
-        """Return what a report says of it."""
+    def summary(self) -> ComparedStore:
+        """Return how a report describes the store."""
         manifest, origin = self.manifest, self.manifest.provenance
         engine = manifest.sweep.engine
         return ComparedStore(
@@ -62,129 +60,145 @@ class OpenedStore:
 def open_both(
     baseline: Address, candidate: Address, *, thorough: bool
 ) -> tuple[OpenedStore, OpenedStore]:
-    """Open two stores.
+    """Open two stores and verify them.
 
     Args:
-        baseline: where what is known is stored.
-        candidate: where what is judged is stored.
+        baseline: where the store to compare with is.
+        candidate: where the store to judge is.
         thorough: whether to check every record and the bytes of every trace.
 
     Raises:
         PolicyError: both are the same store.
         StoreError: one of them is missing, damaged, empty, unfinished or of another version.
     """
-    if _are_one(baseline, candidate):
+    if _are_same(baseline, candidate):
         raise PolicyError(
-            f"{baseline} and {candidate} are the same store, which says nothing; "
-            "compare the stores of two sweeps"
+            f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
         )
     return (
-        _opened("baseline", baseline, thorough=thorough),
-        _opened("candidate", candidate, thorough=thorough),
+        _open("baseline", baseline, thorough=thorough),
+        _open("candidate", candidate, thorough=thorough),
     )
 
 
-def _are_one(one: Address, other: Address) -> bool:
+def _are_same(one: Address, other: Address) -> bool:
     if isinstance(one, Path) and isinstance(other, Path):
         return one.exists() and other.exists() and one.samefile(other)
     return one == other
 
 
-def _opened(role: str, path: Address, *, thorough: bool) -> OpenedStore:
+def _open(role: str, address: Address, *, thorough: bool) -> OpenedStore:
     try:
-        problems = verify(path, thorough=thorough)
+        problems = verify(address, thorough=thorough)
     except StoreError as error:
         raise StoreError(f"the {role} cannot be read: {error}") from error
     if problems:
-        shown = "; ".join(problems[:_MOST_PROBLEMS])
+        first = "; ".join(problems[:_MOST_PROBLEMS])
         more = len(problems) - _MOST_PROBLEMS
         rest = f"; and {more} more problems" if more > 0 else ""
         raise StoreError(
-            f"the {role} {path} is not sound: {shown}{rest} (see `contactlab verify {path}`)"
+            f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
         )
-    side = OpenedStore(role, Store.open(path))
-    if side.manifest.runs == 0:
-        raise StoreError(f"the {role} {path} is empty: it holds no runs")
-    return side
+    opened = OpenedStore(role, Store.open(address))
+    if opened.manifest.runs == 0:
+        raise StoreError(f"the {role} {address} is empty: it holds no runs")
+    return opened
 
 
 _TABLES: Mapping[str, Callable[[OpenedStore], Mapping[str, object]]] = {
-    "metric_versions": lambda side: side.manifest.sweep.metric_versions,
-    "thresholds": lambda side: side.manifest.sweep.resolved.get("thresholds", {}),
+    "metric_versions": lambda each: each.manifest.sweep.metric_versions,
+    "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
 }
-_WORDS: Mapping[str, Callable[[OpenedStore], str]] = {
-    "sweep": lambda side: side.manifest.sweep.name,
-    "scene": lambda side: side.manifest.sweep.scene,
-    "scene_hash": lambda side: side.manifest.sweep.scene_hash,
-    "engine": lambda side: side.described().engine,
-    "contactlab": lambda side: side.manifest.provenance.contactlab,
-    "python": lambda side: side.manifest.provenance.python,
-    "numpy": lambda side: side.manifest.provenance.numpy,
-    "cpu_model": lambda side: side.manifest.provenance.host.cpu_model,
-    "cpu_flags": lambda side: side.manifest.provenance.host.cpu_flags,
-    "os": lambda side: side.manifest.provenance.host.os,
+_VALUES: Mapping[str, Callable[[OpenedStore], str]] = {
+    "sweep": lambda each: each.manifest.sweep.name,
+    "scene": lambda each: each.manifest.sweep.scene,
+    "scene_hash": lambda each: each.manifest.sweep.scene_hash,
+    "engine": lambda each: each.summary().engine,
+    "contactlab": lambda each: each.manifest.provenance.contactlab,
+    "python": lambda each: each.manifest.provenance.python,
+    "numpy": lambda each: each.manifest.provenance.numpy,
+    "cpu_model": lambda each: each.manifest.provenance.host.cpu_model,
+    "cpu_flags": lambda each: each.manifest.provenance.host.cpu_flags,
+    "os": lambda each: each.manifest.provenance.host.os,
 }
-# Judged metric by metric and label by label, so that the rest stays comparable.
-PARTIAL: frozenset[Sameness] = frozenset({"metric_versions", "thresholds"})
 
 
 def difference(
     baseline: OpenedStore, candidate: OpenedStore, what: Sameness
 ) -> tuple[str, str] | None:
-    """Return how two stores differ in something, in words; None if they do not."""
-    if what in _WORDS:
-        words = _WORDS[what](baseline), _WORDS[what](candidate)
-        return words if words[0] != words[1] else None
+    """Return the two values of a property in which two stores differ; None if they do not."""
+    if what in _VALUES:
+        values = _VALUES[what](baseline), _VALUES[what](candidate)
+        return values if values[0] != values[1] else None
     before, after = _TABLES[what](baseline), _TABLES[what](candidate)
     shared = what == "metric_versions"
     names = before.keys() & after.keys() if shared else before.keys() | after.keys()
     differing = sorted(name for name in names if before.get(name) != after.get(name))
     if not differing:
         return None
-    return _listed(before, differing), _listed(after, differing)
-
-
-def is_required(what: Sameness, policy: ComparePolicy) -> bool:
-    """Tell whether stores that differ in something cannot be compared.
-
-    A changed scene is what runs are matched by axes for.
-    """
-    return what in policy.require.same and not (what == "scene_hash" and policy.match == "axes")
-
-
-def checked_properties(policy: ComparePolicy) -> tuple[Sameness, ...]:
-    """Return all that the policy wants to know of."""
-    return tuple(dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)))
+    return _format_table(before, differing), _format_table(after, differing)
 
 
 def differences(
     baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy
 ) -> Iterator[Difference]:
-    """Yield all that differs, of what the policy wants to know of."""
-    for what in checked_properties(policy):
-        if told := difference(baseline, candidate, what):
-            required = is_required(what, policy)
-            yield Difference(what=what, baseline=told[0], candidate=told[1], required=required)
+    """Yield every property that differs, of those that the policy names."""
+    for what in _named(policy):
+        if values := difference(baseline, candidate, what):
+            yield Difference(
+                what=what,
+                baseline=values[0],
+                candidate=values[1],
+                required=_is_required(what, policy),
+            )
 
 
 def sameness_checks(
     baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy
 ) -> Iterator[Check]:
-    """Yield one check for all that the policy wants to know of."""
-    found = {each.what: each for each in differences(baseline, candidate, policy)}
-    for what in checked_properties(policy):
-        required = is_required(what, policy)
-        level = "gate" if required and what not in PARTIAL else "warn"
+    """Yield one check for each property that the policy names."""
+    for what in _named(policy):
+        # Metrics and labels are checked one by one: those that have not changed stay comparable.
+        is_gate = _is_required(what, policy) and what not in _TABLES
+        level = "gate" if is_gate else "warn"
         subject = CheckSubject(f"same {what}", "evidence", level, two_sided=True)
-        if what not in found:
-            yield make_check(subject, np.full(1, SAME, dtype=np.int8), "the same", runs=0)
-            continue
-        told = f"{found[what].baseline}, now {found[what].candidate}"
-        if level == "gate":
-            yield skipped_check(subject, f"must be the same, but is {told}")
+        values = difference(baseline, candidate, what)
+        if values is None:
+            yield subject.single(SAME, "the same")
+        elif is_gate:
+            yield subject.skipped(f"must be the same, but is {values[0]}, now {values[1]}")
         else:
-            yield make_check(subject, np.full(1, CHANGED, dtype=np.int8), told, runs=0)
+            yield subject.single(CHANGED, f"{values[0]}, now {values[1]}")
 
 
-def _listed(table: Mapping[str, object], names: list[str]) -> str:
+def _named(policy: ComparePolicy) -> tuple[Sameness, ...]:
+    return tuple(dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)))
+
+
+def _is_required(what: Sameness, policy: ComparePolicy) -> bool:
+    # A changed scene is what runs are matched by axes for.
+    return what in policy.require.same and not (what == "scene_hash" and policy.match == "axes")
+
+
+def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Check]:
+    """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
+    before, after = baseline.manifest, candidate.manifest
+    copy = CheckSubject("candidate is no copy", "evidence", "warn", two_sided=True)
+    newer = CheckSubject("candidate is newer", "evidence", "warn", two_sided=True)
+    times = (before.started, before.finished) == (after.started, after.finished)
+    if times and before.sweep == after.sweep:
+        yield copy.single(
+            CHANGED, "both were written at the same instant: the sweep did not run again"
+        )
+    else:
+        yield copy.single(SAME, "written by a sweep of its own")
+    if after.finished < before.finished:
+        yield newer.single(
+            CHANGED, f"finished {after.finished[:19]}, before the baseline: are they swapped?"
+        )
+    else:
+        yield newer.single(SAME, "finished after the baseline")
+
+
+def _format_table(table: Mapping[str, object], names: list[str]) -> str:
     return ", ".join(f"{name} {table.get(name, 'by default')}" for name in names)

@@ -1,4 +1,4 @@
-"""What is compared: both stores, the pairs of their runs, and the policy."""
+"""The two stores, pair by pair: columns, labels and descriptions of the paired runs."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,14 +18,14 @@ Value = float | str | None
 
 @dataclass(frozen=True)
 class PairedStores:
-    """Two stores and how their runs belong together.
+    """Two stores and the pairs of their runs.
 
     Attributes:
-        baseline: what is known.
-        candidate: what is judged.
-        pairing: the pairs of runs.
-        policy: what is worse.
-        today: the day that expiry dates are held against.
+        baseline: the store to compare with.
+        candidate: the store to judge.
+        pairing: the n pairs of runs.
+        policy: the rules of the comparison.
+        today: the day by which exceptions of the policy expire.
     """
 
     baseline: OpenedStore
@@ -34,69 +34,68 @@ class PairedStores:
     policy: ComparePolicy
     today: date
 
-    def without(self, apart: NDArray[np.bool_]) -> "PairedStores":
+    def without(self, excluded: NDArray[np.bool_]) -> "PairedStores":
         """Return the same without some of the pairs (n,)."""
-        return replace(self, pairing=self.pairing.where(~apart)) if apart.any() else self
+        if not excluded.any():
+            return self
+        return replace(self, pairing=self.pairing.where(~excluded))
 
     def numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
-        """Return a column of both stores, pair by pair; empty where a store has no such column."""
-        baseline, candidate = (
-            self._numbers(self.baseline, name),
-            self._numbers(self.candidate, name),
-        )
-        return baseline, candidate
+        """Return a column of both stores, (n,) each; empty where a store has no such column."""
+        return self._numbers(self.baseline, name), self._numbers(self.candidate, name)
 
-    def _numbers(self, side: OpenedStore, name: str) -> NumberColumn:
-        rows = self._rows(side)
-        if name in side.columns.schema.names:
-            return _taken(side.columns.numbers(name), rows)
-        return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
+    def _numbers(self, store: OpenedStore, name: str) -> NumberColumn:
+        rows = self._rows(store)
+        if name not in store.columns.schema.names:
+            return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
+        column = store.columns.numbers(name)
+        if len(rows) == len(column.values) and (rows == np.arange(len(rows))).all():
+            return column
+        return column.at(rows)
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":
-        """All labels, worst first: the policy's order, or the one that the stores tell.
+        """All labels, worst first: in the order of the policy, or else of the stores.
 
-        Labels that the order does not name are taken for the worst.
+        Labels that this order does not name count as the worst.
         """
-        sides = (self.candidate, self.baseline)
-        told = [str(name) for side in sides for name in side.columns.shared.get("severity", ())]
-        known = self.policy.labels.severity or tuple(dict.fromkeys(told))
-        named = [name for side in sides for name in side.manifest.labels]
-        strange = sorted(set(named) - set(known) - {"stable"})
-        order = dict.fromkeys((*strange, *known))
+        stores = (self.candidate, self.baseline)
+        stored = [str(name) for each in stores for name in each.columns.shared.get("severity", ())]
+        known = self.policy.labels.severity or tuple(dict.fromkeys(stored))
+        used = {name for each in stores for name in each.manifest.labels}
+        order = dict.fromkeys((*sorted(used - set(known) - {"stable"}), *known))
         order.pop("stable", None)
         return (*order, "stable")
 
-    def labels(self, side: OpenedStore) -> NDArray[np.int64]:
-        """Return each pair's worst label on one side, as its place in `ranks`."""
-        codes, words = side.columns.strings("label")
-        places = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
-        return places[codes[self._rows(side)]]
+    def labels(self, store: OpenedStore) -> NDArray[np.int64]:
+        """Return (n,) the worst label of each pair's run in one store, as its index in `ranks`."""
+        codes, words = store.columns.strings("label")
+        indices = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
+        return indices[codes[self._rows(store)]]
 
-    def label_sets(self, side: OpenedStore) -> NDArray[np.int64]:
-        """Return each pair's labels on one side: bit i says that label i of `ranks` applies."""
-        masks, words = side.columns.string_sets("labels")
-        rows = self._rows(side)
-        translated = np.int64(1) << self.labels(side)
+    def label_sets(self, store: OpenedStore) -> NDArray[np.int64]:
+        """Return (n,) all labels of each pair's run in one store: bit i is label i of `ranks`."""
+        masks, words = store.columns.string_sets("labels")
+        rows = self._rows(store)
+        sets = np.int64(1) << self.labels(store)
         for bit, word in enumerate(words):
-            has = masks[rows] >> bit & 1
-            translated |= has << self.ranks.index(word)
-        return translated
+            sets |= (masks[rows] >> bit & 1) << self.ranks.index(word)
+        return sets
 
     @cached_property
-    def unasked(self) -> NDArray[np.bool_]:
-        """Pairs (n,) of which one run only was looked at in a second pass, as both sweeps say."""
-        sweeps = (side.manifest.sweep.resolved for side in (self.baseline, self.candidate))
+    def half_checked(self) -> NDArray[np.bool_]:
+        """Pairs (n,) of which both sweeps checked one run only in their second pass."""
+        sweeps = (each.manifest.sweep.resolved for each in (self.baseline, self.candidate))
         if any(sweep.get("checks") != "flagged" for sweep in sweeps):
             return np.zeros(len(self.pairing.baseline), dtype=np.bool_)
         stable = len(self.ranks) - 1
         return (self.labels(self.baseline) == stable) != (self.labels(self.candidate) == stable)
 
     def run_pairs(
-        self, places: Sequence[int], baseline: Sequence[Value], candidate: Sequence[Value]
+        self, indices: Sequence[int], baseline: Sequence[Value], candidate: Sequence[Value]
     ) -> list[RunPair]:
-        """Return the pairs at some places with what was found of them."""
-        rows = np.asarray(places, dtype=np.intp)
+        """Return some of the pairs, by index, with a value of each of their runs."""
+        rows = np.asarray(indices, dtype=np.intp)
         old = self.baseline.columns.identify(self.pairing.baseline[rows].tolist())
         new = self.candidate.columns.identify(self.pairing.candidate[rows].tolist())
         return [
@@ -110,33 +109,24 @@ class PairedStores:
             for one, other, before, after in zip(old, new, baseline, candidate, strict=True)
         ]
 
-    def _rows(self, side: OpenedStore) -> NDArray[np.intp]:
-        return self.pairing.baseline if side is self.baseline else self.pairing.candidate
+    def _rows(self, store: OpenedStore) -> NDArray[np.intp]:
+        return self.pairing.baseline if store is self.baseline else self.pairing.candidate
 
 
-def unpaired_runs(side: OpenedStore, rows: Sequence[int]) -> list[RunPair]:
-    """Return runs that have no partner."""
-    found = side.columns.identify(rows)
-    is_old = side.role == "baseline"
+def unpaired_runs(store: OpenedStore, rows: Sequence[int]) -> list[RunPair]:
+    """Return some runs of one store that have no partner in the other."""
+    role = "baseline_run" if store.role == "baseline" else "candidate_run"
+    none = RunPair(baseline_run=None, candidate_run=None, axes={}, baseline=None, candidate=None)
     return [
-        RunPair(
-            baseline_run=str(each["run_id"]) if is_old else None,
-            candidate_run=None if is_old else str(each["run_id"]),
-            axes=_axes(each),
-            baseline=None,
-            candidate=None,
-        )
-        for each in found
+        none.model_copy(update={role: str(each["run_id"]), "axes": _axes(each)})
+        for each in store.columns.identify(rows)
     ]
 
 
-def _axes(found: dict[str, Setting]) -> dict[str, Setting]:
-    """Return axis values, and the seed where it is not the first."""
-    own = {name: value for name, value in found.items() if name != "run_id"}
-    return {name: value for name, value in own.items() if (name, value) != ("seed", 0)}
-
-
-def _taken(column: NumberColumn, rows: NDArray[np.intp]) -> NumberColumn:
-    if len(rows) == len(column.values) and (rows == np.arange(len(rows))).all():
-        return column
-    return column.at(rows)
+def _axes(identity: dict[str, Setting]) -> dict[str, Setting]:
+    """Return the axis values of a run, and its seed unless that is 0."""
+    return {
+        name: value
+        for name, value in identity.items()
+        if name != "run_id" and (name, value) != ("seed", 0)
+    }

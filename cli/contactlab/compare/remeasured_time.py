@@ -1,4 +1,4 @@
-"""Times measured anew, both stores' runs in turns: the only times that may gate."""
+"""Times measured again, both stores' runs interleaved: the only times that may gate."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -10,15 +10,15 @@ from typing import Protocol
 import numpy as np
 
 from contactlab.compare.paired_stores import PairedStores
-from contactlab.compare.policies import REMEASURED, tolerance_of
-from contactlab.compare.verdicts import BETTER, SAME, WORSE, CheckSubject, make_check, skipped_check
+from contactlab.compare.policies import REMEASURED, effective_rule
+from contactlab.compare.verdicts import BETTER, SAME, WORSE, CheckSubject
 from contactlab.compare.wording import format_percent, plural
 from contactlab.schema import Check, RunPair
 from contactlab.store import MeasuredColumn
 
 _CONFIDENCE = 0.95
-_LEAST = 0.05
-"""CPU time that a run is timed for at least, each time [s]."""
+_LEAST_TIME = 0.05
+"""CPU time that each timing of a run takes at least [s]."""
 _MOST_REPEATS = 200
 
 
@@ -31,7 +31,7 @@ class RunTimer(Protocol):
         ...
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
-        """Return the CPU time of all steps that were made of a run, and of one of them [s]."""
+        """Return the CPU time of the steps that were taken of a run, and of one of them [s]."""
         ...
 
 
@@ -54,48 +54,47 @@ class Remeasure:
     candidate: StartTimer
 
 
-def remeasured_check(compared: PairedStores, request: Remeasure) -> Check:
-    """Return whether the candidate's runs take longer, timed in turns on this machine.
+def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
+    """Return whether the candidate's runs take longer, timed again on this machine, interleaved.
 
-    The median ratio over the pairs has an interval; only if all of it is beyond the tolerance is
-    the candidate slower, or faster.
+    The candidate is slower, or faster, only if the whole confidence interval of the median ratio
+    is beyond the tolerance.
 
     Raises:
         StoreError: a run cannot be timed.
         PolicyError: an interpreter cannot time runs.
     """
-    rule = tolerance_of(
-        MeasuredColumn(REMEASURED, "1", "lower", 0.0, second_pass=False), compared.policy
-    )
+    metric = MeasuredColumn(REMEASURED, "1", "lower", 0.0, second_pass=False)
+    rule = effective_rule(metric, paired.policy)
     subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
-    places = _sample(compared, request.runs)
-    if not places:
-        return skipped_check(subject, "no pair of runs went through in both stores")
-    pairs = compared.run_pairs(places, [None] * len(places), [None] * len(places))
-    old, new = compared.baseline.store.path, compared.candidate.store.path
+    sample = _sample(paired, request.runs)
+    if not sample:
+        return subject.skipped("no pair of runs went through in both stores")
+    pairs = paired.run_pairs(sample, [None] * len(sample), [None] * len(sample))
+    old, new = paired.baseline.store.path, paired.candidate.store.path
     with request.baseline(old) as before, request.candidate(new) as after:
-        found = [_timed(before, after, pair) for pair in pairs]
+        times = [_time_pair(before, after, pair) for pair in pairs]
         engines = f"{before.engine}, now {after.engine}"
-    ratios = [taken[1] / taken[0] for taken in found]
+    ratios = [now / then for then, now in times]
     low, high = median_interval(ratios)
     code = WORSE if low > 1 + rule.rel else BETTER if high < 1 - rule.rel else SAME
-    text = (
+    message = (
         f"median ratio {np.median(ratios):.3f}, {format_percent(_CONFIDENCE)} interval "
         f"{low:.3f} to {high:.3f} over {plural(len(ratios))} "
         f"(within {format_percent(rule.rel)}; {engines})"
     )
-    worst = max(zip(ratios, pairs, found, strict=True), key=lambda each: each[0])
-    shown = worst[1].model_copy(update={"baseline": worst[2][0], "candidate": worst[2][1]})
-    verdict = np.full(1, code, dtype=np.int8)
-    return make_check(subject, verdict, text, [shown] if code != SAME else [], runs=len(ratios))
+    worst = int(np.argmax(ratios))
+    then, now = times[worst]
+    shown = pairs[worst].model_copy(update={"baseline": then, "candidate": now})
+    return subject.single(code, message, [shown] if code != SAME else [], runs=len(ratios))
 
 
 def median_interval(values: Sequence[float]) -> tuple[float, float]:
-    """Return an interval that holds the median of what the values are drawn from.
+    """Return a 95 % confidence interval of the median of the distribution of independent values.
 
-    It lies between two of the sorted values, the k-th from each end, with the largest k such that
-    fewer than k of n fair coins show heads with a chance of at most 2.5 %. That needs no more than
-    that the values are independent; with five or fewer, it is their range, and holds less.
+    Its ends are the k-th sorted value from each end, with the largest k such that fewer than k of n
+    fair coins show heads with a probability of at most 2.5 %. With five values or fewer it is their
+    range, which covers less than 95 %.
     """
     ordered, n = sorted(values), len(values)
     chance, k = 0.0, 0
@@ -105,28 +104,26 @@ def median_interval(values: Sequence[float]) -> tuple[float, float]:
     return ordered[k - 1], ordered[n - k]
 
 
-def _timed(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:
-    """Return both sides' CPU time of a step [s]: the lesser of two, taken in turns ABBA."""
+def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float, float]:
+    """Return the CPU time of a step of both runs [s]: the smaller of two, timed in order ABBA."""
     assert pair.baseline_run is not None
     assert pair.candidate_run is not None
     least = min(before.time(pair.baseline_run, 1)[0], after.time(pair.candidate_run, 1)[0])
-    repeats = min(_MOST_REPEATS, max(1, math.ceil(_LEAST / max(least, 1e-9))))
+    repeats = min(_MOST_REPEATS, max(1, math.ceil(_LEAST_TIME / max(least, 1e-9))))
     first = before.time(pair.baseline_run, repeats)[1]
     others = [after.time(pair.candidate_run, repeats)[1] for _ in range(2)]
     last = before.time(pair.baseline_run, repeats)[1]
     return min(first, last), min(others)
 
 
-def _sample(compared: PairedStores, runs: int) -> list[int]:
-    """Return places of pairs of which both runs went through, spread evenly."""
-    sides = (compared.baseline, compared.candidate)
-    rows = (compared.pairing.baseline, compared.pairing.candidate)
-    through = np.ones(len(rows[0]), dtype=np.bool_)
-    for side, of_side in zip(sides, rows, strict=True):
+def _sample(paired: PairedStores, runs: int) -> list[int]:
+    """Return indices of pairs whose runs both went through, spread evenly."""
+    through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
+    rows = (paired.pairing.baseline, paired.pairing.candidate)
+    for store, own in zip((paired.baseline, paired.candidate), rows, strict=True):
         for column, wanted in (("status", "ok"), ("engine_name", "mujoco")):
-            codes, words = side.columns.strings(column)
-            fine = np.array([word == wanted for word in words] + [False])
-            through &= fine[codes[of_side]]
+            codes, words = store.columns.strings(column)
+            through &= np.array([*(word == wanted for word in words), False])[codes[own]]
     good = np.flatnonzero(through)
     count = min(runs, len(good))
     return good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()

@@ -1,4 +1,4 @@
-"""What a comparison has to tell, the worst first, in short words for any kind of output."""
+"""The lines of a comparison, worst first, for any kind of output; and its plain text."""
 
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
@@ -14,30 +14,32 @@ WORDS: dict[CheckOutcome, str] = {
     "noted": "note",
     "passed": "ok",
 }
+_MOST_LINES = 25
+_WIDEST = 60
 
 
 class ReportLine(NamedTuple):
-    """One thing that is told.
+    """One line of a comparison.
 
     Attributes:
         outcome: what it means for the job.
-        name: of the check, with its group.
-        found: what was found.
-        worst: what was found of the worst pair, or empty.
+        name: the check's name with its group, or how many checks.
+        message: the result in words.
+        worst: values of the worst pair, or empty.
         where: its axis values and run, or empty.
-        urgent: whether the job fails by it, or it is a warning.
+        urgent: whether it is an error or a warning.
     """
 
     outcome: CheckOutcome
     name: str
-    found: str
+    message: str
     worst: str
     where: str
     urgent: bool = False
 
 
 def report_lines(report: ComparisonReport) -> list[ReportLine]:
-    """Return all that is to be told; checks that passed are not, but for what was asked for."""
+    """Return the lines of all checks that did not pass, and of times that were measured again."""
     checks = [
         check
         for check in report.checks
@@ -54,13 +56,13 @@ def check_name(check: Check) -> str:
     return f"{check.name} ({check.group})" if check.group else check.name
 
 
-def finding(check: Check) -> str:
-    """Return what a check found, and why that is accepted."""
+def check_message(check: Check) -> str:
+    """Return the message of a check, and why it is accepted."""
     return f"{check.message}; accepted: {check.accepted}" if check.accepted else check.message
 
 
 def pair_values(check: Check, pair: RunPair) -> str:
-    """Return what was found of a pair: `stable -> tunneling`, or numbers and their ratio."""
+    """Return the values of a pair: `stable -> tunneling`, or numbers and their ratio."""
     before, after = pair.baseline, pair.candidate
     if before is None and after is None:
         return ""
@@ -70,20 +72,20 @@ def pair_values(check: Check, pair: RunPair) -> str:
 
 
 def pair_location(pair: RunPair) -> str:
-    """Return the axis values of a pair, and the start of its id."""
+    """Return the axis values of a pair and the first digits of its run id."""
     run = (pair.candidate_run or pair.baseline_run or "")[:8]
     return f"{format_settings(pair.axes)} [{run}]".lstrip()
 
 
 def passed_summary(report: ComparisonReport) -> str:
-    """Return how many checks of which kind passed."""
-    fine = [check.kind for check in report.checks if check.outcome == "passed"]
-    kinds = ", ".join(f"{kind} {fine.count(kind)}" for kind in dict.fromkeys(fine))
-    return f"{plural(len(fine), 'check')} passed{f' ({kinds})' if kinds else ''}"
+    """Return how many checks of each kind passed."""
+    kinds = [check.kind for check in report.checks if check.outcome == "passed"]
+    counts = ", ".join(f"{kind} {kinds.count(kind)}" for kind in dict.fromkeys(kinds))
+    return f"{plural(len(kinds), 'check')} passed{f' ({counts})' if counts else ''}"
 
 
 def run_summary(report: ComparisonReport) -> str:
-    """Return how many runs there are, and what became of them."""
+    """Return how many runs are paired, equal, missing, new and on a knife edge."""
     pairs = report.pairs
     parts = [f"{pairs.paired:,} paired by {report.match}"]
     equal = "all" if pairs.bitwise_equal == pairs.paired else f"{pairs.bitwise_equal:,}"
@@ -97,14 +99,14 @@ def run_summary(report: ComparisonReport) -> str:
 
 
 def label_changes(report: ComparisonReport) -> list[str]:
-    """Return how many runs went from which worst label to which."""
+    """Return how many runs changed from which worst label to which."""
     return [
         f"{each.baseline} -> {each.candidate}: {plural(each.runs)}" for each in report.transitions
     ]
 
 
 def store_summary(store: ComparedStore) -> str:
-    """Return what a store is, in one line."""
+    """Return a store's sweep, size, versions and date in one line."""
     revision = f", {store.git_revision[:12]}" if store.git_revision else ""
     return (
         f"{store.store}: {store.sweep}, {plural(store.runs)}, {store.engine}, "
@@ -117,7 +119,7 @@ def _line(check: Check) -> ReportLine:
     return ReportLine(
         check.outcome,
         check_name(check),
-        finding(check),
+        check_message(check),
         pair_values(check, pair) if pair else "",
         pair_location(pair) if pair else "",
         check.outcome in {"failed", "warned"},
@@ -125,17 +127,17 @@ def _line(check: Check) -> ReportLine:
 
 
 def _skipped(checks: Sequence[Check]) -> list[ReportLine]:
-    """Return checks that could not be made, those of one reason and level in one line."""
+    """Return one line for all skipped checks of one reason and level."""
     reasons: dict[tuple[str, str], list[Check]] = {}
     for check in checks:
         reasons.setdefault((check.level, check.message), []).append(check)
     return [
-        ReportLine("skipped", *_named(of_it), level == "gate")
-        for (level, _), of_it in reasons.items()
+        ReportLine("skipped", *_together(same), level == "gate")
+        for (level, _), same in reasons.items()
     ]
 
 
-def _named(checks: Sequence[Check]) -> tuple[str, str, str, str]:
+def _together(checks: Sequence[Check]) -> tuple[str, str, str, str]:
     reason = checks[0].message
     if len(checks) == 1:
         return check_name(checks[0]), reason, "", ""
@@ -150,12 +152,8 @@ def _value(value: float | str | None) -> str:
     return value if isinstance(value, str) else format_number(value)
 
 
-_MOST_LINES = 25
-_WIDEST = 60
-
-
 def as_text(report: ComparisonReport) -> str:
-    """Return a comparison as lines of plain text, the worst first."""
+    """Return a comparison as plain text, the worst first."""
     return "\n".join(line.rstrip() for line in _lines(report)) + "\n"
 
 
@@ -180,15 +178,15 @@ def _lines(report: ComparisonReport) -> Iterator[str]:
 def _table(lines: Sequence[ReportLine]) -> Iterator[str]:
     shown: list[ReportLine] = []
     for outcome, word in WORDS.items():
-        of_it = [line for line in lines if line.outcome == outcome]
-        shown += of_it[:_MOST_LINES]
-        if len(of_it) > _MOST_LINES:
-            more = f"and {len(of_it) - _MOST_LINES:,} more ({word})"
+        same = [line for line in lines if line.outcome == outcome]
+        shown += same[:_MOST_LINES]
+        if len(same) > _MOST_LINES:
+            more = f"and {len(same) - _MOST_LINES:,} more ({word})"
             shown.append(ReportLine(outcome, more, "", "", ""))
-    names, found, worst = (
+    names, messages, worst = (
         min(max((len(str(line[column])) for line in shown), default=0), _WIDEST)
         for column in (1, 2, 3)
     )
     for line in shown:
-        start = f"{WORDS[line.outcome]:4}  {line.name:{names}}  {line.found:{found}}"
+        start = f"{WORDS[line.outcome]:4}  {line.name:{names}}  {line.message:{messages}}"
         yield f"{start}  {line.worst:{worst}}  {line.where}"

@@ -1,4 +1,4 @@
-"""Runs as such: which are missing or new, which are set apart, what was expected of them."""
+"""Checks of runs as a whole: missing, new, knife-edge, expectations, the recommendation."""
 
 from collections.abc import Iterator
 
@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from contactlab.compare.opened_stores import OpenedStore
 from contactlab.compare.paired_stores import PairedStores, unpaired_runs
 from contactlab.compare.verdicts import (
     BETTER,
@@ -16,155 +15,124 @@ from contactlab.compare.verdicts import (
     SAME,
     WORSE,
     CheckSubject,
-    make_check,
 )
 from contactlab.compare.wording import format_percent, format_settings, out_of, plural
 from contactlab.errors import ContactlabError
-from contactlab.schema import Check, Configuration, TradeoffReport
+from contactlab.schema import Check, TradeoffReport
 from contactlab.store import Store
 from contactlab.tradeoff import analyse
 
-Flags = NDArray[np.bool_]
+Mask = NDArray[np.bool_]
+
+_FASTER = 0.15
+"""Stored times of two sessions on one machine differ by up to this fraction for no reason."""
 
 
-def run_checks(compared: PairedStores) -> Iterator[Check]:
-    """Yield whether both stores have the same runs."""
-    yield _partners(compared)
-    yield _strangers(compared)
-
-
-def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Check]:
-    """Yield whether the stores are two, in the right order; these only warn."""
-    before, after = baseline.manifest, candidate.manifest
-    copy = (before.started, before.finished, before.sweep) == (
-        after.started,
-        after.finished,
-        after.sweep,
-    )
-    text = "both were written at the same instant: the sweep did not run again"
-    yield _warning("candidate is no copy", text if copy else "written by a sweep of its own", copy)
-    older = after.finished < before.finished
-    text = f"finished {after.finished[:19]}, before the baseline: are they swapped?"
-    yield _warning("candidate is newer", text if older else "finished after the baseline", older)
-
-
-def bitwise_equal(compared: PairedStores) -> Flags:
-    """Return which pairs (n,) have equal trajectories, bit for bit."""
-    before = compared.baseline.columns.byte_strings("trajectory_hash")[compared.pairing.baseline]
-    after = compared.candidate.columns.byte_strings("trajectory_hash")[compared.pairing.candidate]
+def bitwise_equal(paired: PairedStores) -> Mask:
+    """Return the pairs (n,) whose trajectories are bitwise equal."""
+    before = paired.baseline.columns.byte_strings("trajectory_hash")[paired.pairing.baseline]
+    after = paired.candidate.columns.byte_strings("trajectory_hash")[paired.pairing.candidate]
     return (before == after) & (before != b"")
 
 
-def knife_edge(compared: PairedStores) -> Flags:
-    """Return which pairs (n,) have a run whose label a start 1e-6 away would change."""
-    before, after = compared.numbers("knife_edge")
+def knife_edge(paired: PairedStores) -> Mask:
+    """Return the pairs (n,) with a run whose label changes if it starts 1e-6 away."""
+    before, after = paired.numbers("knife_edge")
     return (before.values == 1) | (after.values == 1)
 
 
-def knife_edge_check(compared: PairedStores, flags: Flags) -> Check:
-    """Return whether there are not too many knife-edge runs to set apart."""
-    rules = compared.policy.knife_edge
+def missing_runs_check(paired: PairedStores) -> Check:
+    """Return whether every run of the baseline is in the candidate."""
+    missing = paired.pairing.missing
+    total = len(paired.pairing.baseline) + len(missing)
+    verdicts = np.where(np.arange(total) < len(missing), MISSING, SAME).astype(np.int8)
+    subject = CheckSubject("no missing runs", "runs", paired.policy.missing_runs)
+    if not len(missing):
+        return subject.check(verdicts, f"all {total:,} are there")
+    worst = unpaired_runs(paired.baseline, missing[:MOST_SHOWN].tolist())
+    return subject.check(verdicts, f"{out_of(len(missing), total)} not in the candidate", worst)
+
+
+def new_runs_check(paired: PairedStores) -> Check:
+    """Return whether every run of the candidate is in the baseline."""
+    new = paired.pairing.new
+    subject = CheckSubject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
+    verdicts = np.full(len(new), CHANGED, dtype=np.int8)
+    worst = unpaired_runs(paired.candidate, new[:MOST_SHOWN].tolist())
+    message = f"{plural(len(new))} not in the baseline" if len(new) else "none"
+    return subject.check(verdicts, message, worst)
+
+
+def knife_edge_check(paired: PairedStores) -> Check:
+    """Return whether few enough runs are on a knife edge."""
+    rules = paired.policy.knife_edge
     subject = CheckSubject("few knife-edge runs", "runs", rules.level)
-    before, after = (int((side.values == 1).sum()) for side in compared.numbers("knife_edge"))
-    total = len(flags)
+    columns = paired.numbers("knife_edge")
+    before, after = (int((each.values == 1).sum()) for each in columns)
+    flagged = knife_edge(paired)
+    total, excluded = len(flagged), int(flagged.sum()) if rules.exclude else 0
     too_many = after > max(rules.max_share * total, before)
-    verdict = np.full(1, WORSE if too_many else SAME, dtype=np.int8)
-    asked = any(side.valid.any() for side in compared.numbers("knife_edge"))
-    allowed = format_percent(rules.max_share)
-    text = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
-    apart = f"; {plural(int(flags.sum()))} set apart" if rules.exclude and flags.any() else ""
-    return make_check(subject, verdict, text + apart if asked else "not looked for", runs=total)
+    message = "not looked for"
+    if any(each.valid.any() for each in columns):
+        allowed = format_percent(rules.max_share)
+        message = f"{out_of(after, total)}, {before:,} in the baseline ({allowed} may be)"
+        message += f"; {plural(excluded)} set apart" if excluded else ""
+    return subject.single(WORSE if too_many else SAME, message, runs=total)
 
 
-def expectation_checks(compared: PairedStores) -> Iterator[Check]:
-    """Yield whether runs are still as expected, and still within the sweep's tolerances."""
+def expectation_checks(paired: PairedStores) -> Iterator[Check]:
+    """Yield whether runs still meet the expectations, and the tolerances, of the sweep."""
     for column, name in (("expectation_met", "expectations"), ("tolerances_met", "tolerances")):
-        before, after = compared.numbers(column)
+        before, after = paired.numbers(column)
         verdicts = np.full(len(before.values), SAME, dtype=np.int8)
         verdicts[(before.values == 1) & (after.values == 0)] = WORSE
         verdicts[(before.values == 0) & (after.values == 1)] = BETTER
         verdicts[(before.values == 1) & ~after.valid] = MISSING
         verdicts[~before.valid & (after.values == 0)] = CHANGED
         judged = before.valid | after.valid
-        met = f"{out_of(int((after.values == 1).sum()), int(judged.sum()))} within {name}"
-        text = met if judged.any() else f"the sweep has no {name}"
+        message = f"{out_of(int((after.values == 1).sum()), int(judged.sum()))} within {name}"
+        message = message if judged.any() else f"the sweep has no {name}"
         shown = np.flatnonzero(verdicts == WORSE)[:MOST_SHOWN].tolist()
-        worst = compared.run_pairs(shown, ["met"] * len(shown), ["not met"] * len(shown))
-        subject = CheckSubject(f"{name} still met", "labels", compared.policy.expectations)
-        yield make_check(subject, verdicts[judged], text, worst)
+        worst = paired.run_pairs(shown, ["met"] * len(shown), ["not met"] * len(shown))
+        subject = CheckSubject(f"{name} still met", "labels", paired.policy.expectations)
+        yield subject.check(verdicts[judged], message, worst)
 
 
-def _partners(compared: PairedStores) -> Check:
-    pairing = compared.pairing
-    total = len(pairing.baseline) + len(pairing.missing)
-    verdicts = np.zeros(total, dtype=np.int8)
-    verdicts[: len(pairing.missing)] = MISSING
-    subject = CheckSubject("no missing runs", "runs", compared.policy.missing_runs)
-    text = f"{out_of(len(pairing.missing), total)} not in the candidate"
-    shown = unpaired_runs(compared.baseline, pairing.missing[:MOST_SHOWN].tolist())
-    return make_check(subject, verdicts, text if shown else f"all {total:,} are there", shown)
+def recommendation_check(paired: PairedStores) -> Check:
+    """Return whether what `contactlab tradeoff` recommends for the baseline still holds.
 
-
-def _strangers(compared: PairedStores) -> Check:
-    new = compared.pairing.new
-    subject = CheckSubject("no new runs", "runs", compared.policy.new_runs, two_sided=True)
-    verdicts = np.full(len(new), CHANGED, dtype=np.int8)
-    shown = unpaired_runs(compared.candidate, new[:MOST_SHOWN].tolist())
-    text = f"{plural(len(new))} not in the baseline" if shown else "none"
-    return make_check(subject, verdicts, text, shown)
-
-
-def _warning(name: str, text: str, wrong: bool) -> Check:
-    verdict = np.full(1, CHANGED if wrong else SAME, dtype=np.int8)
-    return make_check(CheckSubject(name, "evidence", "warn", two_sided=True), verdict, text, runs=0)
-
-
-_FASTER = 0.15
-"""Below this share stored times, of two sessions of one machine, cannot be told apart."""
-
-
-def recommendation_check(compared: PairedStores) -> Check:
-    """Return whether what `contactlab tradeoff` recommends by the baseline still holds.
-
-    It does as long as it is feasible in the candidate and nothing feasible is clearly cheaper
-    there; both by the candidate's own times.
+    It holds while it is feasible in the candidate and no feasible configuration is clearly faster,
+    both by the candidate's own times.
     """
-    subject = CheckSubject(
-        "same recommendation",
-        "recommendation",
-        compared.policy.recommendation.changed,
-        two_sided=True,
-    )
-    before, after = (_weighed(side.store) for side in (compared.baseline, compared.candidate))
-    code, text = _verdict(before, after)
-    return make_check(subject, np.full(1, code, dtype=np.int8), text, runs=0)
+    level = paired.policy.recommendation.changed
+    subject = CheckSubject("same recommendation", "recommendation", level, two_sided=True)
+    baseline, candidate = paired.baseline.store, paired.candidate.store
+    return subject.single(*_recommendation(_analysis(baseline), _analysis(candidate)))
 
 
-def _verdict(before: TradeoffReport | None, after: TradeoffReport | None) -> tuple[int, str]:
-    if before is None or after is None or before.recommendation is None:
-        if after is None or after.recommendation is None:
-            return SAME, "neither store recommends a configuration"
-        return BETTER, f"now recommends {format_settings(after.recommendation.configuration)}"
-    told = format_settings(before.recommendation.configuration) or "the only configuration"
-    if after.recommendation is None:
-        return WORSE, f"{told} is not feasible any more, and nothing else is"
-    now = format_settings(after.recommendation.configuration)
-    found = _of(after, before.recommendation.configuration)
-    if found is None or not found.feasible or found.time is None:
-        return WORSE, f"{told} is not feasible any more; now recommends {now}"
-    spared = 1 - after.recommendation.time / found.time
-    if spared > _FASTER:
-        return CHANGED, f"{now} takes {format_percent(spared)} less time than {told}"
-    return SAME, told
-
-
-def _of(report: TradeoffReport, values: object) -> Configuration | None:
-    return next((each for each in report.configurations if each.configuration == values), None)
-
-
-def _weighed(store: Store) -> TradeoffReport | None:
+def _analysis(store: Store) -> TradeoffReport | None:
     try:
         return analyse(store)
     except (ContactlabError, ValidationError):
-        # Nothing to weigh by was measured, or the sweep is of another version of contactlab.
+        # No error was measured, or the sweep is of another version of contactlab.
         return None
+
+
+def _recommendation(before: TradeoffReport | None, after: TradeoffReport | None) -> tuple[int, str]:
+    now = after.recommendation if after else None
+    if before is None or after is None or before.recommendation is None:
+        if now is None:
+            return SAME, "neither store recommends a configuration"
+        return BETTER, f"now recommends {format_settings(now.configuration)}"
+    configuration = before.recommendation.configuration
+    old = format_settings(configuration) or "the only configuration"
+    if now is None:
+        return WORSE, f"{old} is not feasible any more, and nothing else is"
+    new = format_settings(now.configuration)
+    found = next((x for x in after.configurations if x.configuration == configuration), None)
+    if found is None or not found.feasible or found.time is None:
+        return WORSE, f"{old} is not feasible any more; now recommends {new}"
+    saved = 1 - now.time / found.time
+    if saved > _FASTER:
+        return CHANGED, f"{new} takes {format_percent(saved)} less time than {old}"
+    return SAME, old

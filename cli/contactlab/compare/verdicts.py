@@ -1,4 +1,4 @@
-"""Verdicts as numbers, so that a million of them are one array."""
+"""Verdicts, as numbers so that a million of them are one array, and the checks that they make."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,25 +11,19 @@ from contactlab.schema import Check, CheckKind, CheckOutcome, Level, RunPair, Ve
 
 Verdicts = NDArray[np.int8]
 
-# The worse, the larger: a fold is a maximum.
+# Ordered from good to bad, so that the worst of many is their maximum.
 NAMES: tuple[Verdict, ...] = ("same", "better", "changed", "worse", "missing", "not comparable")
 SAME, BETTER, CHANGED, WORSE, MISSING, NOT_COMPARABLE = range(len(NAMES))
 assert set(NAMES) == set(get_args(Verdict))
 
+MOST_SHOWN = 5
+_OUTCOMES: dict[Level, CheckOutcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
+
 
 def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
-    """Return how many have which verdict, without those that none has."""
+    """Return the number of each verdict that occurs."""
     counts = np.bincount(verdicts, minlength=len(NAMES)).tolist()
     return {name: count for name, count in zip(NAMES, counts, strict=True) if count}
-
-
-def worst_verdict(verdicts: Verdicts) -> Verdict:
-    """Return the worst verdict; same if there is none."""
-    return NAMES[int(verdicts.max())] if len(verdicts) else "same"
-
-
-OUTCOMES: dict[Level, CheckOutcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
-MOST_SHOWN = 5
 
 
 @dataclass(frozen=True)
@@ -37,13 +31,13 @@ class CheckSubject:
     """What a check is about.
 
     Attributes:
-        name: the check's name, the same every time.
+        name: the check's name, the same in every comparison.
         kind: which part of the report it belongs to.
-        level: what falling short means.
+        level: what a failing check means for the job.
         group: axis values of its runs, or empty.
         unit: of its values.
-        budget: share of the verdicts that may fall short, with a warning.
-        two_sided: whether a change is as bad as the worse.
+        budget: fraction of the verdicts that may fail, with a warning.
+        two_sided: whether any change fails, as for a metric without a better direction.
     """
 
     name: str
@@ -54,73 +48,55 @@ class CheckSubject:
     budget: float = 0.0
     two_sided: bool = False
 
-    @property
-    def failing(self) -> tuple[int, ...]:
-        """The verdicts that fall short."""
+    def check(
+        self,
+        verdicts: Verdicts,
+        message: str,
+        worst: Sequence[RunPair] = (),
+        *,
+        runs: int | None = None,
+    ) -> Check:
+        """Return the check that verdicts (n,) make.
+
+        Args:
+            verdicts: of runs, or of whatever the check judges.
+            message: the result in words.
+            worst: the worst pairs, of which a few are kept.
+            runs: number of runs that were judged, if not n.
+        """
+        counts = verdict_counts(verdicts)
         changed = (CHANGED,) if self.two_sided else ()
-        return (*changed, WORSE, MISSING, NOT_COMPARABLE)
+        failures = (*changed, WORSE, MISSING, NOT_COMPARABLE)
+        failing = sum(counts.get(NAMES[code], 0) for code in failures)
+        return Check(
+            name=self.name,
+            kind=self.kind,
+            group=self.group,
+            level=self.level,
+            outcome=self._outcome(counts, failing, len(verdicts)),
+            verdict=NAMES[int(verdicts.max(initial=SAME))],
+            runs=len(verdicts) if runs is None else runs,
+            failing=failing,
+            counts=counts,
+            message=message,
+            unit=self.unit,
+            worst=tuple(worst[:MOST_SHOWN]),
+        )
 
+    def single(
+        self, code: int, message: str, worst: Sequence[RunPair] = (), *, runs: int = 0
+    ) -> Check:
+        """Return the check that one verdict on both stores as a whole makes."""
+        return self.check(np.full(1, code, dtype=np.int8), message, worst, runs=runs)
 
-def make_check(
-    subject: CheckSubject,
-    verdicts: Verdicts,
-    message: str,
-    worst: Sequence[RunPair] = (),
-    *,
-    runs: int | None = None,
-) -> Check:
-    """Return the check that verdicts (n,) make.
+    def skipped(self, reason: str) -> Check:
+        """Return the check of what cannot be compared."""
+        none = self.check(np.zeros(0, dtype=np.int8), reason)
+        return none.model_copy(update={"outcome": "skipped", "verdict": "not comparable"})
 
-    Args:
-        subject: what it is about.
-        verdicts: of runs, or of what else it judges.
-        message: what was found.
-        worst: the worst few pairs.
-        runs: how many runs were judged, if not n.
-    """
-    counts = verdict_counts(verdicts)
-    failing = sum(counts.get(NAMES[code], 0) for code in subject.failing)
-    return Check(
-        name=subject.name,
-        kind=subject.kind,
-        group=subject.group,
-        level=subject.level,
-        outcome=_outcome(subject, counts, failing, len(verdicts)),
-        verdict=worst_verdict(verdicts),
-        runs=len(verdicts) if runs is None else runs,
-        failing=failing,
-        counts=counts,
-        message=message,
-        unit=subject.unit,
-        worst=tuple(worst[:MOST_SHOWN]),
-    )
-
-
-def skipped_check(subject: CheckSubject, reason: str) -> Check:
-    """Return a check of what cannot be compared."""
-    return Check(
-        name=subject.name,
-        kind=subject.kind,
-        group=subject.group,
-        level=subject.level,
-        outcome="skipped",
-        verdict="not comparable",
-        runs=0,
-        failing=0,
-        counts={},
-        message=reason,
-        unit=subject.unit,
-    )
-
-
-def _outcome(
-    subject: CheckSubject, counts: dict[Verdict, int], failing: int, judged: int
-) -> CheckOutcome:
-    broken = counts.get("not comparable", 0)
-    if broken or failing > subject.budget * judged:
-        return OUTCOMES[subject.level]
-    if failing:
-        return "noted" if subject.level == "note" else "warned"
-    if counts.get("changed", 0):
-        return "noted"
-    return "noted" if counts.get(NAMES[BETTER], 0) else "passed"
+    def _outcome(self, counts: dict[Verdict, int], failing: int, judged: int) -> CheckOutcome:
+        if "not comparable" in counts or failing > self.budget * judged:
+            return _OUTCOMES[self.level]
+        if failing:
+            return "noted" if self.level == "note" else "warned"
+        return "noted" if counts.keys() & {"changed", "better"} else "passed"

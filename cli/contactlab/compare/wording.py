@@ -1,4 +1,4 @@
-"""Numbers and counts in words."""
+"""How messages write numbers, changes, counts and settings."""
 
 from contactlab.schema import Setting
 
@@ -9,7 +9,7 @@ def format_number(value: float) -> str:
 
 
 def value_change(baseline: float, candidate: float, unit: str) -> str:
-    """Return two values and what the second is relative to the first."""
+    """Return `0.1 -> 0.12 m (+20 %)`: two values and their relative change."""
     shown = f"{format_number(baseline)} -> {format_number(candidate)}"
     if format_number(baseline) == format_number(candidate):
         shown = f"{baseline:.10g} -> {candidate:.10g}"
@@ -20,7 +20,7 @@ def value_change(baseline: float, candidate: float, unit: str) -> str:
 
 
 def format_percent(value: float, *, signed: bool = False) -> str:
-    """Return a share in percent, to two digits."""
+    """Return a fraction in percent, to two digits."""
     sign = "+" if signed else ""
     percent = 100 * value
     digits = f"{percent:{sign}.0f}" if abs(percent) >= 10 else f"{percent:{sign}.2g}"
