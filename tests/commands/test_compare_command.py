@@ -115,7 +115,7 @@ def test_a_changed_scene_is_not_comparable_by_id(
     code, out, err = contactlab("compare", str(slides["a"]), str(slides[name]))
     assert (code, out) == (3, "")
     assert "the scene changed (" in err
-    assert err.endswith("write --match axes\n")
+    assert err.endswith("add --match axes\n")
 
 
 @pytest.mark.parametrize(
