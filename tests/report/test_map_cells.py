@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact import Floats
+from contactlab.palette import STABLE_COLOUR
 from contactlab.report.heatmap import label_rows
 from contactlab.report.knob_changes import knob_changes
 from contactlab.report.map_cells import (
@@ -20,7 +21,7 @@ from contactlab.report.map_cells import (
     most_frequent_failure,
     most_informative_axes,
 )
-from contactlab.report.report_columns import STABLE_COLOUR, GridAxis, Quantity, RunLabels
+from contactlab.report.report_columns import GridAxis, Quantity, RunLabels
 from contactlab.report.run_series import decimated
 from contactlab.store import MeasuredColumn
 

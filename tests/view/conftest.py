@@ -14,7 +14,8 @@ from contactlab.run import SceneLoader, SweepRequest, prepare_replay, run_sweep
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
-from contactlab.view.animation import BodyMotion, BodyShape, ContactForces, Form
+from contactlab.view.drawn_motion import BodyMotion, ContactForces
+from contactlab.view.drawn_shapes import BodyShape, Form
 
 SWEEPS = {
     "ball": "{version: 1, scene: ball_drop, duration: 0.4, axes: {drop_height: [0.1]}}",

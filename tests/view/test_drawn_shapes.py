@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.contact import Floats
-from contactlab.view.animation import BodyShape, Form
-from contactlab.view.drawn_shapes import body_names, moving_bodies, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
 
 GEOMS = {
     "box": 'type="box" size="0.1 0.2 0.3"',

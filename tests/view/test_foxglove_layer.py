@@ -14,10 +14,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from contactlab.contact import MODE_COLOURS, PairSeries, Trace
+from contactlab.contact import PairSeries, Trace
+from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap import TraceExtras, check_trace, read_trace, write_trace
-from contactlab.view.animation import BodyMotion, BodyShape
-from contactlab.view.viewer_export import export_mcap
+from contactlab.view.drawn_motion import BodyMotion
+from contactlab.view.drawn_shapes import BodyShape
+from contactlab.view.foxglove_layer import write_with_layer
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 MakeMotion = Callable[..., BodyMotion]
@@ -156,7 +158,7 @@ def test_python_reads_the_motion_and_all_that_was_there(
     write_trace(source, trace, 0, series, extras)
     rows = sorted(data.draw(st.sets(st.integers(0, steps), min_size=1)))
     motion = make_motion(trace, rows, seed=seed)
-    export_mcap(source, target, motion)
+    write_with_layer(source, target, motion)
     assert check_trace(target) == []
     found = read(target)
     assert_transforms(found, motion)
@@ -174,7 +176,7 @@ def small(
     trace, series = make_trace(pairs=("a-b",), steps=40)
     write_trace(tmp_path / "plain.mcap", trace, 0, series, extras)
     motion = make_motion(trace, [0, 7, 8, 30, 40])
-    export_mcap(tmp_path / "plain.mcap", tmp_path / "layered.mcap", motion)
+    write_with_layer(tmp_path / "plain.mcap", tmp_path / "layered.mcap", motion)
     return tmp_path / "layered.mcap", motion
 
 

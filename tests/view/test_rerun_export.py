@@ -10,9 +10,9 @@ import pytest
 from contactlab.contact import PairSeries, Trace
 from contactlab.errors import OutputError
 from contactlab.store.mcap import StoredTrace, TraceExtras, read_trace, write_trace
-from contactlab.view.animation import BodyMotion
-from contactlab.view.viewer_export import export_rrd
+from contactlab.view.drawn_motion import BodyMotion
 
+write_rrd = pytest.importorskip("contactlab.view.rerun_export").write_rrd
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 Columns = dict[str, dict[str, list[Any]]]
 
@@ -43,12 +43,11 @@ def exported(
     extras: TraceExtras,
 ) -> tuple[Columns, StoredTrace, BodyMotion]:
     monkeypatch.setenv("RERUN_ANALYTICS", "0")
-    pytest.importorskip("rerun")
     trace, series = make_trace(pairs=("a-b", "c d/e"), steps=40)
     write_trace(tmp_path / "plain.mcap", trace, 0, series, extras)
     stored = read_trace(tmp_path / "plain.mcap")
     motion = make_motion(trace, [0, 7, 8, 30, 40])
-    export_rrd(tmp_path / "run.rrd", stored, motion)
+    write_rrd(tmp_path / "run.rrd", stored, motion)
     assert [each.name for each in tmp_path.glob("run*")] == ["run.rrd"]
     return rows(tmp_path / "run.rrd"), stored, motion
 
@@ -103,4 +102,4 @@ def test_what_cannot_be_written_is_named(
 ) -> None:
     _, stored, motion = exported
     with pytest.raises(OutputError, match=r"cannot write .*absent/run\.rrd: No such file"):
-        export_rrd(tmp_path / "absent/run.rrd", stored, motion)
+        write_rrd(tmp_path / "absent/run.rrd", stored, motion)

@@ -9,11 +9,11 @@ import pytest
 CODE = """
 from contactlab.errors import SceneError
 from contactlab.scene import Scene
-from contactlab.view import view
+from contactlab.view import open_viewer
 scene = Scene.open("ball_drop")
 run = scene.resolve({}, 0, None)
 try:
-    view(scene.base({}).prepare(run.edits()).model, scene.starts([run]))
+    open_viewer(scene.base({}).prepare(run.edits()).model, scene.starts([run]))
 except SceneError as error:
     print(error)
 """

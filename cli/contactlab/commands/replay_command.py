@@ -30,7 +30,7 @@ def replay(
 
     opened = Store.open(store)
     if view:
-        from contactlab.view import view as open_viewer
+        from contactlab.view import open_viewer
 
         start = prepare_replay(opened, run)
         open_viewer(start.prepared.model, start.state)

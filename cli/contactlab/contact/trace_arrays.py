@@ -190,12 +190,6 @@ def _contiguous(runs: Sequence[int]) -> bool:
 NO_CONTACT = 0
 STICK = 1
 SLIDE = 2
-MODE_COLOURS = {
-    NO_CONTACT: (0.4, 0.4, 0.4, 1.0),
-    STICK: (0.0, 0.62, 0.45, 1.0),
-    SLIDE: (0.84, 0.37, 0.0, 1.0),
-}
-"""Arrows by mode, from the colours of Okabe and Ito: grey, bluish green, vermilion."""
 
 
 @dataclass(frozen=True)

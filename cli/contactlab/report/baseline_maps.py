@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.compare import DEFAULT_POLICY, Pairing, compare, pair_stores
+from contactlab.palette import COLOURS, STABLE_COLOUR
 from contactlab.report.heatmap import (
     Layered,
     MapFrame,
@@ -20,7 +21,6 @@ from contactlab.report.heatmap import (
 from contactlab.report.map_cells import MapAxes, cell_statistic, label_counts
 from contactlab.report.report_columns import (
     STABLE,
-    STABLE_COLOUR,
     Quantity,
     RunLabels,
     read_quantities,
@@ -30,7 +30,6 @@ from contactlab.report.report_data import ReportData
 from contactlab.report.vega_rendering import Spec, themed
 from contactlab.schema import Check, CheckOutcome, ComparePolicy, ComparisonReport
 from contactlab.store import Store
-from contactlab.tradeoff import COLOURS
 
 _WORSE, _BETTER, _SAME = 0, 1, 2
 _THIRD = 300, 260

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats
+from contactlab.palette import INK
 from contactlab.report.map_boundary import Boundary
 from contactlab.report.map_cells import MapAxes, label_counts, most_frequent_failure
 from contactlab.report.report_columns import RunLabels
 from contactlab.report.report_data import ReportData
 from contactlab.report.vega_rendering import HALO_AND_TEXT, Rows, Spec, layer_of, themed
-from contactlab.tradeoff import INK
 
 Layered = alt.LayerChart | alt.FacetChart
 

@@ -14,13 +14,13 @@ from contactlab.contact import (
     restitution_of,
     sticking_speed,
 )
+from contactlab.palette import COLOURS, INK, SHAPES
 from contactlab.report.report_columns import GridAxis
 from contactlab.report.run_series import decimated, qpos_entries
 from contactlab.report.vega_rendering import Rows, Spec, layer_of
 from contactlab.schema import EvidenceRecord
 from contactlab.store import Store
 from contactlab.store.mcap import StoredPair, StoredTrace
-from contactlab.tradeoff import COLOURS, INK, SHAPES
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200

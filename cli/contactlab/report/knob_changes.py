@@ -7,6 +7,7 @@ import altair as alt
 import numpy as np
 
 from contactlab.contact import Floats
+from contactlab.palette import COLOURS, INK
 from contactlab.report.report_columns import (
     Codes,
     GridAxis,
@@ -15,7 +16,6 @@ from contactlab.report.report_columns import (
     combination_codes,
 )
 from contactlab.report.vega_rendering import Rows, Spec, layer_of
-from contactlab.tradeoff import COLOURS, INK
 
 _MOST_VALUES = 12
 _ROOM = 3.0

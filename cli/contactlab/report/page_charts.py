@@ -5,7 +5,8 @@ from collections.abc import Iterator
 
 import altair as alt
 
-from contactlab.contact import MODE_COLOURS, NO_CONTACT, SLIDE, STICK
+from contactlab.contact import NO_CONTACT, SLIDE, STICK
+from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.report.heatmap import EMPTY_FRAME, label_map, number_map
 from contactlab.report.report_columns import STABLE, RunLabels
 from contactlab.report.report_data import ReportData
@@ -18,7 +19,7 @@ from contactlab.report.vega_rendering import (
     with_page_colours,
 )
 from contactlab.schema import Configuration, Setting, Settings, TradeoffReport
-from contactlab.tradeoff import COLOURS, INK, specify
+from contactlab.tradeoff import specify
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 _BAR = 700, 26
@@ -159,7 +160,7 @@ def _contact_modes() -> alt.Chart:
     y = alt.Y("pair:N").axis(title=None, labelLimit=120)
     colour = (
         alt.Color("mode:N")
-        .scale(domain=list(MODE_NAMES.values()), range=[_mode_colour(mode) for mode in MODE_NAMES])
+        .scale(domain=list(MODE_NAMES.values()), range=[mode_colour(mode) for mode in MODE_NAMES])
         .legend(title="contact")
     )
     return (
@@ -168,8 +169,3 @@ def _contact_modes() -> alt.Chart:
         .encode(x, y, colour, x2="end:Q")
         .properties(width=_TIMELINE_WIDTH, height={"step": 22})
     )
-
-
-def _mode_colour(mode: int) -> str:
-    red, green, blue, _ = MODE_COLOURS[mode]
-    return f"#{round(red * 255):02x}{round(green * 255):02x}{round(blue * 255):02x}"

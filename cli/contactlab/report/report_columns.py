@@ -9,24 +9,21 @@ from numpy.typing import NDArray
 
 from contactlab.contact import Floats
 from contactlab.measure import LABELS
+from contactlab.measure import STABLE as STABLE_LABEL
+from contactlab.palette import STABLE_COLOUR, failure_colour
 from contactlab.schema import Role, Sweep, axis_role
 from contactlab.store import MeasuredColumn, RunColumns, Store
-from contactlab.tradeoff import COLOURS, REST
 
 Codes = NDArray[np.int64]
 
 SEED = "seed"
-STABLE = "stable"
-STABLE_COLOUR = "#dbe5de"
-"""Pale, so that stable runs stay in the background."""
+STABLE = STABLE_LABEL.name
 _UNITLESS = {"", "1", "any"}
 _MOST_VALUES = 40
 """An axis with more values than this is drawn in bins."""
 _BINS = 20
 _LOG_SPAN = 50.0
 """Bins are logarithmic where the largest value is more than so many times the least."""
-_WORST_FIRST = (2, 1, 3, 0, 4, 5, 6, 7)
-"""The palette with its reds first, for the worst labels."""
 
 
 @dataclass(frozen=True)
@@ -217,7 +214,7 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     placed = np.array([names.index(word) for word in words], dtype=np.int64)[codes]
     failures = [name for name in names if name != STABLE]
     letters = dict(zip(failures, _letters(failures), strict=True))
-    colours = {name: _failure_colour(rank) for rank, name in enumerate(failures)}
+    colours = {name: failure_colour(rank) for rank, name in enumerate(failures)}
     masks, every = store.columns.string_sets("labels")
     return RunLabels(
         names=tuple(names),
@@ -238,7 +235,3 @@ def _letters(names: list[str]) -> list[str]:
         wanted = [*name.upper().replace("_", ""), *"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"]
         taken.append(next(letter for letter in wanted if letter not in taken))
     return taken
-
-
-def _failure_colour(rank: int) -> str:
-    return COLOURS[_WORST_FIRST[rank]] if rank < len(_WORST_FIRST) else REST

@@ -9,7 +9,7 @@ import altair as alt
 import pikepdf
 import vl_convert
 
-from contactlab.tradeoff import COLOURS, INK, REST
+from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR
 
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
@@ -31,11 +31,11 @@ _PAGE_COLOURS = {
     INK: "var(--ink,#222)",
     _GRID: "var(--grid,#eee)",
     "#f2f2f2": "var(--band,#f2f2f2)",
-    "#dbe5de": "var(--calm,#dbe5de)",
+    STABLE_COLOUR: "var(--calm,#dbe5de)",
     "#777777": "var(--faint,#666)",
     _FAINT: "var(--faint,#666)",
     _EDGE: "var(--edge,#999)",
-    REST: "var(--rest,#c4c4c4)",
+    OTHERS_COLOUR: "var(--rest,#c4c4c4)",
     **{colour: f"var(--hue-{place},{colour})" for place, colour in enumerate(COLOURS)},
 }
 

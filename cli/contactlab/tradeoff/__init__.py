@@ -4,31 +4,16 @@ from contactlab.tradeoff.analysis import analyse
 from contactlab.tradeoff.configuration_lines import MjcfLines, mjcf_lines
 from contactlab.tradeoff.configurations import ESTIMATES
 from contactlab.tradeoff.criteria import MODELLING, Criteria, chosen_error, find_store
-from contactlab.tradeoff.drawing import (
-    COLOURS,
-    INK,
-    LETTERS,
-    REST,
-    SHAPES,
-    check_figure,
-    draw,
-    save_figure,
-    specify,
-)
+from contactlab.tradeoff.drawing import check_figure, draw, save_figure, specify
 from contactlab.tradeoff.pareto import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.tradeoff.recommended_sweep import recommended_sweep
 from contactlab.tradeoff.tolerance_table import ToleranceTable, tolerance_table
 
 __all__ = [
-    "COLOURS",
     "EQUALLY_FAST",
     "ESTIMATES",
-    "INK",
-    "LETTERS",
     "MODELLING",
-    "REST",
     "SAFE_MARGIN",
-    "SHAPES",
     "Criteria",
     "MjcfLines",
     "ToleranceTable",

@@ -5,9 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from contactlab.palette import LETTERS
 from contactlab.schema import Configuration, Settings, TradeoffReport
 from contactlab.tradeoff.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
-from contactlab.tradeoff.drawing import LETTERS
 from contactlab.tradeoff.pareto import front
 
 OTHERS = "others"

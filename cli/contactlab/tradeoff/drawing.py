@@ -1,4 +1,4 @@
-"""Colours and shapes that stay apart for everyone."""
+"""The chart of a trade-off as a file or as a specification; the libraries for it are an extra."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -9,32 +9,6 @@ from contactlab.schema import TradeoffReport
 
 if TYPE_CHECKING:
     import altair as alt
-
-# The eight colours of M. A. Petroff, "Accessible color sequences for data visualization", 2021.
-COLOURS = (
-    "#1845fb",
-    "#ff5e02",
-    "#c91f16",
-    "#c849a9",
-    "#adad7d",
-    "#86c8dd",
-    "#578dff",
-    "#656364",
-)
-SHAPES = (
-    "circle",
-    "square",
-    "triangle-up",
-    "diamond",
-    "triangle-down",
-    "triangle-right",
-    "triangle-left",
-    "circle",
-)
-LETTERS = "ABCDEFGH"
-REST = "#c4c4c4"
-INK = "#222222"
-
 
 SUFFIXES = (".png", ".svg")
 _LIBRARIES = ("altair", "vl_convert")

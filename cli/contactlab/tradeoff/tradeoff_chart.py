@@ -6,9 +6,9 @@ from typing import Any
 
 import altair as alt
 
+from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, SHAPES
 from contactlab.schema import TradeoffReport
 from contactlab.tradeoff.chart_data import OTHERS, ChartData, chart_data
-from contactlab.tradeoff.drawing import COLOURS, INK, REST, SHAPES
 
 _SIZE = (640, 440)
 # As a fraction while that is short; most labels of a logarithmic axis are left empty.
@@ -62,7 +62,7 @@ def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
 
 def _colour(shown: ChartData) -> alt.Color:
     names = [*shown.methods, OTHERS]
-    colours = [*COLOURS[: len(shown.methods)], REST]
+    colours = [*COLOURS[: len(shown.methods)], OTHERS_COLOUR]
     used = [name for name in names if any(each["method"] == name for each in shown.points)]
     colour = alt.Color("method:N").scale(domain=names, range=colours)
     return colour.legend(title="method", values=used)

@@ -1,20 +1,102 @@
-"""From a stored run to what is drawn of it: poses by kinematics, forces from the trace."""
+"""What is drawn of a stored run: poses by kinematics, forces from the trace."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import FORCE, NORMAL, POSITION, TANGENT, Floats
+from contactlab.contact import (
+    FORCE,
+    NORMAL,
+    POSITION,
+    TANGENT,
+    Floats,
+)
 from contactlab.errors import StoreError
 from contactlab.scene import PreparedModel
 from contactlab.store.mcap import StoredPair, StoredTrace
-from contactlab.view.animation import BodyMotion, BodyShape, ContactForces, Form
-from contactlab.view.drawn_shapes import body_names, moving_bodies, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
+
+Rows = NDArray[np.intp]
+
+# The sphere is at most so many radii of the largest moving body: beyond, that body would be a dot.
+_MOST_RADII = 25.0
+# Nine in ten arrows are at most about as long as the first fraction of the sphere's radius; arrows
+# are cut at the second.
+_USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
+_USUAL_PERCENTILE = 90
+
+
+@dataclass(frozen=True)
+class ContactForces:
+    """K contact forces, each drawn in one frame, in the order of the frames.
+
+    Attributes:
+        frame: (K,) index of the frame.
+        pair: (K,) index of the monitored pair.
+        mode: (K,) STICK or SLIDE, of the pair.
+        position: (K, 3) contact point, world frame [m].
+        force: (K, 3) force on the pair's second side, world frame [N].
+    """
+
+    frame: NDArray[np.intp]
+    pair: NDArray[np.intp]
+    mode: NDArray[np.int8]
+    position: Floats
+    force: Floats
+
+    def of(self, frame: int) -> slice:
+        """Return where the forces of a frame are."""
+        start, stop = np.searchsorted(self.frame, (frame, frame + 1))
+        return slice(int(start), int(stop))
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """F frames of a run with B bodies, the first of which is the world.
+
+    Attributes:
+        bodies: (B) their names.
+        moving: (B,) whether each can move.
+        shapes: what they look like.
+        rows: (F,) the state row of each frame.
+        time: (F,) simulated time [s].
+        positions: (F, B, 3) of the bodies' frames, world frame [m].
+        rotations: (F, B, 4) unit quaternions w, x, y, z to the world frame.
+        pairs: names of the monitored pairs.
+        forces: contact forces; of each pair and frame, those of the step with the largest net
+            force up to the next frame.
+        centre: (3,) of the sphere that the camera sees, world frame [m].
+        radius: of that sphere [m].
+        scale: length of an arrow per newton [m/N].
+        longest: length at which arrows are cut [m].
+    """
+
+    bodies: tuple[str, ...]
+    moving: NDArray[np.bool_]
+    shapes: tuple[BodyShape, ...]
+    rows: NDArray[np.intp]
+    time: Floats
+    positions: Floats
+    rotations: Floats
+    pairs: tuple[str, ...]
+    forces: ContactForces
+    centre: Floats
+    radius: float
+    scale: float
+    longest: float
+
+    @property
+    def arrows(self) -> Floats:
+        """(K, 3) the contact forces as arrows, world frame [m]."""
+        arrows = self.forces.force * self.scale
+        lengths = np.linalg.norm(arrows, axis=1, keepdims=True)
+        return arrows * np.minimum(1.0, self.longest / np.maximum(lengths, np.finfo(float).tiny))
 
 
 def read_motion(
-    prepared: PreparedModel, trace: StoredTrace, rate: float, moments: Sequence[float] = ()
+    prepared: PreparedModel, trace: StoredTrace, rate: float, times: Sequence[float] = ()
 ) -> BodyMotion:
     """Return what is drawn of a run, up to its first state that is not finite.
 
@@ -24,7 +106,7 @@ def read_motion(
         prepared: the run's model.
         trace: its stored trace.
         rate: frames per simulated second.
-        moments: times that get frames of their own [s].
+        times: times that get frames of their own [s].
 
     Raises:
         StoreError: not even the start state is finite.
@@ -34,7 +116,7 @@ def read_motion(
     sound = int(broken[0]) if len(broken) else len(trace.qpos)
     if not sound:
         raise StoreError(f"run {trace.metadata['run_id']} has no finite state to draw")
-    rows = frame_rows(trace.time[:sound], rate, moments)
+    rows = frame_rows(trace.time[:sound], rate, times)
     positions, rotations = poses(model, trace.qpos[rows])
     parts, moving = shapes(model), moving_bodies(model)
     forces = peak_forces(trace.pairs, rows)
@@ -57,14 +139,6 @@ def read_motion(
     )
 
 
-# Beyond so many radii of the largest moving body, that body would be a dot.
-_WIDEST = 25.0
-# Nine in ten forces are drawn at most about as long as the first share of the radius; arrows are
-# cut at the second.
-_USUAL, _LONGEST = 0.5, 1.0
-_MOST = 90
-
-
 def scene_sphere(
     shapes: Sequence[BodyShape], moving: NDArray[np.bool_], positions: Floats, contacts: Floats
 ) -> tuple[Floats, float]:
@@ -85,7 +159,7 @@ def scene_sphere(
     centre = (low + high) / 2
     far = np.linalg.norm(positions[:, seen] - centre, axis=2) + reach[seen]
     radius = float(far.max())
-    widest = _WIDEST * float(reach[seen].max())
+    widest = _MOST_RADII * float(reach[seen].max())
     if radius <= widest:
         return centre, radius
     middle = contacts if len(contacts) else positions[0, seen]
@@ -93,19 +167,19 @@ def scene_sphere(
 
 
 def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
-    """Return an arrow's length for a newton [m/N], of first digit 1, 2 or 5, and the longest [m].
+    """Return the length of arrows per newton [m/N], 1, 2 or 5 times 10^k, and the longest [m].
 
     Args:
         force: (K, 3) contact forces [N].
-        radius: of the stage [m].
+        radius: of the sphere that the camera sees [m].
     """
     strength = np.linalg.norm(force, axis=1)
     pushing = strength[strength > 0]
-    usual = float(np.percentile(pushing, _MOST)) if len(pushing) else 1.0
-    wanted = _USUAL * radius / usual
+    usual = float(np.percentile(pushing, _USUAL_PERCENTILE)) if len(pushing) else 1.0
+    wanted = _USUAL_ARROW * radius / usual
     decade = 10.0 ** np.floor(np.log10(wanted))
     digit = min((1, 2, 5, 10), key=lambda each: abs(np.log10(each * decade / wanted)))
-    return float(digit * decade), _LONGEST * radius
+    return float(digit * decade), _LONGEST_ARROW * radius
 
 
 def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
@@ -121,18 +195,15 @@ def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
     return reach
 
 
-Rows = NDArray[np.intp]
-
-
-def frame_rows(time: Floats, rate: float, moments: Sequence[float] = ()) -> Rows:
-    """Return the state rows nearest to frames at a rate and to moments, and the last row.
+def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:
+    """Return the state rows nearest to frames at a rate and to further times, and the last row.
 
     Args:
         time: (N + 1,) time of the states, growing [s].
         rate: frames per simulated second.
-        moments: further times [s].
+        times: further times [s].
     """
-    wanted = np.append(frame_times(time, rate), moments)
+    wanted = np.append(frame_times(time, rate), times)
     return np.unique(np.append(nearest(time, wanted), len(time) - 1))
 
 
@@ -151,14 +222,14 @@ def nearest(time: Floats, wanted: Floats) -> Rows:
 def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
     """Return, for each frame and pair, the contact forces of the step with the largest net force.
 
-    A frame stands for the steps from its state to the next frame's, so that an impact of one step
-    is seen at any rate; the last frame for the step that leads to it.
+    A frame covers the steps from its state to the next frame's, so that an impact of a single step
+    is seen at any rate; the last frame covers the step before it.
 
     Args:
         pairs: what each pair did.
         rows: (F,) state row of each frame, ascending.
     """
-    parts = [_of_pair(pair, index, rows) for index, pair in enumerate(pairs)]
+    parts = [_forces_of_pair(pair, index, rows) for index, pair in enumerate(pairs)]
     nothing = ContactForces(
         frame=np.empty(0, np.intp),
         pair=np.empty(0, np.intp),
@@ -174,7 +245,7 @@ def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
     return ContactForces(**{name: column[order] for name, column in columns.items()})
 
 
-def _of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
+def _forces_of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:
     entries, frames = _strongest(pair, rows)
     counts = pair.contacts[entries]
     ends = np.cumsum(pair.contacts)[entries]

@@ -1,17 +1,54 @@
 """What a model looks like, and where its bodies are in given configurations."""
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from enum import StrEnum
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats, Integers
-from contactlab.view.animation import BodyShape, Form
 
-# As in MuJoCo's viewers, which do not show the groups above.
-_SHOWN_GROUPS = 3
+
+class Form(StrEnum):
+    """The form of a shape."""
+
+    box = "box"
+    ellipsoid = "ellipsoid"
+    cylinder = "cylinder"
+    mesh = "mesh"
+
+
+@dataclass(frozen=True)
+class BodyShape:
+    """A rigid part of a body.
+
+    Attributes:
+        name: unique in the model.
+        body: index of its body.
+        form: what it is; a cylinder's axis is its z axis.
+        size: (3,) full extents along its own axes [m]; ones for a mesh.
+        position: (3,) of its centre in the body's frame [m].
+        rotation: (4,) unit quaternion w, x, y, z to the body's frame.
+        colour: (4,) red, green, blue and opacity, 0 to 1.
+        vertices: (V, 3) of a mesh in its own frame [m]; else none.
+        triangles: (T, 3) indices of a mesh's vertices; else none.
+    """
+
+    name: str
+    body: int
+    form: Form
+    size: Floats
+    position: Floats
+    rotation: Floats
+    colour: Floats
+    vertices: Floats
+    triangles: Integers
+
+
+# As in MuJoCo's viewers, which hide the groups above.
+_VISIBLE_GROUPS = 3
 _UNSET_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 _GEOM = mujoco.mjtGeom
 # The form of a kind of geom, and which of its half sizes lie along its three axes.
@@ -67,17 +104,19 @@ def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
 
 def shapes(model: mujoco.MjModel) -> tuple[BodyShape, ...]:
     """Return the parts that are drawn: geoms of groups 0 to 2, or all of a body without such."""
-    low = model.geom_group < _SHOWN_GROUPS
-    bodies_shown = set(model.geom_bodyid[low].tolist())
+    low = model.geom_group < _VISIBLE_GROUPS
+    visible_bodies = set(model.geom_bodyid[low].tolist())
     geoms = [
         geom
         for geom in range(model.ngeom)
-        if low[geom] or int(model.geom_bodyid[geom]) not in bodies_shown
+        if low[geom] or int(model.geom_bodyid[geom]) not in visible_bodies
     ]
-    return tuple(shape for geom in geoms if _colour(model, geom)[3] for shape in _of(model, geom))
+    return tuple(
+        shape for geom in geoms if _colour(model, geom)[3] for shape in _shapes_of(model, geom)
+    )
 
 
-def _of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
+def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
     kind, size = int(model.geom_type[geom]), model.geom_size[geom].copy()
     if kind in _SOLIDS:
         form, axes = _SOLIDS[kind]
@@ -99,7 +138,7 @@ def _caps(model: mujoco.MjModel, geom: int, radius: float, half: float) -> Itera
 
 
 def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
-    """Return a thin box below the plane; one without end gets a length beyond the scene."""
+    """Return a thin box below the plane; an infinite plane gets a finite one, beyond the scene."""
     reach = float(model.stat.extent)
     half = np.where(size[:2] > 0, size[:2], 3 * reach)
     thickness = reach / 100

@@ -27,18 +27,20 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from contactlab.contact import MODE_COLOURS, Floats, rotation_from_x
+from contactlab.contact import Floats, rotation_from_x
+from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap import AddedChannel, copy_trace
-from contactlab.view.animation import BodyMotion, BodyShape, Form
+from contactlab.view.drawn_motion import BodyMotion
+from contactlab.view.drawn_shapes import BodyShape, Form
 
 _SCENE_TOPIC = "/scene"
 _TRANSFORMS_TOPIC = "/tf"
 _FORCES_TOPIC = "/contact_forces"
 _WORLD = 0
 _FORCES = "contact_forces"
-# An arrow's head as a share of its length; its diameter of the stage's radius, and at most of its
-# own length.
-_HEAD, _SLIM, _STOUT = 0.25, 0.02, 0.15
+# An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's radius,
+# and at most of its own length.
+_HEAD, _DIAMETER, _MOST_DIAMETER = 0.25, 0.02, 0.15
 
 
 def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> None:
@@ -110,7 +112,7 @@ def scene(motion: BodyMotion) -> SceneUpdate:
 
 
 def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
-    """Return the arrows of a frame; they take the place of those of the frame before."""
+    """Return the arrows of a frame; they replace those of the frame before."""
     chosen = motion.forces.of(frame)
     arrows = zip(
         motion.forces.position[chosen],
@@ -118,15 +120,15 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
         motion.forces.mode[chosen].tolist(),
         strict=True,
     )
-    told = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
+    scale = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
     return SceneUpdate(
         entities=[
             SceneEntity(
                 timestamp=_timestamp(motion, frame),
                 frame_id=motion.bodies[_WORLD],
                 id=_FORCES,
-                metadata=[KeyValuePair(key=key, value=f"{each:g}") for key, each in told.items()],
-                arrows=[_arrow(*each, _SLIM * motion.radius) for each in arrows],
+                metadata=[KeyValuePair(key=key, value=f"{each:g}") for key, each in scale.items()],
+                arrows=[_arrow(*each, _DIAMETER * motion.radius) for each in arrows],
             )
         ]
     )
@@ -164,9 +166,9 @@ def _add(entity: SceneEntity, shape: BodyShape) -> None:
         )
 
 
-def _arrow(point: Floats, arrow: Floats, mode: int, usual: float) -> ArrowPrimitive:
+def _arrow(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
     length = float(np.linalg.norm(arrow))
-    thickness = min(usual, _STOUT * length)
+    thickness = min(diameter, _MOST_DIAMETER * length)
     return ArrowPrimitive(
         pose=_pose(point, rotation_from_x(arrow)),
         shaft_length=(1 - _HEAD) * length,

@@ -1,4 +1,4 @@
-"""Watch a run in MuJoCo's own viewer."""
+"""A run in MuJoCo's interactive viewer."""
 
 import time
 import warnings
@@ -10,14 +10,14 @@ from contactlab.errors import SceneError
 from contactlab.scene import InitialStates
 
 
-def view(model: mujoco.MjModel, start: InitialStates) -> None:
-    """Open MuJoCo's viewer and play from a start state, in real time, until it is closed.
+def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
+    """Simulate from an initial state in MuJoCo's viewer, in real time, until it is closed.
 
     Raises:
         SceneError: there is no display.
     """
     if not _has_display():
-        raise SceneError("there is no display to open a viewer on; replay without --view")
+        raise SceneError("no display for the viewer; replay without --view")
     import mujoco.viewer  # noqa: PLC0415 - it looks for a display
 
     data = mujoco.MjData(model)
@@ -38,7 +38,7 @@ def view(model: mujoco.MjModel, start: InitialStates) -> None:
 
 
 def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> None:
-    """Set the inputs that change over time, and leave the others to the viewer's user."""
+    """Set the inputs that change over time; the others are the user's."""
     step = np.array([round(data.time / model.opt.timestep)])
     inputs = start.inputs(0, model.opt.timestep, step)[0]
     for place in start.driven[0]:
@@ -49,7 +49,7 @@ def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> 
 
 
 def _has_display() -> bool:
-    """Ask beforehand: without a display, MuJoCo's viewer ends the process."""
+    """Check beforehand: without a display, MuJoCo's viewer ends the process."""
     import glfw  # noqa: PLC0415 - it looks for a display
 
     with warnings.catch_warnings():

@@ -1,4 +1,4 @@
-"""A place to draw without a display."""
+"""Pictures that MuJoCo draws, without a display, from stored poses and contact forces."""
 
 import ctypes.util
 import importlib
@@ -11,11 +11,26 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import MODE_COLOURS, Floats
+from contactlab.contact import Floats
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.view.animation import BodyMotion
+from contactlab.palette import MODE_COLOURS
+from contactlab.view.drawn_motion import BodyMotion
 
-# What MUJOCO_GL may ask for, with the system's library behind it.
+Picture = NDArray[np.uint8]
+
+_AZIMUTH, _ELEVATION = 120.0, -18.0
+_MARGIN = 1.05
+_MOST_GEOMS = 20_000
+# An arrow's radius as a fraction of the sphere's, and at most of its own length.
+_RADIUS, _MOST_RADIUS = 0.015, 0.1
+_SOLID = 0.45
+_AMBIENT = 0.35
+_SHADOW = 2048
+_BACKGROUND = (0.74, 0.79, 0.86, 1.0)
+# The background's distance as a fraction of the farthest visible one.
+_WALL = 0.5
+_ARROW = mujoco.mjtGeom.mjGEOM_ARROW
+# The values of MUJOCO_GL, each with its system library.
 _BACKENDS = {"egl": "EGL", "osmesa": "OSMesa", "glfw": "glfw"}
 _REMEDY = (
     "install EGL or OSMesa (Debian: apt install libegl1 libgl1-mesa-dri, or libosmesa6) and choose "
@@ -25,7 +40,7 @@ _REMEDY = (
 
 @contextmanager
 def graphics(width: int, height: int) -> Generator[None]:
-    """Make an OpenGL context of so many pixels the current one.
+    """Make an off-screen OpenGL context of this size the current one.
 
     Raises:
         SceneError: there is no OpenGL to draw with.
@@ -52,22 +67,6 @@ def _backend() -> str:
     return found[0]
 
 
-Picture = NDArray[np.uint8]
-
-_AZIMUTH, _ELEVATION = 120.0, -18.0
-_MARGIN = 1.05
-_MOST_GEOMS = 20_000
-# An arrow's radius as a share of the stage's and at most of its length.
-_SLIM, _STOUT = 0.015, 0.1
-_SOLID = 0.45
-_AMBIENT = 0.35
-_SHADOW = 2048
-_BACKGROUND = (0.74, 0.79, 0.86, 1.0)
-# The background's distance as a share of the farthest that is drawn.
-_WALL = 0.5
-_ARROW = mujoco.mjtGeom.mjGEOM_ARROW
-
-
 def draw_pictures(
     model: mujoco.MjModel,
     motion: BodyMotion,
@@ -75,12 +74,12 @@ def draw_pictures(
     size: tuple[int, int],
     camera: str | None = None,
 ) -> Iterator[Picture]:
-    """Yield a picture of each of some frames.
+    """Yield a picture of each of the given frames.
 
     Args:
-        model: the run's model; its picture buffer is made large enough.
+        model: the run's model; its off-screen buffer is set to the size.
         motion: what is drawn.
-        frames: (nq,) the configuration of each, by its place among the motion's frames.
+        frames: index of a frame in the motion to its configuration (nq,).
         size: width and height [pixels].
         camera: name of a camera of the model; one that sees the whole motion if None.
 
@@ -91,7 +90,7 @@ def draw_pictures(
         SceneError: there is no OpenGL, or no camera of this name.
     """
     width, height = size
-    _dress(model, width, height)
+    _set_appearance(model, width, height)
     view = _camera(model, motion, width / height, camera)
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
@@ -112,7 +111,7 @@ def draw_pictures(
 
 
 def _pose(model: mujoco.MjModel, data: mujoco.MjData, configuration: Floats) -> None:
-    """Place all that is drawn, without looking for contacts, which were stored."""
+    """Place everything that is drawn, without collision detection: contacts were stored."""
     data.qpos[:] = configuration
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -120,8 +119,8 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, configuration: Floats) -> 
     mujoco.mj_tendon(model, data)
 
 
-def _dress(model: mujoco.MjModel, width: int, height: int) -> None:
-    """Set a picture's size and light; moving bodies let arrows behind them shine through."""
+def _set_appearance(model: mujoco.MjModel, width: int, height: int) -> None:
+    """Set a picture's size and light; moving bodies are translucent, so that arrows show."""
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
     model.vis.quality.shadowsize = _SHADOW
     model.vis.map.alpha = _SOLID
@@ -136,7 +135,7 @@ def _shot(scene: mujoco.MjvScene, context: mujoco.MjrContext, width: int, height
 
 
 def _draw_background(scene: mujoco.MjvScene) -> None:
-    """Put a bright wall behind all else, across the view; the engine would leave black there."""
+    """Put a bright wall behind everything; MuJoCo would leave the background black."""
     eye = scene.camera[0]
     far = _WALL * eye.frustum_far
     half = 2 * far / eye.frustum_near * max(eye.frustum_top, eye.frustum_width, eye.frustum_near)
@@ -180,7 +179,7 @@ def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None
     for point, arrow, mode in zip(points, arrows, modes, strict=True):
         if scene.ngeom == scene.maxgeom:
             return
-        width = min(_SLIM * motion.radius, _STOUT * float(np.linalg.norm(arrow)))
+        width = min(_RADIUS * motion.radius, _MOST_RADIUS * float(np.linalg.norm(arrow)))
         geom = _new_geom(scene, _ARROW, np.zeros(3), np.zeros(3), np.eye(3), MODE_COLOURS[mode])
         mujoco.mjv_connector(geom, _ARROW.value, width, point, point + arrow)
 

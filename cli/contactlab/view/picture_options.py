@@ -1,4 +1,4 @@
-"""What a user may choose of a picture, and what fits which kind of file."""
+"""The options of pictures and films, and which kind of file each applies to."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,7 +8,7 @@ from contactlab.errors import OutputError
 
 VIEWERS = (".mcap", ".rrd")
 FILMS = {".mp4": 30, ".gif": 25}
-"""Pictures a second."""
+"""Frames per second."""
 SHEET = ".png"
 _SIDES = (64, 4096)
 _SPEEDS = (0.001, 1000.0)
@@ -21,8 +21,8 @@ class PictureOptions:
     Attributes:
         size: width and height [pixels].
         camera: name of a camera of the model; None for one that sees the whole motion.
-        speed: simulated seconds in a second of film; below 1 is slow motion. None means 1.
-        at: times of a sheet's pictures [s]; six over the run if there are none.
+        speed: simulated seconds per second of film, below 1 for slow motion; None for 1.
+        at: times of a sheet's pictures [s]; six over the run if empty.
     """
 
     size: tuple[int, int] | None = None
@@ -31,11 +31,11 @@ class PictureOptions:
     at: tuple[float, ...] = ()
 
 
-def check_options(target: Path, look: PictureOptions) -> None:
-    """Refuse a file of unknown kind, and choices that would have no effect on it.
+def check_options(target: Path, options: PictureOptions) -> None:
+    """Check the kind of a file, and that each option applies to it.
 
     Raises:
-        OutputError: with what to write instead.
+        OutputError: says what to write instead.
     """
     suffix = target.suffix.lower()
     known = (*VIEWERS, *FILMS, SHEET)
@@ -43,28 +43,28 @@ def check_options(target: Path, look: PictureOptions) -> None:
         raise OutputError(f"cannot write {target}: end its name in {', '.join(known)}")
     if not target.parent.is_dir():
         raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
-    if look.at and suffix != SHEET:
-        raise OutputError(f"--at chooses moments for {SHEET}; leave it out for {suffix}")
-    if look.speed is not None and suffix not in FILMS:
-        raise OutputError(f"--speed is for {' and '.join(FILMS)}; leave it out for {suffix}")
-    if suffix in VIEWERS and (look.size or look.camera):
+    if options.at and suffix != SHEET:
+        raise OutputError(f"--at is for {SHEET} only; leave it out for {suffix}")
+    if options.speed is not None and suffix not in FILMS:
+        raise OutputError(f"--speed is for {' and '.join(FILMS)} only; leave it out for {suffix}")
+    if suffix in VIEWERS and (options.size or options.camera):
         raise OutputError(f"--size and --camera are for pictures; leave them out for {suffix}")
     low, high = _SIDES
-    if look.size and any(side % 2 or not low <= side <= high for side in look.size):
+    if options.size and any(side % 2 or not low <= side <= high for side in options.size):
         raise OutputError(f"--size takes even numbers from {low} to {high}, as in 640x480")
     slowest, fastest = _SPEEDS
-    if look.speed is not None and not slowest <= look.speed <= fastest:
+    if options.speed is not None and not slowest <= options.speed <= fastest:
         raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
 
 
-def check_times(look: PictureOptions, time: Floats) -> None:
-    """Refuse moments outside of the run.
+def check_times(options: PictureOptions, time: Floats) -> None:
+    """Check that all times lie in the run.
 
     Raises:
-        OutputError: with the run's span.
+        OutputError: says from when to when the run goes.
     """
-    outside = [moment for moment in look.at if not time[0] <= moment <= time[-1]]
+    outside = [each for each in options.at if not time[0] <= each <= time[-1]]
     if outside:
         raise OutputError(
-            f"--at {outside[0]:g}: the run goes from {time[0]:g} to {time[-1]:g} s; choose between"
+            f"--at {outside[0]:g}: choose a time within the run, {time[0]:g} to {time[-1]:g} s"
         )

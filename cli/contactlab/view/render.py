@@ -6,8 +6,7 @@ from contactlab.errors import optional
 from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
-from contactlab.view.animation import BodyMotion
-from contactlab.view.drawn_motion import read_motion
+from contactlab.view.drawn_motion import BodyMotion, read_motion
 from contactlab.view.picture_options import (
     FILMS,
     VIEWERS,
@@ -15,13 +14,13 @@ from contactlab.view.picture_options import (
     check_options,
     check_times,
 )
-from contactlab.view.viewer_export import export_mcap, export_rrd
 
-# As often as screens show pictures; fine enough for a sheet's arrows too.
+# Frames per second of viewers' files, and of the steps that a sheet's arrows stand for.
 _RATE = 60.0
+_DEFAULT = PictureOptions()
 
 
-def render(store: Store, run: str, target: Path, look: PictureOptions | None = None) -> BodyMotion:
+def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT) -> BodyMotion:
     """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
 
     Everything comes from the stored trace and scene; nothing is simulated again.
@@ -30,44 +29,49 @@ def render(store: Store, run: str, target: Path, look: PictureOptions | None = N
         store: the store.
         run: the run's id, or the start of it.
         target: the file to make or replace.
-        look: how pictures are taken.
+        options: how pictures are taken.
 
     Returns:
         What was drawn.
 
     Raises:
-        OutputError: the file has another suffix or cannot be written, an option does not fit it,
-            or what writes it is not installed.
-        StoreError: no such run, or no trace of it was kept.
-        SceneError: there is no OpenGL to draw pictures with, or no such camera.
+        OutputError: the suffix is unknown, an option does not apply to it, the file cannot be
+            written, or a library is missing.
+        StoreError: there is no such run, or its trace was not kept.
+        SceneError: there is no OpenGL to draw with, or no such camera.
     """
-    look = look or PictureOptions()
-    check_options(target, look)
-    start = prepare_replay(store, run)
-    trace = store.trace(start.record)
-    check_times(look, trace.time)
+    check_options(target, options)
+    replay = prepare_replay(store, run)
+    trace = store.trace(replay.record)
+    check_times(options, trace.time)
     if target.suffix.lower() in VIEWERS:
-        return _export(store, start, trace, target)
-    return _draw(start, trace, target, look)
+        return _write_for_viewer(store, replay, trace, target)
+    return _write_pictures(replay, trace, target, options)
 
 
-def _export(store: Store, start: PreparedReplay, trace: StoredTrace, target: Path) -> BodyMotion:
-    motion = read_motion(start.prepared, trace, _RATE)
+def _write_for_viewer(
+    store: Store, replay: PreparedReplay, trace: StoredTrace, target: Path
+) -> BodyMotion:
+    motion = read_motion(replay.prepared, trace, _RATE)
     if target.suffix.lower() == ".rrd":
-        export_rrd(target, trace, motion)
+        with optional("rerun", target.suffix):
+            from contactlab.view.rerun_export import write_rrd  # noqa: PLC0415 - an extra
+        write_rrd(target, trace, motion)
     else:
-        assert start.record.trace is not None, "its trace was read"
-        with store.trace_file(start.record.trace) as source:
-            export_mcap(source, target, motion)
+        with optional("view", f"{target.suffix} with a 3D layer"):
+            from contactlab.view.foxglove_layer import write_with_layer  # noqa: PLC0415 - an extra
+        assert replay.record.trace is not None, "its trace was read"
+        with store.trace_file(replay.record.trace) as source:
+            write_with_layer(source, target, motion)
     return motion
 
 
-def _draw(
-    start: PreparedReplay, trace: StoredTrace, target: Path, look: PictureOptions
+def _write_pictures(
+    replay: PreparedReplay, trace: StoredTrace, target: Path, options: PictureOptions
 ) -> BodyMotion:
     with optional("view", target.suffix):
         from contactlab.view.film import RunPictures  # noqa: PLC0415 - an extra
-    rate = FILMS.get(target.suffix.lower(), _RATE) / (look.speed or 1.0)
-    motion = read_motion(start.prepared, trace, rate, look.at)
-    RunPictures(start, motion, trace.qpos[motion.rows], look).write(target)
+    rate = FILMS.get(target.suffix.lower(), _RATE) / (options.speed or 1.0)
+    motion = read_motion(replay.prepared, trace, rate, options.at)
+    RunPictures(replay, motion, trace.qpos[motion.rows], options).write(target)
     return motion

@@ -10,10 +10,12 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from contactlab.contact import MODE_COLOURS, Floats, rotate
+from contactlab.contact import Floats, rotate
+from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap import StoredPair, StoredTrace
-from contactlab.view.animation import BodyMotion, BodyShape, Form
+from contactlab.view.drawn_motion import BodyMotion
+from contactlab.view.drawn_shapes import BodyShape, Form
 
 _APPLICATION = "contactlab"
 _TIMELINE = "time"

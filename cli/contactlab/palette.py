@@ -1,0 +1,48 @@
+"""Colours and shapes of every picture: methods, labels, contact modes."""
+
+from contactlab.contact import NO_CONTACT, SLIDE, STICK
+
+# The eight colours of M. A. Petroff, "Accessible color sequences for data visualization", 2021.
+COLOURS = (
+    "#1845fb",
+    "#ff5e02",
+    "#c91f16",
+    "#c849a9",
+    "#adad7d",
+    "#86c8dd",
+    "#578dff",
+    "#656364",
+)
+SHAPES = (
+    "circle",
+    "square",
+    "triangle-up",
+    "diamond",
+    "triangle-down",
+    "triangle-right",
+    "triangle-left",
+    "circle",
+)
+LETTERS = "ABCDEFGH"
+OTHERS_COLOUR = "#c4c4c4"
+INK = "#222222"
+STABLE_COLOUR = "#dbe5de"
+"""Pale, so that stable runs stay in the background."""
+_REDS_FIRST = (2, 1, 3, 0, 4, 5, 6, 7)
+MODE_COLOURS = {
+    NO_CONTACT: (0.4, 0.4, 0.4, 1.0),
+    STICK: (0.0, 0.62, 0.45, 1.0),
+    SLIDE: (0.84, 0.37, 0.0, 1.0),
+}
+"""Red, green, blue and opacity of contact modes, after Okabe and Ito: grey, green, vermilion."""
+
+
+def failure_colour(rank: int) -> str:
+    """Return the colour of a failure label; rank 0 is the worst of those that occur."""
+    return COLOURS[_REDS_FIRST[rank]] if rank < len(_REDS_FIRST) else OTHERS_COLOUR
+
+
+def mode_colour(mode: int) -> str:
+    """Return the colour of a contact mode as `#rrggbb`."""
+    red, green, blue, _ = (round(255 * part) for part in MODE_COLOURS[mode])
+    return f"#{red:02x}{green:02x}{blue:02x}"
