@@ -1,11 +1,13 @@
 """A record survives the journal and the table; the table explains itself to other readers."""
 
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import duckdb
+import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
@@ -14,6 +16,7 @@ from hypothesis import strategies as st
 from contactlab.errors import StoreError
 from contactlab.schema import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
 from contactlab.store import Store, record_to_row, row_to_record
+from contactlab.store.finished_store import similar_ids
 from contactlab.store.runs_table import iterate_rows, read_table, shared_fields, write_table
 
 RecordOf = Callable[..., EvidenceRecord]
@@ -180,6 +183,26 @@ def test_a_record_is_found_by_its_id_or_the_start_of_it(store: Path) -> None:
 def test_an_id_of_no_or_many_runs(store: Path, run: str, message: str) -> None:
     with pytest.raises(StoreError, match=message):
         Store.open(store).record(run)
+
+
+@given(
+    seed=st.integers(0, 2**32),
+    place=st.integers(0, 15),
+    letter=st.sampled_from("0123456789abcdefxyz"),
+)
+def test_a_mistyped_id_is_found_among_few(seed: int, place: int, letter: str) -> None:
+    """However many runs there are: the search for the closest one is slow."""
+    ids = [hashlib.sha256(b"%d %d" % (seed, run)).hexdigest()[:16] for run in range(3000)]
+    meant = ids[seed % len(ids)]
+    similar = similar_ids(meant[:place] + letter + meant[place + 1 :], pa.array(ids))
+    assert meant in similar
+    assert len(similar) <= 64
+
+
+def test_similar_ids_of_no_id() -> None:
+    assert similar_ids("zz", pa.array(["00", "01"])) == []
+    assert similar_ids("", pa.array(["00", "01"])) == []
+    assert len(similar_ids("0" * 15 + "f", pa.array(["0" * 15 + "1"] * 9999))) <= 64
 
 
 def test_a_run_without_trace(store: Path, record_of: RecordOf) -> None:

@@ -1,10 +1,9 @@
 """Read a finished store."""
 
-from bisect import bisect_left
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property, partial
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -158,20 +157,21 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
     They share the longest possible prefix or suffix with the given one.
     """
     lengths = range(1, len(run) + 1)
-    similar: list[str] = []
-    for function, parts in (
-        ("starts_with", [run[:length] for length in lengths]),
-        ("ends_with", [run[-length:] for length in lengths]),
-    ):
-        matching = bisect_left(parts, True, key=partial(_has_no_match, ids, function))
-        if matching:
-            matches = _matches(ids, function, parts[matching - 1])
-            similar += ids.filter(matches)[:_MAX_SIMILAR].to_pylist()
-    return similar
+    return [
+        *_longest_match(ids, "starts_with", (run[:length] for length in lengths)),
+        *_longest_match(ids, "ends_with", (run[-length:] for length in lengths)),
+    ]
 
 
-def _has_no_match(ids: pa.Array, function: str, part: str) -> bool:
-    return _matches(ids, function, part).true_count == 0
+def _longest_match(ids: pa.Array, function: str, parts: Iterable[str]) -> list[str]:
+    """Return the ids that match the longest of the parts, each of which extends the one before."""
+    longest = ids[:0]
+    for part in parts:
+        ids = ids.filter(_matches(ids, function, part))
+        if len(ids) == 0:
+            break
+        longest = ids
+    return longest[:_MAX_SIMILAR].to_pylist()
 
 
 def _matches(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:
