@@ -71,7 +71,7 @@ def settings_mjcf(settings: Values) -> tuple[str, ...]:
         if not isinstance(value, bool):
             options[name] = "0 0 0" if name == "gravity" else str(as_written(value))
             continue
-        mjcf = EFFECTS[name].switch.mjcf(on=value)
+        mjcf = EFFECTS[name].switch.mjcf(value)
         options |= mjcf.options
         flags |= mjcf.flags
         condims += [] if mjcf.condim is None else [mjcf.condim]
