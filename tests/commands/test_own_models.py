@@ -164,7 +164,7 @@ def test_models_run_and_replay(
         (
             "./own",
             {"own__scene_xml": BOX, "own__scene_yaml": MANIFEST.replace(": box", ": bax")},
-            ["subject 'bax' is no body of the model"],
+            ["subject 'bax' is not a body of the model"],
         ),
         (
             "./own",
@@ -172,7 +172,7 @@ def test_models_run_and_replay(
             ["colour"],
         ),
         ("./own", {"own__scene_xml": BOX, "own__scene_yaml": "pairs: ["}, ["not YAML"]),
-        ("./own", {"own__scene_xml": BOX}, ["holds no scene.yaml"]),
+        ("./own", {"own__scene_xml": BOX}, ["has no scene.yaml"]),
         (
             "box.xml",
             {"box_xml": BOX.replace("<worldbody>", '<option timestep="0"/><worldbody>')},

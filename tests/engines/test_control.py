@@ -200,7 +200,7 @@ def test_the_impulse_engine_refuses_external_forces(make_scene: Make) -> None:
         ("{turn.ctrl: {at: [0, 1], to: [0]}}", "{}", "2 times and 1 values"),
         ("{turn.ctrl: {at: [], to: []}}", "{}", "at least 1 item"),
         ("{turns.ctrl: {at: [0], to: [0]}}", "{}", "no coordinate 'turns.ctrl'.*turn.ctrl"),
-        ("{hinge: {at: [0], to: [0]}}", "{}", "'hinge' is no input.*ACTUATOR.ctrl"),
+        ("{hinge: {at: [0], to: [0]}}", "{}", "'hinge' is part of the state.*ACTUATOR.ctrl"),
         ("{turn.ctrl: {at: [0], to: [speed]}}", "{}", "unknown speed"),
         ("{turn.ctrl: {at: [0], to: [3 +]}}", "{}", "control turn.ctrl sets its values to '3 \\+'"),
         ("{turn.ctrl: {at: [1, 0.5], to: [0, 1]}}", "{}", "times must not decrease.*1, 0.5 s"),

@@ -90,7 +90,10 @@ def test_without_a_hold_nothing_is_added(make_scene: Make) -> None:
 @pytest.mark.parametrize(
     ("hold", "message"),
     [
-        ("{from: 0.02, to: 0.1, relative_to: hands}", "'hands' in relative_to is no body.*hand"),
+        (
+            "{from: 0.02, to: 0.1, relative_to: hands}",
+            "relative_to names 'hands', which is not a body.*hand",
+        ),
         ("{from: 0.05, to: 0.02}", "hold goes from 0.05 s to 0.02 s"),
         ("{from: 0.05, to: 0.2}", "hold ends at 0.2 s, after the run, which takes 0.1 s"),
         ("{from: 0.05, to: later}", "unknown later"),
@@ -104,7 +107,7 @@ def test_mistakes_say_what_and_where(hold: str, message: str, make_scene: Make) 
 
 
 def test_a_hold_needs_a_subject(make_scene: Make) -> None:
-    with pytest.raises(SceneError, match="name it in `subject`"):
+    with pytest.raises(SceneError, match="name the held body in `subject`"):
         make_scene(MODEL, "hold: {from: 0, to: 0.1}\n")
 
 
@@ -125,7 +128,7 @@ def test_a_structure_writes_its_text(text: str, expected: list[float], make_scen
 
 
 def test_a_text_that_cannot_be_computed_is_said(make_scene: Make) -> None:
-    with pytest.raises(SceneError, match=r"structure 'width' writes \{height / 2\}: "):
+    with pytest.raises(SceneError, match=r"structure 'width': cannot compute \{height / 2\}: "):
         make_scene(MODEL, STRUCTURE.format(default=0.1, rest='text: "0 {height / 2} 0"'))
 
 

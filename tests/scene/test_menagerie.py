@@ -60,7 +60,7 @@ def test_a_robot_is_a_scene_of_its_own_files(
         (f"menagerie:{ROBOT}/pnda", ["no entry 'pnda'", "did you mean 'panda'"]),
         (f"menagerie:{ROBOT}/x", ["no entry 'x'", "write one of hand, "]),
         (f"menagerie:{ROBOT}/panda/more", ["no entry 'panda/more'"]),
-        (f"menagerie:{ROBOT}/hand", ["holds no hand.xml"]),
+        (f"menagerie:{ROBOT}/hand", ["has no hand.xml"]),
         ("menagerie:unitree_g1", ["cannot get unitree_g1", "MENAGERIE_ROOT"]),
     ],
 )
@@ -76,7 +76,7 @@ def test_a_download_that_fails_is_told(tmp_path: Path, monkeypatch: pytest.Monke
     monkeypatch.delenv("MENAGERIE_ROOT", raising=False)
     monkeypatch.setenv("MENAGERIE_CACHE_DIR", str(tmp_path / "cache"))
     monkeypatch.setenv("MENAGERIE_BASE_URL", (tmp_path / "nowhere").as_uri())
-    with pytest.raises(SceneError, match="a network; without one, set MENAGERIE_ROOT"):
+    with pytest.raises(SceneError, match="without a network, set MENAGERIE_ROOT"):
         find_scene(f"menagerie:{ROBOT}")
 
 

@@ -119,7 +119,7 @@ def test_rows_are_what_their_runs_are(
     most: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("contactlab.scene.row_resolution._MOST_PARTS", most)
+    monkeypatch.setattr("contactlab.scene.row_resolution._MAX_CACHED", most)
     scene, found = sweep
     together = scene.rows(duration)
     # Twice: the second time all that can be remembered is.
@@ -147,7 +147,7 @@ def test_zeros_of_either_sign_are_two_values() -> None:
 def test_all_parts_are_remembered_but_no_more_than_so_many(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("contactlab.scene.row_resolution._MOST_PARTS", 3)
+    monkeypatch.setattr("contactlab.scene.row_resolution._MAX_CACHED", 3)
     together = SCENES["ball_drop"].rows(None)
-    shapes = {together.row({"drop_height": float(height)}).shape for height in range(1, 10)}
-    assert [len(each.known) for shape in shapes for each in shape.settings] == [3]
+    groups = {together.row({"drop_height": float(height)}).group for height in range(1, 10)}
+    assert [len(each.known) for group in groups for each in group.settings] == [3]

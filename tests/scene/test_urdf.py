@@ -96,7 +96,7 @@ def test_a_missing_mesh_is_told_with_its_place_and_the_line_to_write(
     with pytest.raises(SceneError, match="does not compile") as caught:
         Scene.open("arm/urdf/arm.urdf", tmp_path)
     message = str(caught.value)
-    assert f"looked for at {tmp_path / place};" in message
+    assert f"expected at {tmp_path / place};" in message
     assert '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco>' in message
     assert "gone.dae" not in message
     assert len(message.splitlines()) < 8
@@ -118,5 +118,5 @@ def test_a_missing_mesh_of_mjcf_is_told_likewise(write_files: Write, tmp_path: P
     write_files(tmp_path, {"robot.xml": f"<mujoco>{asset}<worldbody>{geom}</worldbody></mujoco>"})
     with pytest.raises(SceneError) as caught:
         Scene.open("robot.xml", tmp_path)
-    assert f"looked for at {tmp_path / 'x.obj'};" in str(caught.value)
+    assert f"expected at {tmp_path / 'x.obj'};" in str(caught.value)
     assert '<compiler meshdir="FOLDER"/>' in str(caught.value)

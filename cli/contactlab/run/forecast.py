@@ -102,7 +102,7 @@ def _summed(index: RunIndex, scene: Scene) -> _Sums:
     sums, bytes_of = _Sums(), cache(partial(_bytes_of, scene))
     stride, runs = max(1, len(index) // _SAMPLES), 0
     for row, count in index.rows():
-        steps, shape, solref = row.steps, row.shape, row.setting("solref")
+        steps, shape, solref = row.steps, row.group, row.setting("solref")
         sums.steps += count * steps
         sums.bytes += count * bytes_of(shape, steps)
         if isinstance(solref, tuple):

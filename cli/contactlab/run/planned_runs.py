@@ -54,7 +54,7 @@ class RunIndex:
         for row in plan.rows():
             resolved = self._rows.row(row.values)
             check(resolved)
-            self.firsts.setdefault(resolved.shape, row.values)
+            self.firsts.setdefault(resolved.group, row.values)
             ids += resolved.run_ids(row.seeds)
         self._ids = bytes(ids)
         self._distinct = np.zeros(len(self._ids) // ID_BYTES, bool)

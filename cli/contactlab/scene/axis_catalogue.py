@@ -41,7 +41,7 @@ Engines = Mapping[str, EngineTraits]
 class SceneCatalogue:
     """The axes of a scene: its own initial and structure values, parameters, effects.
 
-    Model fields such as `dof_damping[hinge]` are found, though not listed.
+    Model fields such as `dof_damping[hinge]` are found, but not listed.
     """
 
     def __init__(
@@ -66,7 +66,7 @@ class SceneCatalogue:
 
 
 class LenientCatalogue:
-    """The axes of a catalogue, with values that only newer versions of the engine have."""
+    """The axes of a catalogue, which also accept values that only newer versions of MuJoCo have."""
 
     def __init__(self, own: Catalogue) -> None:
         self._own = own
@@ -104,7 +104,7 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
     for name in (axis.name for axis in own):
         if name in taken:
-            raise SceneError(f"'{name}' names something else already; give the value another name")
+            raise SceneError(f"'{name}' is the name of another axis; rename it")
         taken.add(name)
     return own + axes
 

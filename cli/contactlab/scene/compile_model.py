@@ -16,7 +16,7 @@ from contactlab.scene.model_references import find_resource, is_resource, parse,
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.written_inertia import written_inertia_faults
 
-_PLACE = re.compile(r"\{([^{}]*)\}")
+_BRACES = re.compile(r"\{([^{}]*)\}")
 
 
 def compile_model(
@@ -25,7 +25,7 @@ def compile_model(
     """Compile one structure of a scene, after a last edit of its specification.
 
     Raises:
-        SceneError: the model does not compile, or a structure value has no place in it.
+        SceneError: the model does not compile, or no element takes a structure value.
     """
     with _model_file(source, structure) as path:
         try:
@@ -35,12 +35,12 @@ def compile_model(
             edit(spec)
             return spec.compile()
         except (ValueError, mujoco.FatalError) as error:
-            raise refusal(source.model, path, error) from error
+            raise compile_error(source.model, path, error) from error
 
 
 @contextmanager
 def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generator[Path]:
-    """Give the model file, in a copy of the scene where structure values must be written."""
+    """Yield the model file, in a copy of the scene where structure values are written."""
     if not structure:
         yield source.model
         return
@@ -60,23 +60,27 @@ def _write_structure(folder: Path, source: SceneSource, structure: Mapping[str, 
         try:
             elements = [each for root in roots.values() for each in root.findall(entry.element)]
         except (SyntaxError, TypeError, KeyError) as error:
-            raise SceneError(f"structure '{name}': {entry.element} is no path: {error}") from error
+            raise SceneError(
+                f"structure '{name}': {entry.element} is not a path of elements: {error}"
+            ) from error
         if not elements:
-            raise SceneError(f"structure '{name}' finds no {entry.element} in the model")
+            raise SceneError(f"structure '{name}': no element of the model matches {entry.element}")
         for element in elements:
-            element.set(entry.attribute, _PLACE.sub(partial(_filled, name, value), entry.text))
+            element.set(
+                entry.attribute, _BRACES.sub(partial(_computed_text, name, value), entry.text)
+            )
     for file, root in roots.items():
         ET.ElementTree(root).write(file)
 
 
-def _filled(name: str, value: object, place: re.Match[str]) -> str:
-    """Return what a place in a structure's text comes to: the value itself if it is empty."""
-    if not place[1]:
+def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
+    """Return what replaces braces in a structure's text: the value itself if they are empty."""
+    if not braces[1]:
         return repr(value)
     try:
-        return repr(Expression(place[1]).evaluate({name: value}))
+        return repr(Expression(braces[1]).evaluate({name: value}))
     except ExpressionError as error:
-        raise SceneError(f"structure '{name}' writes {place[0]}: {error}") from error
+        raise SceneError(f"structure '{name}': cannot compute {braces[0]}: {error}") from error
 
 
 def _find_packages(spec: mujoco.MjSpec, folder: Path) -> None:
@@ -94,43 +98,43 @@ def _name_geoms(spec: mujoco.MjSpec) -> None:
         geom.name = name
 
 
-_MOST = 3
+_MAX_LISTED = 3
 
 
-def refusal(model: Path, tried: Path, error: Exception) -> SceneError:
-    """Return the error for a model that does not compile.
+def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
+    """Return the error for a model that does not compile, with what to write instead.
 
     Args:
         model: its file, for the message.
         tried: the file that was compiled, which may be a copy.
-        error: what the engine says.
+        error: MuJoCo's.
     """
     said = str(error).strip().replace(str(tried), str(model)).splitlines()
-    lines = [*said, *_missing(said[0], model), *_unreal(said[0], tried)]
+    lines = [*said, *_missing_file(said[0], model), *_impossible_inertias(said[0], tried)]
     return SceneError("\n  ".join([f"{model}: does not compile", *lines]))
 
 
-def _unreal(said: str, tried: Path) -> Iterator[str]:
-    """Yield which inertias no body has."""
+def _impossible_inertias(said: str, tried: Path) -> Iterator[str]:
+    """Yield the inertias that no real body has."""
     if "inertia" in said:
-        # The engine gives no access to a specification that it has refused.
+        # MuJoCo gives no access to a specification that it failed to compile.
         spec = mujoco.MjSpec.from_file(str(tried))
-        for fault in written_inertia_faults(spec)[:_MOST]:
+        for fault in written_inertia_faults(spec)[:_MAX_LISTED]:
             yield f"body '{fault.body}': {fault.reason}"
 
 
-def _missing(said: str, model: Path) -> Iterator[str]:
-    """Yield where a file that cannot be opened was looked for."""
+def _missing_file(said: str, model: Path) -> Iterator[str]:
+    """Yield where MuJoCo looked for a file that it cannot open."""
     if "opening file" not in said:
         return
     for path in references(model):
         if not path.is_file() and f"{path.name}'" in said:
-            yield f"it was looked for at {path}; put it there, or say where it is:"
-            yield _ELSEWHERE[model.suffix == ".urdf"]
+            yield f"it was expected at {path}; put it there, or say where it is:"
+            yield _FOLDER_HINT[model.suffix == ".urdf"]
             return
 
 
-_ELSEWHERE = {
+_FOLDER_HINT = {
     False: '<compiler meshdir="FOLDER"/>, relative to the model',
     True: '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco> within <robot>',
 }

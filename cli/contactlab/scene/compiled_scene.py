@@ -50,19 +50,19 @@ from contactlab.schema import PairRecord, SceneManifest
 
 @dataclass(frozen=True)
 class CompiledScene:
-    """A compiled structure of a scene, from which the models of its runs are made.
+    """One compiled structure of a scene, from which the models of its runs are made.
 
     Attributes:
         model: the compiled model; never edited.
         pairs: the monitored contact pairs.
-        layout: where the recorded numbers lie.
+        layout: addresses of the recording sensors.
         settings: every setting of the model as written.
-        flags: every engine switch of the model as written.
+        flags: every flag of the model as written.
         targets: where contact and mass settings go.
         nonuniform: contact settings that not every target has as `settings` says.
-        free: whether no static body, actuator or field outside acts on it.
-        holding: what is held by what, if the manifest says.
-        facts: what it decides about its effects.
+        free: whether momentum is conserved: nothing static, no actuator and no external field acts.
+        holding: what holds the subject and when, if the manifest says.
+        facts: what the structure decides about its effects.
     """
 
     model: mujoco.MjModel
@@ -78,7 +78,7 @@ class CompiledScene:
 
     @property
     def size(self) -> int:
-        """Memory of its model, and of each that is made from it [bytes]; mostly meshes."""
+        """Memory of the model, and of each that is made from it [bytes]; mostly meshes."""
         return int(mujoco.mj_sizeModel(self.model))
 
     def prepare(
@@ -87,11 +87,11 @@ class CompiledScene:
         effect_request: EffectRequest | None = None,
         start: InitialStates | None = None,
     ) -> "PreparedModel":
-        """Return a copy of the model with the edits written, and what came of them.
+        """Return a copy of the model with edits written, and its effective contact parameters.
 
         Args:
             edits: settings and effects to write.
-            effect_request: decide the other effects; they stay as they are if None.
+            effect_request: decides the other effects; they stay as they are if None.
             start: the run's initial state, n being 1; proofs that look at it fail if None.
         """
         model = copy.copy(self.model)
@@ -141,7 +141,7 @@ def compile_scene(
         without: effects to compile it without.
 
     Raises:
-        SceneError: the model does not compile, or the manifest names what it does not have.
+        SceneError: the model does not compile, or the manifest names something that it lacks.
     """
     plain = compile_model(source, structure, lambda _: None)
     free = _is_free(plain)
@@ -200,7 +200,7 @@ def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | Non
         if index < 0:
             known = [model.body(each).name for each in range(1, model.nbody)]
             hint = did_you_mean(manifest.subject, known)
-            raise SceneError(f"subject '{manifest.subject}' is no body of the model{hint}")
+            raise SceneError(f"subject '{manifest.subject}' is not a body of the model{hint}")
         if not model.body_mass[index]:
             raise SceneError(f"subject '{manifest.subject}' has no mass of its own")
         return index
@@ -209,7 +209,7 @@ def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | Non
 
 
 def _is_free(model: mujoco.MjModel) -> bool:
-    """Say whether momentum must be conserved: free roots only, no gravity, nothing from outside."""
+    """Return whether momentum is conserved: free roots, no gravity, no external forces."""
     roots = np.flatnonzero((model.body_parentid == 0) & (np.arange(model.nbody) > 0))
     joints = [int(model.body_jntadr[root]) for root in roots if model.body_jntnum[root] == 1]
     rooted = len(joints) == len(roots) and all(

@@ -35,7 +35,7 @@ class MonitoredPair:
         sides: the two names.
         bodies: whether the sides are bodies.
         geoms: ids of the geoms on each side.
-        slots: contacts recorded each step.
+        slots: how many of its contacts are recorded each step.
     """
 
     name: str
@@ -51,9 +51,9 @@ def declared_pairs(
     """Return the pairs that a manifest lists.
 
     Raises:
-        SceneError: an entry names an unknown geom or body, or none; a pair is listed twice.
+        SceneError: an entry names an unknown geom or body, or none, or a pair is listed twice.
     """
-    pairs = tuple(pair for entry in entries for pair in _of_entry(model, entry))
+    pairs = tuple(pair for entry in entries for pair in _entry_pairs(model, entry))
     names = [pair.name for pair in pairs]
     for name in names:
         if names.count(name) > 1:
@@ -62,10 +62,10 @@ def declared_pairs(
 
 
 def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[MonitoredPair, ...]:
-    """Return the geom pairs that can touch; if there are over 64, those that do in short runs.
+    """Return the geom pairs that can touch; of more than 64, those that do touch in short runs.
 
-    These go from the model's own start and from a keyframe, where one is given: postures differ in
-    what touches, such as fingers that are open or closed.
+    The runs start at qpos0 and at the keyframe: what touches depends on the posture, such as
+    whether fingers are open or closed.
     """
     pairs = [each for each in combinations(range(model.ngeom), 2) if _may_touch(model, *each)]
     if len(pairs) > MAX_PAIRS:
@@ -73,15 +73,15 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
 
 
-def _of_entry(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
+def _entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
     if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
-        raise SceneError("each entry of pairs takes one of geoms, bodies or chain")
+        raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]
     chain = _expand(model, entry.chain) if entry.chain else [*(entry.geoms or ())]
     ids = [_geom_id(model, name) for name in chain]
     if len(ids) < 2:
-        raise SceneError(f"the chain {', '.join(chain)} has no two geoms that could touch")
+        raise SceneError(f"the chain {', '.join(chain)} has fewer than two geoms")
     return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
 
 
@@ -100,7 +100,7 @@ def _geom_id(model: mujoco.MjModel, name: str) -> int:
 
 def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> MonitoredPair:
     names = (model.geom(first).name, model.geom(second).name)
-    slots = slots or _usual_slots(int(model.geom_type[first]), int(model.geom_type[second]))
+    slots = slots or _default_slots(int(model.geom_type[first]), int(model.geom_type[second]))
     return MonitoredPair("-".join(names), names, False, ((first,), (second,)), slots)
 
 
@@ -117,7 +117,7 @@ def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
     geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
     solid = tuple(geom for geom in geoms if _is_solid(model, geom))
     if not solid:
-        raise SceneError(f"body '{name}' has no geom of its own that could touch")
+        raise SceneError(f"body '{name}' has no geom that can collide")
     return solid
 
 
@@ -126,7 +126,7 @@ def _is_solid(model: mujoco.MjModel, geom: int) -> bool:
     return bool(listed or model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
-def _usual_slots(first: int, second: int) -> int:
+def _default_slots(first: int, second: int) -> int:
     shapes = {first, second}
     if _GEOM.mjGEOM_HFIELD in shapes:
         return _FIELD_SLOTS
@@ -136,12 +136,12 @@ def _usual_slots(first: int, second: int) -> int:
 
 
 def can_collide(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
-    """Say whether the engine's filters let any geoms of a pair touch."""
+    """Return whether MuJoCo's collision filters let any geoms of a pair touch."""
     return bool(colliding(model, pair))
 
 
 def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int]]:
-    """Return the geoms of a pair, one of each side, that the engine's filters let touch."""
+    """Return the geoms of a pair, one of each side, that MuJoCo's collision filters let touch."""
     return [
         (first, second)
         for first in pair.geoms[0]
@@ -168,7 +168,7 @@ def _listed(model: mujoco.MjModel, first: int, second: int) -> bool:
 
 
 def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
-    """Follow the filters of MuJoCo's documentation, Computation > Collision > Selection."""
+    """Apply the filters of MuJoCo's documentation, Computation > Collision > Selection."""
     weld1, weld2 = int(model.body_weldid[first]), int(model.body_weldid[second])
     if weld1 == weld2:
         return True
@@ -189,17 +189,17 @@ def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int
         for keyframe in keyframes:
             counts += _touches(model, start_data(model, keyframe))
     except mujoco.FatalError as error:
-        raise SceneError(f"the search for contact pairs failed: {error}") from error
+        raise SceneError(f"cannot detect contact pairs: the simulation failed: {error}") from error
     return sorted(counts, key=lambda pair: (-counts[pair], pair))
 
 
 def _touches(model: mujoco.MjModel, data: mujoco.MjData) -> Counter[tuple[int, int]]:
-    """Return in how many contacts of a short run each geom pair is."""
+    """Return how often each geom pair is in contact in a short run."""
     counts: Counter[tuple[int, int]] = Counter()
     for _ in range(_SEARCH_STEPS):
         mujoco.mj_step(model, data)
         touching = np.sort(data.contact.geom, axis=1).tolist()
-        # A flex has no geom.
+        # A contact of a flex has geom -1.
         counts.update((first, second) for first, second in touching if first >= 0)
     return counts
 
@@ -210,8 +210,8 @@ _MIN_WEIGHT = 1e-15
 def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairRecord:
     """Return the effective contact parameters of a pair's first two geoms.
 
-    For a pair of bodies these stand for all of their geoms; friction is the largest among them,
-    so that it bounds the cone of each contact.
+    For a pair of bodies these stand for all of their geoms, with the largest friction among them,
+    which bounds the cone of every contact.
     """
     first, second = pair.geoms[0][0], pair.geoms[1][0]
     explicit = explicit_pair(model, first, second)
@@ -263,7 +263,7 @@ def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
     )
 
 
-def _ruler(model: mujoco.MjModel, first: int, second: int) -> int | None:
+def _dominant(model: mujoco.MjModel, first: int, second: int) -> int | None:
     """Return the geom of higher priority, or None for a tie."""
     priority1, priority2 = int(model.geom_priority[first]), int(model.geom_priority[second])
     if priority1 == priority2:
@@ -272,16 +272,16 @@ def _ruler(model: mujoco.MjModel, first: int, second: int) -> int | None:
 
 
 def _condim(model: mujoco.MjModel, first: int, second: int) -> int:
-    ruler = _ruler(model, first, second)
-    if ruler is not None:
-        return int(model.geom_condim[ruler])
+    dominant = _dominant(model, first, second)
+    if dominant is not None:
+        return int(model.geom_condim[dominant])
     return int(max(model.geom_condim[first], model.geom_condim[second]))
 
 
 def _friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ...]:
-    ruler = _ruler(model, first, second)
-    if ruler is not None:
-        three = model.geom_friction[ruler]
+    dominant = _dominant(model, first, second)
+    if dominant is not None:
+        three = model.geom_friction[dominant]
     else:
         three = np.maximum(model.geom_friction[first], model.geom_friction[second])
     slide, torsion, roll = (float(value) for value in three)
@@ -290,9 +290,9 @@ def _friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ..
 
 def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
     """Return the first geom's weight in the mean."""
-    ruler = _ruler(model, first, second)
-    if ruler is not None:
-        return 1.0 if ruler == first else 0.0
+    dominant = _dominant(model, first, second)
+    if dominant is not None:
+        return 1.0 if dominant == first else 0.0
     mix1, mix2 = float(model.geom_solmix[first]), float(model.geom_solmix[second])
     if mix1 >= _MIN_WEIGHT and mix2 >= _MIN_WEIGHT:
         return mix1 / (mix1 + mix2)
@@ -304,7 +304,7 @@ def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
 def _solref(model: mujoco.MjModel, first: int, second: int, weight: float) -> np.ndarray:
     one, two = model.geom_solref[first], model.geom_solref[second]
     standard = one[0] > 0 and two[0] > 0
-    if standard or _ruler(model, first, second) is not None:
+    if standard or _dominant(model, first, second) is not None:
         return weight * one + (1 - weight) * two
     return np.minimum(one, two)
 

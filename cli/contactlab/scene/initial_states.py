@@ -21,11 +21,11 @@ from contactlab.scene.timed_inputs import (
 from contactlab.schema import SceneManifest
 
 QPOS0 = "qpos0"
-"""What stands for the model's own start, in which all joints are at their reference."""
+"""Stands for the model's reference configuration, where no keyframe is used."""
 
 
 def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names of a model's keyframes; those without cannot be asked for."""
+    """Return the names of a model's named keyframes."""
     names = (model.key(index).name for index in range(model.nkey))
     return tuple(name for name in names if name)
 
@@ -33,8 +33,8 @@ def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
 def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
     """Return the keyframe that runs start from unless their sweep says otherwise.
 
-    It is the manifest's. Without a manifest it is the model's first: reference positions are
-    often no posture to be in, with links in each other and joints beyond their limits.
+    The manifest names it. Without a manifest it is the model's first: in the reference
+    configuration, links often intersect and joints exceed their limits.
 
     Raises:
         SceneError: the manifest names a keyframe that the model lacks.
@@ -44,12 +44,12 @@ def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> s
         return next(iter(known), QPOS0)
     if manifest.keyframe is not None and manifest.keyframe not in known:
         hint = did_you_mean(manifest.keyframe, known)
-        raise SceneError(f"no keyframe '{manifest.keyframe}' in the model{hint}")
+        raise SceneError(f"the model has no keyframe '{manifest.keyframe}'{hint}")
     return manifest.keyframe or QPOS0
 
 
 def start_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
-    """Return the state of a keyframe, or the model's own."""
+    """Return the state of a keyframe, or of `QPOS0`."""
     data = mujoco.MjData(model)
     if keyframe != QPOS0:
         mujoco.mj_resetDataKeyframe(model, data, model.key(keyframe).id)
@@ -57,7 +57,7 @@ def start_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:
 
 
 def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
-    """Make a keyframe's places of mocap bodies those that a model starts from, in place."""
+    """Write a keyframe's poses of mocap bodies into a model, in place."""
     if not model.nmocap or keyframe == QPOS0:
         return
     data = start_data(model, keyframe)
@@ -68,20 +68,20 @@ def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
 
 
 class InitialStates(NamedTuple):
-    """Start states of n runs, and what acts on them.
+    """Initial states and inputs of n runs.
 
-    Controls followed by `applied` are the inputs. P of them are driven: each follows straight
-    lines between its K knots, whatever it is at the start. The others are constant.
+    The inputs are the controls followed by `applied`. P of them are driven: each interpolates
+    linearly between its K knots. The others are constant.
 
     Attributes:
         qpos: (n, nq) configuration.
         qvel: (n, nv) velocity.
         ctrl: (n, nu) control at the start.
         applied: (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
-        driven: (n, P) places, among the inputs, of those that change over time.
-        knots: (n, P, K) times of their knots [s], never decreasing.
-        levels: (n, P, K) what they are at their knots.
-        act: (n, na) activation of the actuators that have one, at the start.
+        driven: (n, P) ingenerators, among the inputs, of those that are driven.
+        knots: (n, P, K) times of their knots [s], non-decreasing.
+        levels: (n, P, K) their values at the knots.
+        act: (n, na) actuator activations at the start.
     """
 
     qpos: Floats
@@ -94,29 +94,29 @@ class InitialStates(NamedTuple):
     act: Floats
 
     def pick(self, run: int) -> "InitialStates":
-        """Return the start state of one run, n being 1."""
+        """Return the initial state of one run, n being 1."""
         return self.rows([run])
 
     def rows(self, runs: Sequence[int]) -> "InitialStates":
-        """Return the start states of some runs."""
+        """Return the initial states of some runs."""
         return InitialStates(*(array[list(runs)] for array in self))
 
     @classmethod
     def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
-        """Return the start states of several, one after the other."""
+        """Return several initial states, one after the other."""
         return cls(*(np.concatenate(arrays) for arrays in zip(*starts, strict=True)))
 
     def inputs(self, run: int, timestep: float, steps: np.ndarray) -> Floats:
         """Return (T, nu + 6 nbody) the inputs of one run during some steps.
 
-        Step k has the inputs of time k timestep [s], counted rather than summed; k need not be
-        whole. Before its first knot an input has the first level, after the last the last; where
-        two knots are at one time, the later one counts.
+        Step k has the inputs at time k timestep [s]; k need not be whole. Before its first knot an
+        input has the first level, after its last knot the last; of two knots at one time, the later
+        one counts.
         """
         constant = np.concatenate([self.ctrl[run], self.applied[run]])
         inputs = np.tile(constant, (len(steps), 1))
-        lines = zip(self.driven[run], self.knots[run], self.levels[run], strict=True)
-        for place, knots, levels in lines:
+        profiles = zip(self.driven[run], self.knots[run], self.levels[run], strict=True)
+        for place, knots, levels in profiles:
             inputs[:, place] = np.interp(steps * timestep, knots, levels)
         return inputs
 
@@ -124,29 +124,29 @@ class InitialStates(NamedTuple):
 _SEED_SCALE = 1e-4
 _NUDGE = 1e-6
 PERTURBATION = 1e-8
-"""How far a twin starts from its run [m, rad, m/s, rad/s]."""
+"""How far a perturbed copy starts from its run [m, rad, m/s, rad/s]."""
 # Where a joint's quaternion starts within its part of qpos.
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
 @dataclass(frozen=True)
 class InitialStateRule:
-    """How the start states of one structure are made.
+    """How the initial states of one structure are made.
 
     Attributes:
-        state: qpos, qvel, ctrl, xfrc_applied and act, the model's own or a keyframe's.
+        state: qpos, qvel, ctrl, xfrc_applied and act, of a keyframe or of `QPOS0`.
         ends: where each of them ends.
-        formulas: expressions over the initial values, and the indices that each one sets.
-        programmes: what inputs do over time.
-        perturbed: indices that a seed changes, by at most `scale`.
-        scale: m, rad, m/s or rad/s.
+        formulas: expressions over the initial values, with the ingenerators that each sets.
+        profiles: what inputs do over time.
+        perturbed: ingenerators that a seed perturbs, by at most `scale`.
+        scale: size of the perturbation [m, rad, m/s or rad/s].
         quaternions: where unit quaternions start.
     """
 
     state: Floats
     ends: tuple[int, ...]
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
-    programmes: tuple[ControlProfile, ...]
+    profiles: tuple[ControlProfile, ...]
     perturbed: tuple[int, ...]
     scale: float
     quaternions: tuple[int, ...]
@@ -155,10 +155,10 @@ class InitialStateRule:
     def of(
         cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
     ) -> "InitialStateRule":
-        """Return how a model's start states are made, from a keyframe or `QPOS0`.
+        """Return how a model's initial states are made, from a keyframe or `QPOS0`.
 
         Raises:
-            SceneError: the manifest names a coordinate that the model lacks.
+            SceneError: the manifest names coordinates that the model lacks.
         """
         coordinates, scale = _perturbed_coordinates(model, manifest)
         offset = _offsets(model)
@@ -166,7 +166,7 @@ class InitialStateRule:
             state=_state(model, keyframe),
             ends=tuple(np.cumsum(list(_sizes(model).values())).tolist()),
             formulas=tuple(_formulas(model, manifest)) if manifest else (),
-            programmes=read_control(model, manifest),
+            profiles=read_control(model, manifest),
             perturbed=tuple(offset[field] + index for field, index in coordinates),
             scale=scale,
             quaternions=quaternions(model),
@@ -174,25 +174,25 @@ class InitialStateRule:
 
 
 def initial_states(
-    start: InitialStateRule, runs: Sequence[tuple[Mapping[str, float], int]]
+    rule: InitialStateRule, runs: Sequence[tuple[Mapping[str, float], int]]
 ) -> InitialStates:
-    """Return the start states for each run's initial values and seed."""
-    states = np.tile(start.state, (len(runs), 1))
+    """Return the initial states for each run's initial values and seed."""
+    states = np.tile(rule.state, (len(runs), 1))
     for row, (initial, seed) in zip(states, runs, strict=True):
-        for formula, indices in start.formulas:
-            row[list(indices)] = computed(formula, initial)
-        if start.perturbed:
-            offsets = np.random.default_rng(seed).uniform(-1, 1, len(start.perturbed))
-            row[list(start.perturbed)] += start.scale * offsets
-    if start.formulas or start.perturbed:
-        _normalise(states, start)
-    qpos, qvel, ctrl, applied, act = np.split(states, start.ends[:-1], axis=1)
-    lines = control_knots(start.programmes, [initial for initial, _ in runs])
+        for formula, ingenerators in rule.formulas:
+            row[list(ingenerators)] = computed(formula, initial)
+        if rule.perturbed:
+            offsets = np.random.default_rng(seed).uniform(-1, 1, len(rule.perturbed))
+            row[list(rule.perturbed)] += rule.scale * offsets
+    if rule.formulas or rule.perturbed:
+        _normalise(states, rule)
+    qpos, qvel, ctrl, applied, act = np.split(states, rule.ends[:-1], axis=1)
+    lines = control_knots(rule.profiles, [initial for initial, _ in runs])
     return _driven(InitialStates(qpos, qvel, ctrl, applied, *lines, act))
 
 
 def _driven(starts: InitialStates) -> InitialStates:
-    """Return starts whose driven inputs are what they are at the start."""
+    """Return initial states with driven inputs set to their values at time 0."""
     if not starts.driven.size:
         return starts
     controls = starts.ctrl.shape[1]
@@ -202,10 +202,10 @@ def _driven(starts: InitialStates) -> InitialStates:
 
 
 def nudged_states(
-    start: InitialStateRule, states: InitialStates, seeds: Sequence[int]
+    rule: InitialStateRule, states: InitialStates, seeds: Sequence[int]
 ) -> InitialStates:
-    """Return start states a millionth of a metre or radian away; rotations stay as they are."""
-    turning = {address + part for address in start.quaternions for part in range(4)}
+    """Return initial states up to 1e-6 m or rad away; quaternions are not moved."""
+    turning = {address + part for address in rule.quaternions for part in range(4)}
     moving = [index for index in range(states.qpos.shape[1]) if index not in turning]
     qpos = states.qpos.copy()
     for row, seed in zip(qpos, seeds, strict=True):
@@ -215,20 +215,20 @@ def nudged_states(
 
 
 def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialStates:
-    """Return a start up to 1e-8 away in every place and velocity [m, rad, m/s, rad/s].
+    """Return an initial state up to 1e-8 away in every position and velocity [m, rad, m/s, rad/s].
 
-    Rotations stay as they are; their velocities tell them apart soon enough.
+    Quaternions are not moved: angular velocities separate them soon enough.
     """
-    dice = np.random.default_rng([seed, 2])
+    generator = np.random.default_rng([seed, 2])
     qpos, qvel = start.qpos.copy(), start.qvel.copy()
     places = [*joints.scalars, *(point + axis for point in joints.points for axis in range(3))]
-    qpos[:, places] += PERTURBATION * dice.uniform(-1, 1, len(places))
-    qvel += PERTURBATION * dice.uniform(-1, 1, qvel.shape[1])
+    qpos[:, places] += PERTURBATION * generator.uniform(-1, 1, len(places))
+    qvel += PERTURBATION * generator.uniform(-1, 1, qvel.shape[1])
     return start._replace(qpos=qpos, qvel=qvel)
 
 
 def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
-    """Return the indices in qpos where a unit quaternion starts."""
+    """Return the ingenerators in qpos where a unit quaternion starts."""
     kinds: list[int] = model.jnt_type.tolist()
     return tuple(
         int(model.jnt_qposadr[joint]) + _ROTATIONS[kind]
@@ -265,15 +265,15 @@ def _formulas(
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
             expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
-            indices = tuple(
+            ingenerators = tuple(
                 offset[each.field] + each.index for each in match_coordinates(model, pattern)
             )
-            formulas.append((expression, indices))
+            formulas.append((expression, ingenerators))
     return formulas
 
 
-def _normalise(states: Floats, start: InitialStateRule) -> None:
-    for address in start.quaternions:
+def _normalise(states: Floats, rule: InitialStateRule) -> None:
+    for address in rule.quaternions:
         part = states[:, address : address + 4]
         norm = np.linalg.norm(part, axis=1, keepdims=True)
         # Dividing a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
@@ -283,9 +283,9 @@ def _normalise(states: Floats, start: InitialStateRule) -> None:
 def _perturbed_coordinates(
     model: mujoco.MjModel, manifest: SceneManifest | None
 ) -> tuple[list[tuple[str, int]], float]:
-    """Return which numbers of the start state a seed changes, and by how much at most.
+    """Return which numbers of the state a seed perturbs, and by how much at most.
 
-    Without a manifest: the horizontal place of free bodies, and every slide and hinge.
+    Without a manifest: the horizontal position of free bodies, and every slide and hinge.
     """
     if manifest and manifest.perturb:
         patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
@@ -293,15 +293,15 @@ def _perturbed_coordinates(
         return [(each.field, each.index) for each in found], scale
     if manifest:
         return [], 0.0
-    return [("qpos", index) for index in _loose(model)], _SEED_SCALE
+    return [("qpos", index) for index in _unconstrained(model)], _SEED_SCALE
 
 
-def _loose(model: mujoco.MjModel) -> list[int]:
-    indices: list[int] = []
+def _unconstrained(model: mujoco.MjModel) -> list[int]:
+    ingenerators: list[int] = []
     for joint in range(model.njnt):
         address, kind = int(model.jnt_qposadr[joint]), model.jnt_type[joint]
         if kind == mujoco.mjtJoint.mjJNT_FREE:
-            indices += [address, address + 1]
+            ingenerators += [address, address + 1]
         elif kind != mujoco.mjtJoint.mjJNT_BALL:
-            indices.append(address)
-    return indices
+            ingenerators.append(address)
+    return ingenerators

@@ -22,7 +22,7 @@ class EditTargets:
     Attributes:
         geoms: ids of the geoms of the monitored pairs that no <pair> element covers.
         explicit: indices of the <pair> elements of the monitored pairs.
-        subject: id of the body that the mass setting means, if there is one.
+        subject: id of the body that the setting `mass` means, if there is one.
     """
 
     geoms: tuple[int, ...]
@@ -30,7 +30,7 @@ class EditTargets:
     subject: int | None
 
     def rows(self, field: str) -> list[int]:
-        """Return which rows of a geom's or a <pair> element's field are theirs."""
+        """Return the rows of a field of geoms, or of <pair> elements, that are theirs."""
         return list(self.geoms if field.startswith("geom") else self.explicit)
 
 
@@ -79,14 +79,14 @@ def apply_settings(
 
 
 def geoms_written(changed: Iterable[str], targets: EditTargets) -> tuple[int, ...]:
-    """Return the ids of the geoms that `apply` gives contact parameters to."""
+    """Return the ids of the geoms that `apply_settings` gives contact parameters to."""
     return targets.geoms if set(changed) & set(CONTACT) else ()
 
 
 def nonuniform_settings(
     model: mujoco.MjModel, settings: Settings, targets: EditTargets
 ) -> frozenset[str]:
-    """Return the contact settings that `apply` would change by writing what stands there."""
+    """Return the contact settings that not every target has as `settings` says."""
     return frozenset(
         name
         for name in CONTACT
@@ -97,9 +97,9 @@ def nonuniform_settings(
 
 
 def _rows(name: str, value: object) -> dict[str, np.ndarray]:
-    """Return the model fields of a contact setting, each with what stands in its rows.
+    """Return the model fields of a contact setting, each with the value of its rows.
 
-    Every monitored geom is given the pair's value, so that mixing equal values gives it back.
+    Every monitored geom is given the pair's value, so that mixing equal values returns it.
     """
     row = np.asarray(value)
     if name == "friction":
@@ -119,7 +119,7 @@ def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: Edi
 def _write_mass(model: mujoco.MjModel, mass: float, targets: EditTargets) -> None:
     """Scale the subject's mass and inertia alike, as another density would."""
     if targets.subject is None:
-        raise SceneError("the scene has no subject body whose mass could be set")
+        raise SceneError("`mass` needs a subject; name a body in the scene's `subject`")
     ratio = mass / float(model.body_mass[targets.subject])
     model.body_mass[targets.subject] = mass
     model.body_inertia[targets.subject] *= ratio

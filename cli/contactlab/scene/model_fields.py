@@ -22,14 +22,14 @@ _KINDS = {
     "tendon": mujoco.mjtObj.mjOBJ_TENDON,
     "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
 }
-# Addresses, counts, ids and types are structure, which the engine trusts blindly; bounds, inertia
-# and broad phase derive from sizes when a model is compiled, and not later; collision bits decide
+# Addresses, counts, ids and types are structure, which MuJoCo does not check; bounds, inertia and
+# broad phase are derived from sizes when a model is compiled, and not later; collision bits decide
 # which pairs are monitored.
 _STRUCTURE = re.compile(
     r"(adr|num|id|type|simple|sameframe|limited|signature|geom1|geom2|plugin|history|ctrlspec|size|rbound"
     r"|aabb|conaffinity)$"
 )
-# The engine derives these from other fields, and would write over them.
+# MuJoCo derives these from other fields, and would overwrite them.
 _DERIVED = re.compile(r"(weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin)$")
 
 
@@ -37,7 +37,7 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     """Return the axis of a model field, or None if the name is not of that form.
 
     Raises:
-        ValueError: the form is right, but there is no such field, object or place.
+        ValueError: it has that form, but names no such field, object or index.
     """
     found = _NAME.fullmatch(name)
     if found is None:
@@ -48,12 +48,12 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
 
 
 def is_field(model: mujoco.MjModel, name: str) -> bool:
-    """Say whether a setting's name is that of a model field."""
+    """Return whether a setting is a model field."""
     return field_axis(model, name) is not None
 
 
 def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
-    """Say whether a name is that of a model field where this value stands already."""
+    """Return whether a setting is a model field that has this value already."""
     if not is_field(model, name):
         return False
     array, index = _locate(model, name)
@@ -61,7 +61,7 @@ def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
 
 
 def write_field(model: mujoco.MjModel, name: str, value: object) -> bool:
-    """Write a model field; return whether constants derived from it must be computed anew."""
+    """Write a model field; return whether constants derived from it must be recomputed."""
     array, index = _locate(model, name)
     array[index] = value
     inputs = getattr(mujoco.MjModel, "_setconst_inputs", ())
@@ -79,7 +79,9 @@ def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ..
         known = [
             each for each in dir(model) if each.partition("_")[0] in _KINDS and not _is_fixed(each)
         ]
-        raise ValueError(f"'{field}' is not a model field to sweep{did_you_mean(field, known)}")
+        raise ValueError(
+            f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
+        )
     row = mujoco.mj_name2id(model, kind, item)
     if row < 0:
         raise ValueError(f"no {field.partition('_')[0]} named '{item}' in the model")
@@ -87,7 +89,7 @@ def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ..
         row = int(model.jnt_dofadr[row])
     index = (row,) if place is None else (row, int(place))
     if len(index) > array.ndim or (place and int(place) >= array.shape[1]):
-        raise ValueError(f"'{field}' has no place {place}; it has shape {array.shape}")
+        raise ValueError(f"'{field}' has no index {place}; its shape is {array.shape}")
     return array, index
 
 

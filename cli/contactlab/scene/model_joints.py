@@ -32,10 +32,10 @@ class StateCoordinate:
 def coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
     """Return every coordinate of a model by name.
 
-    Slides and hinges are JOINT (m or rad) and JOINT.v; free and ball joints have a name for each
-    component. Free joints rotate in the body's frame and move in the world's. A joint without a
-    name takes its body's. BODY.fx to .tz are a constant external force [N] and torque [N m] at the
-    body's centre of mass, in the world's frame; ACTUATOR.ctrl is a constant control.
+    Slides and hinges are JOINT [m or rad] and JOINT.v; free and ball joints have a name for each
+    component: positions and linear velocities in the world frame, angular velocities in the body
+    frame. A joint without a name has its body's. BODY.fx to .tz are a constant external force [N]
+    and torque [N m] at the body's centre of mass, world frame; ACTUATOR.ctrl is a constant control.
     """
     return dict([*_inputs(model), *_named(model)])
 
@@ -49,7 +49,7 @@ def match_coordinates(model: mujoco.MjModel, pattern: str) -> list[StateCoordina
     known = coordinates(model)
     found = [known[name] for name in known if fnmatch.fnmatchcase(name, pattern)]
     if not found:
-        raise SceneError(f"no coordinate '{pattern}' in the model{did_you_mean(pattern, known)}")
+        raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")
     return found
 
 
@@ -104,9 +104,9 @@ def joints_of(model: mujoco.MjModel) -> Joints:
 
 
 def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
-    """Return for each body on a free joint how many of its limbs have actuated joints, if any do.
+    """Return how many limbs with actuated joints each body on a free joint has, if any.
 
-    A limb is a child of the free body with everything that hangs on it.
+    A limb is a child of the free body with all of its descendants.
     """
     driven = {int(model.jnt_bodyid[joint]) for joint in _driven_joints(model)}
     limbs: dict[int, set[int]] = {}

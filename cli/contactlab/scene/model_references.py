@@ -27,7 +27,7 @@ _FILE_KEYS = (
 
 
 def references(model: Path) -> Iterator[Path]:
-    """Yield the files that an MJCF or URDF file refers to, whether they exist or not.
+    """Yield the files that an MJCF or URDF file refers to, existing or not.
 
     Raises:
         SceneError: the model, or a model that it includes or attaches, is missing or not XML.
@@ -80,7 +80,7 @@ def parse(path: Path) -> ET.Element:
     """Return the root element of an XML file.
 
     Raises:
-        SceneError: it does not exist or is not XML.
+        SceneError: it does not exist, or is not XML.
     """
     try:
         return ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run
@@ -98,19 +98,19 @@ _RESOURCE = re.compile(r"(?:package|model):/+([^/]+)/(.+)")
 
 
 def is_resource(name: str) -> bool:
-    """Say whether a file's name is that of a resource of a package."""
+    """Return whether a file's name is a ROS resource name."""
     return _RESOURCE.fullmatch(name) is not None
 
 
 def find_resource(name: str, folder: Path) -> Path:
-    """Return the file of a resource's name; where it should be, if it is not there.
+    """Return the path of a ROS resource; where it is expected, if it does not exist.
 
-    A package is a folder of that name, in or above the model's folder. So that a copy of the files
-    alone is found as well, any folder above the model may stand for the package.
+    A package is a folder of that name that holds the model or lies next to a folder that does. So
+    that copies of its files work too, any folder above the model may stand for the package.
 
     Args:
         name: `package://NAME/PATH`.
-        folder: the model's.
+        folder: the model's folder.
     """
     places = list(_places(name, folder))
     return next((place for place in places if place.is_file()), places[0])

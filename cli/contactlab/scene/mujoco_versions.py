@@ -24,12 +24,12 @@ _BATCH = "3.17.0"
 
 @dataclass(frozen=True)
 class NewFeature:
-    """A value of an axis that older engines do not know.
+    """A value of an axis that older versions of MuJoCo lack.
 
     Attributes:
         axis: the axis.
-        value: its value; the other one of a switch is what older engines do.
-        version: the first engine that knows it.
+        value: its value; of a flag, the state that older versions cannot have.
+        version: the first version that has it.
     """
 
     axis: str
@@ -48,40 +48,40 @@ NEW_FEATURES = (
 
 
 def has_batch() -> bool:
-    """Say whether the engine steps many simulations natively."""
+    """Return whether MuJoCo steps many simulations natively."""
     return _reaches(_BATCH)
 
 
 def has_contact_sensors() -> bool:
-    """Say whether the engine's contact sensors measure all that a slot records."""
+    """Return whether MuJoCo's contact sensors measure all that a contact slot records."""
     return _reaches(_CONTACT_SENSORS)
 
 
 def missing_flags() -> frozenset[str]:
-    """Return the switches that this engine lacks; it behaves as with their defaults."""
-    return frozenset(each.axis for each in _lacking() if isinstance(each.value, bool))
+    """Return the flags that this version lacks; it behaves as with their defaults."""
+    return frozenset(each.axis for each in _unsupported() if isinstance(each.value, bool))
 
 
 def why_unsupported(axis: str, value: object) -> str | None:
-    """Return why this engine has no such value of an axis; None if it is not known to lack it."""
+    """Return why this version lacks a value of an axis; None if it is not known to."""
     for each in NEW_FEATURES:
         if each.axis == axis and _same(each.value, value) and not _reaches(each.version):
             return (
-                f"MuJoCo {VERSION} has no {_shown(each)}, which came with {each.version}; "
+                f"MuJoCo {VERSION} has no {_described(each)}, which came with {each.version}; "
                 f"leave it out, or run with --mujoco {each.version}"
             )
     return None
 
 
 def missing_flag_axis(axis: str) -> AxisSpec | None:
-    """Return the axis of a switch that this engine lacks: it takes the default alone."""
+    """Return the axis of a flag that this version lacks, which only accepts the default."""
     if axis not in missing_flags():
         return None
-    return refusing_unsupported(AxisSpec(axis, "", "effect of newer engines", switch))
+    return refusing_unsupported(AxisSpec(axis, "", "effect of newer versions of MuJoCo", switch))
 
 
 def refusing_unsupported(axis: AxisSpec) -> AxisSpec:
-    """Return an axis that says of what this engine lacks which version has it."""
+    """Return an axis that refuses what this version lacks, naming the version that has it."""
 
     def refuse(value: object) -> object:
         if why := why_unsupported(axis.name, value):
@@ -92,10 +92,10 @@ def refusing_unsupported(axis: AxisSpec) -> AxisSpec:
 
 
 def accepting_unsupported(axis: AxisSpec) -> AxisSpec:
-    """Return an axis that takes what this engine lacks as well, for plans that then drop it."""
+    """Return an axis that also accepts what this version lacks, for plans that then drop it."""
 
     def accept(value: object) -> object:
-        for each in _lacking():
+        for each in _unsupported():
             if each.axis == axis.name and _same(each.value, value):
                 return each.value
         return axis.parse(value)
@@ -104,11 +104,11 @@ def accepting_unsupported(axis: AxisSpec) -> AxisSpec:
 
 
 def _with(axis: AxisSpec, parse: Callable[[object], object]) -> AxisSpec:
-    concerned = any(each.axis == axis.name for each in _lacking())
+    concerned = any(each.axis == axis.name for each in _unsupported())
     return replace(axis, parse=parse) if concerned else axis
 
 
-def _lacking() -> list[NewFeature]:
+def _unsupported() -> list[NewFeature]:
     return [each for each in NEW_FEATURES if not _reaches(each.version)]
 
 
@@ -121,7 +121,7 @@ def _same(own: str | bool, value: object) -> bool:
         return False
 
 
-def _shown(arrival: NewFeature) -> str:
+def _described(arrival: NewFeature) -> str:
     if isinstance(arrival.value, str):
         return f"{arrival.axis} '{arrival.value}'"
     return f"switch '{arrival.axis}'"
@@ -132,12 +132,12 @@ def _reaches(version: str) -> bool:
 
 
 def _parts(version: str) -> tuple[int, ...]:
-    """Return a version's first three numbers; what follows a release, as in 4.0.1.dev2, is left."""
+    """Return the first three numbers of a version such as 4.0.1.dev2."""
     return tuple(int(part) for part in version.split(".")[:3] if part.isdigit())
 
 
 def silence_mujoco() -> None:
-    """Keep the engine from writing MUJOCO_LOG.TXT and messages; warnings are counted anyway."""
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT and messages; runs count its warnings anyway."""
     if hasattr(mujoco, "MjLogConfig"):
         config = mujoco.MjLogConfig.get()
         config.logto_file = config.logto_console = False
@@ -148,7 +148,7 @@ def silence_mujoco() -> None:
 
 @cache
 def _quieten() -> Any:  # noqa: ANN401 - a function that C may call, kept alive by the cache
-    """Take warnings where the engine has no settings for its log: before 3.10."""
+    """Install a warning handler, for versions before 3.10, whose log cannot be configured."""
     take = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
     (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
     handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mju_user_warning")

@@ -1,4 +1,4 @@
-"""The sensors that record a run, and where their numbers lie in `sensordata`."""
+"""The sensors that record a run, and their addresses in `sensordata`."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,13 +24,14 @@ class SensorLayout:
 
     Attributes:
         size: length of `sensordata`.
-        pairs: where each monitored pair's slots start.
-        contacts: address of the count of all contacts, followed by the least distance.
+        pairs: where the contact slots of each monitored pair start.
+        contacts: address of the count of all contacts, followed by their smallest distance.
         kinetic: address of the kinetic energy, or None.
         potential: address of the potential energy, or None.
         momentum: address of the velocity of the centre of mass, or None.
         spin: address of the angular momentum, or None.
-        held: address of the held body's place, followed by its holder's rotation, or None.
+        held: address of the held body's position relative to its holder, followed by the holder's
+            orientation, or None.
     """
 
     size: int
@@ -75,7 +76,7 @@ def add_sensors(
 def _add_contacts(
     spec: mujoco.MjSpec, name: str, asked: tuple[int, int, int], width: int
 ) -> MjsSensor:
-    """Add a contact sensor; where the engine has none, room for what `sim` finds instead."""
+    """Add a contact sensor; where MuJoCo has none, a user sensor that the engine fills."""
     if has_contact_sensors():
         sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_CONTACT)
         sensor.intprm[:3] = asked
@@ -104,7 +105,7 @@ def find_layout(
     free: bool,
     energy: bool,
 ) -> SensorLayout:
-    """Return where the added sensors' numbers lie in a compiled model's `sensordata`."""
+    """Return the addresses of the added sensors in a compiled model's `sensordata`."""
 
     def address(name: str) -> int:
         return int(model.sensor(PREFIX + name).adr[0])

@@ -22,7 +22,7 @@ _DURATION = 2.0
 
 @dataclass(frozen=True, slots=True)
 class ResolvedRun:
-    """Everything that decides one run's trajectory, but for the scene's own files.
+    """Everything besides the scene's files that decides a run's trajectory.
 
     Attributes:
         structure: structure values, by name.
@@ -32,7 +32,7 @@ class ResolvedRun:
         initial: the scene's initial values.
         seed: what perturbs the initial state.
         duration: simulated time [s].
-        effect_request: the effects that it asks for.
+        effect_request: the effects that it requests.
         without: effects that its model is compiled without.
     """
 
@@ -151,7 +151,7 @@ class RunResolver:
             seed: the run's seed.
             duration: simulated time [s]; the scene's own if None.
         """
-        # Without a flag an engine behaves as with its default; nothing else was asked of it.
+        # A version that lacks a flag behaves as with the default, the only value that is accepted.
         given = {**self.switched, **values}
         given = {name: value for name, value in given.items() if name not in self.unsupported}
         structure, initial = full_structure(self.manifest, given), self._initial(given)
@@ -183,7 +183,7 @@ class RunResolver:
         )
 
     def is_plain(self, axis: str) -> bool:
-        """Say whether an axis writes a setting or initial value, and no structure."""
+        """Return whether an axis writes a setting or initial value, and no structure."""
         structural = self.manifest is not None and axis in self.manifest.structure
         return axis not in self.unsupported and not structural
 

@@ -1,8 +1,7 @@
-"""Rows of one sweep resolved fast: what rows have in common is worked out once.
+"""Resolves the rows of one sweep fast: what rows share is computed once.
 
-A setting depends on the axes that write it and on nothing else of a row, but for its shape: the
-structure, the effects asked for, the engine and the names of its axes. So a row costs a look-up
-for each axis, and its seeds a hash each.
+A setting depends only on the axes that write it, and on the row's group: its structure, requested
+effects, engine and axis names. So a row costs one look-up for each axis, and each seed one hash.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -23,22 +22,22 @@ from contactlab.scene.resolution import (
 from contactlab.scene.run_identity import RunIdentity, id_entry
 from contactlab.scene.setting_values import Settings, as_number
 
-# Values of a setting that are remembered; a sampled axis has another one in each row.
-_MOST_PARTS = 1 << 16
+# Values of a setting that are cached; a sampled axis has another one in each row.
+_MAX_CACHED = 1 << 16
 Values = Mapping[str, object]
 
 
 class Part(NamedTuple):
-    """A setting or initial value of a row, and its entry in the text that a run's id is of."""
+    """A setting or initial value of a row, and its entry in the text of a run's id."""
 
     value: object
     entry: str
 
 
 class ResolvedRow(NamedTuple):
-    """What one row of a sweep is resolved to, its seed left open."""
+    """One row of a sweep, resolved but for its seed."""
 
-    shape: "RowGroup"
+    group: "RowGroup"
     parts: Sequence[Part]
 
     @property
@@ -49,40 +48,40 @@ class ResolvedRow(NamedTuple):
     @property
     def steps(self) -> int:
         """Steps that cover the duration; at least one."""
-        return steps_of(self.shape.first.duration, self.timestep)
+        return steps_of(self.group.first.duration, self.timestep)
 
     @property
     def start(self) -> tuple[object, ...]:
-        """What rows have in common whose runs start alike, but for the seed."""
-        return (self.shape, *[self.parts[place].value for place in self.shape.starting])
+        """A key that rows share whose runs start alike, but for the seed."""
+        return (self.group, *[self.parts[place].value for place in self.group.starting])
 
     def setting(self, name: str) -> object:
         """Return a setting, or None if there is none of this name."""
-        place = self.shape.places.get(name)
-        return self.shape.first.settings.get(name) if place is None else self.parts[place].value
+        place = self.group.places.get(name)
+        return self.group.first.settings.get(name) if place is None else self.parts[place].value
 
     def run_ids(self, seeds: Sequence[int]) -> bytes:
         """Return the ids of the row's runs, `ID_BYTES` each."""
-        return self.shape.identity.digests([part.entry for part in self.parts], seeds)
+        return self.group.identity.digests([part.entry for part in self.parts], seeds)
 
     def resolved(self, seed: int) -> ResolvedRun:
-        """Return what decides the row's run of a seed."""
-        first, settings, initial = self.shape.first, Settings(self.shape.first.settings), {}
-        for setting, part in zip(self.shape.settings, self.parts, strict=True):
+        """Return the row's run of a seed."""
+        first, settings, initial = self.group.first, Settings(self.group.first.settings), {}
+        for setting, part in zip(self.group.settings, self.parts, strict=True):
             (initial if setting.initial else settings)[setting.name] = part.value
         return replace(first, settings=settings, initial={**first.initial, **initial}, seed=seed)
 
 
 @dataclass(frozen=True, slots=True)
 class _Setting:
-    """A setting or initial value that varies among the rows of a shape.
+    """A setting or initial value that varies among the rows of a group.
 
     Attributes:
         name: its name.
         initial: whether it is an initial value.
         axes: the axes that decide it, in the order in which they are applied.
         pick: takes their values from a row.
-        known: what came of values.
+        known: its value and entry for values of the axes.
     """
 
     name: str
@@ -92,14 +91,14 @@ class _Setting:
     known: dict[object, Part]
 
     def part(self, base: CompiledScene, values: Values) -> Part:
-        """Return what the values of a row make of it."""
+        """Return its value in a row."""
         key = self.pick(values)
         found = self.known.get(key)
         if found is None:
             value = self._value(base, values)
             found = Part(value, id_entry(base, self.name, value))
-            # Zeros of either sign would be one key, though they are two values.
-            if len(self.known) < _MOST_PARTS and not _has_zero(key):
+            # 0.0 and -0.0 are equal keys, but different values.
+            if len(self.known) < _MAX_CACHED and not _has_zero(key):
                 self.known[key] = found
         return found
 
@@ -113,7 +112,7 @@ class _Setting:
 
 
 class RowGroup:
-    """What rows have in common that differ in nothing but plain settings and initial values.
+    """Rows that differ only in plain settings and initial values.
 
     Args:
         resolver: of their scene.
@@ -124,9 +123,9 @@ class RowGroup:
     Attributes:
         first: the first of its rows, resolved.
         settings: what varies, in the order of their names.
-        places: where each of them stands.
-        starting: the places of what decides where a run starts.
-        identity: what the ids of its runs have in common.
+        places: the index of each.
+        starting: the indices of those that decide the initial state.
+        identity: what the ids of its runs share.
     """
 
     def __init__(
@@ -151,7 +150,7 @@ class RowGroup:
         self.identity = RunIdentity(base, first, scene, deciding)
 
     def row(self, values: Values) -> ResolvedRow:
-        """Return what a row of this group is resolved to."""
+        """Return a row of this group, resolved."""
         return ResolvedRow(self, [each.part(self._base, values) for each in self.settings])
 
 
@@ -168,11 +167,11 @@ class RowResolver:
         self._resolver = resolver
         self._scene = scene
         self._duration = duration
-        self._shaping: dict[tuple[str, ...], Sequence[str]] = {}
+        self._grouping: dict[tuple[str, ...], Sequence[str]] = {}
         self._groups: dict[tuple[object, ...], RowGroup] = {}
 
     def row(self, values: Values) -> ResolvedRow:
-        """Return what a row is resolved to.
+        """Return a row, resolved.
 
         Args:
             values: canonical axis values by name.
@@ -180,28 +179,28 @@ class RowResolver:
         if self._resolver.switched:
             values = {**self._resolver.switched, **values}
         names = tuple(values)
-        shaping = self._shaping.get(names)
-        if shaping is None:
-            shaping = self._shaping[names] = [name for name in names if self._is_shaping(name)]
-        key = (names, *[repr(values[name]) for name in shaping])
+        grouping = self._grouping.get(names)
+        if grouping is None:
+            grouping = self._grouping[names] = [name for name in names if self._is_grouping(name)]
+        key = (names, *[repr(values[name]) for name in grouping])
         group = self._groups.get(key)
         if group is None:
-            group = self._groups[key] = self._group(values, shaping)
+            group = self._groups[key] = self._group(values, grouping)
         return group.row(values)
 
-    def _is_shaping(self, name: str) -> bool:
+    def _is_grouping(self, name: str) -> bool:
         if name in PARAMETERS:
             return False
         return name in EFFECTS or name == "engine" or not self._resolver.is_plain(name)
 
-    def _group(self, values: Values, shaping: Sequence[str]) -> RowGroup:
+    def _group(self, values: Values, grouping: Sequence[str]) -> RowGroup:
         first = self._resolver.resolve(values, 0, self._duration)
         deciding: dict[str, list[str]] = {}
         varying: set[str] = set()
         for axis in application_order(values):
             for name in settings_of(axis):
                 deciding.setdefault(name, []).append(axis)
-                if axis not in shaping:
+                if axis not in grouping:
                     varying.add(name)
         deciding = {name: deciding[name] for name in varying}
         return RowGroup(self._resolver, self._scene, first, deciding)

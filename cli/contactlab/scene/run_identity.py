@@ -1,7 +1,7 @@
-"""What a run is: the text whose hash is its id.
+"""Ids of runs: hashes of a JSON text with sorted keys that says all that a run is.
 
-The text is JSON with sorted keys. Of the runs of one row only the seed differs, which stands
-between two parts that are the same for all of them.
+The runs of one row differ only in their seed, which stands between two parts of the text that they
+share.
 """
 
 import hashlib
@@ -21,7 +21,7 @@ ID_BYTES = 8
 
 
 class RunIdentity:
-    """What the ids of runs have in common that differ in some settings and in their seeds.
+    """What the ids of runs share that differ only in some settings and in their seeds.
 
     Args:
         base: their structure, with all effects.
@@ -65,7 +65,7 @@ def _digest(text: str) -> bytes:
 
 
 def id_entry(base: CompiledScene, name: str, value: object) -> str:
-    """Return the entry of one setting with a comma before it; empty if it does not count."""
+    """Return the entry of one setting, after a comma; empty if it equals the model as written."""
     if name not in base.settings and is_as_written(base.model, name, value):
         return ""
     return f",{_name(name)}:{_value(value)}"
@@ -77,12 +77,12 @@ def _name(name: str) -> str:
 
 
 def _value(value: object) -> str:
-    """Return a value as JSON, without the digits in which machines may differ."""
+    """Return a value as JSON, rounded to 12 digits, since machines may differ in the last ones."""
     if isinstance(value, tuple):
         return f"[{','.join([_value(part) for part in cast('tuple[object, ...]', value)])}]"
     if isinstance(value, float):
         value = float(f"{value:.12g}")
-        # What the encoder writes of it, ten times as fast.
+        # The same text as the encoder's, ten times as fast.
         return repr(value) if math.isfinite(value) else _json(value)
     return _json(value)
 
@@ -92,9 +92,9 @@ def _json(value: object) -> str:
 
 
 def other_effects(base: CompiledScene, run: ResolvedRun) -> dict[str, bool]:
-    """Return the effects asked for that no switch or setting holds, if that changes anything.
+    """Return the requested effects that no flag or setting carries, where they change the run.
 
-    What is left out because it provably changes nothing is no part of what a run is.
+    What is left out because it provably changes nothing is not part of a run's identity.
     """
     written = RunState(base.model, base.facts, straight=False)
     names = run.effect_request.asked.keys() & run.changed - set(FLAGS) - run.settings.keys()

@@ -1,4 +1,4 @@
-"""What is known of a group of runs beside their traces, taken from their models."""
+"""What measurements need to know of a group of runs besides their traces, from their models."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -30,9 +30,9 @@ def make_setup(
     Args:
         base: their structure.
         manifest: the scene's, if it has one.
-        runs: what decides each run.
+        runs: the resolved runs.
         models: each run's model.
-        thresholds: label thresholds of the sweep, over the scene's.
+        thresholds: label thresholds of the sweep, which override the scene's.
     """
     bodies = _free_bodies(models)
     values = [run.values for run in runs]
@@ -76,7 +76,7 @@ def _is_passive(model: mujoco.MjModel) -> bool:
 
 
 def _is_pushed(manifest: SceneManifest | None) -> bool:
-    """Say whether the scene pushes bodies, in any of its runs."""
+    """Return whether the scene applies forces to bodies in any of its runs."""
     if manifest is None:
         return False
     pushed = any(_PUSH.search(name) for each in manifest.initial.values() for name in each.sets)
@@ -128,7 +128,7 @@ def _barrier(
 
 
 def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
-    """Return half the smallest extent of the pair's thinnest geom [m], of those that can touch."""
+    """Return half the smallest extent of the pair's thinnest geom that can collide [m]."""
     touching = {geom for both in colliding(model, pair) for geom in both}
     return min((_half_extent(model, geom) for geom in touching), default=np.inf)
 

@@ -223,8 +223,7 @@ class InitialStateMaker:
         key = json.dumps([run.structure, run.keyframe], sort_keys=True)
         if key not in self._rules:
             model = self._base(run.structure).model
-            with self._source.named_in_errors():
-                self._rules[key] = InitialStateRule.of(model, self._source.manifest, run.keyframe)
+            self._rules[key] = InitialStateRule.of(model, self._source.manifest, run.keyframe)
         return self._rules[key]
 
 

@@ -25,7 +25,7 @@ from contactlab.schema import SceneManifest
 
 @dataclass(frozen=True)
 class SceneFiles:
-    """A model's own files.
+    """The files of a scene.
 
     Attributes:
         root: the folder that holds them all.
@@ -50,7 +50,7 @@ class SceneFiles:
 def collect_files(model: Path, beside: Path | None = None) -> SceneFiles:
     """Return the model file, its includes and assets, and the manifest if there is one.
 
-    Assets that do not exist are left for the compiler to judge, which does not need them all.
+    Missing assets are left for the compiler to report: it does not need them all.
 
     Raises:
         SceneError: a file cannot be read, or is not XML.
@@ -101,7 +101,7 @@ def is_menagerie(reference: str) -> bool:
 
 
 def menagerie_name(reference: str) -> str:
-    """Return the name of a robot's scene, fit for a file: `franka_emika_panda-panda`."""
+    """Return the name of a robot's scene as a file name: `franka_emika_panda-panda`."""
     return reference.removeprefix(_SCHEME).replace("/", "-")
 
 
@@ -125,11 +125,11 @@ def menagerie_model(reference: str) -> Path:
     except (package.MenagerieError, OSError) as error:
         raise SceneError(
             f"cannot get {robot}: {error}\n"
-            "a robot is downloaded once, which takes a network; without one, set MENAGERIE_ROOT to "
-            "a folder that holds the robot's, such as a checkout of mujoco_menagerie"
+            "robots are downloaded on first use; without a network, set MENAGERIE_ROOT to a folder "
+            "of robots, such as a checkout of mujoco_menagerie"
         ) from error
     if not path.is_file():
-        raise SceneError(f"{path.parent} holds no {path.name}, the file of '{reference}'")
+        raise SceneError(f"{path.parent} has no {path.name}, the file of '{reference}'")
     return path
 
 
@@ -138,7 +138,7 @@ def _package(reference: str) -> Any:  # noqa: ANN401 - a module that may not be 
         return importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError as error:
         raise SceneError(
-            f"'{reference}' takes the package mujoco-menagerie; "
+            f"'{reference}' needs the package mujoco-menagerie; "
             "install it with `pip install 'contactlab[menagerie]'`"
         ) from error
 
@@ -157,12 +157,12 @@ MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A scene as it lies on disk.
+    """A scene on disk.
 
     Attributes:
         name: the shipped name, the folder's or file's stem, or robot and entry.
         path: the manifest, or the model file where there is none.
-        manifest: what is asked of the model; None for a bare model file.
+        manifest: what it says about the model and its runs; None for a bare model file.
         content: its files and their hash.
     """
 
@@ -178,7 +178,7 @@ class SceneSource:
 
     @contextmanager
     def named_in_errors(self) -> Generator[None]:
-        """Put the scene's file before the message of an error that is raised within."""
+        """Name the scene's file in an error that is raised within."""
         try:
             yield
         except SceneError as error:
@@ -189,11 +189,11 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
     """Return the scene of a name, a folder with a manifest, an .xml or .urdf file, or a robot.
 
     Args:
-        reference: what the sweep says after `scene:`.
+        reference: the value of a sweep's `scene`.
         base: the folder that relative paths are relative to; the working directory if None.
 
     Raises:
-        SceneError: there is no such scene, or its manifest is wrong.
+        SceneError: there is no such scene, or its manifest is invalid.
     """
     if is_menagerie(reference):
         return _bare_model(menagerie_model(reference), menagerie_name(reference))
@@ -207,7 +207,7 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
 
 def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
     """Return a scene that was copied into a store's folder."""
-    # The copy holds the scene's own files only, so that any manifest there is the scene's.
+    # Only the scene's own files were copied, so any manifest among them is the scene's.
     manifest = next(folder.rglob(MANIFEST), None)
     if manifest is not None:
         return _folder(manifest.parent, name)
@@ -223,7 +223,9 @@ def _bare_model(path: Path, name: str) -> SceneSource:
 def _folder(path: Path, name: str) -> SceneSource:
     manifest = path / MANIFEST
     if not manifest.is_file():
-        raise SceneError(f"{path} holds no {MANIFEST}; name the model file itself to run without")
+        raise SceneError(
+            f"{path} has no {MANIFEST}; to run without one, name the model file itself"
+        )
     read = read_manifest(manifest)
     return SceneSource(name, manifest, read, collect_files(path / read.model, beside=manifest))
 
@@ -232,15 +234,13 @@ def read_manifest(path: Path) -> SceneManifest:
     """Read a scene's manifest.
 
     Raises:
-        SceneError: it is not YAML, or a key is unknown, missing or wrong; all are named.
+        SceneError: it is not YAML, or keys are unknown, missing or invalid; it lists all of them.
     """
     try:
         data = YAML(typ="safe", pure=True).load(path)
         return SceneManifest.model_validate(data)
     except ValidationError as error:
-        mistakes = [
-            f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()
-        ]
-        raise SceneError("\n".join([f"{path}: the manifest is wrong", *mistakes])) from error
+        errors = [f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
     except (YAMLError, ValueError, OSError) as error:
         raise SceneError(f"{path}: not YAML: {error}") from error

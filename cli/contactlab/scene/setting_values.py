@@ -58,7 +58,7 @@ _INT_MAX = 2**31 - 1
 def number(
     least: float = -math.inf, above: float = -math.inf, most: float = math.inf
 ) -> Callable[[object], float]:
-    """Return a parser of finite numbers within bounds (`above` is exclusive)."""
+    """Return a parser of finite numbers within bounds, `above` being exclusive."""
 
     def parse(value: object) -> float:
         if isinstance(value, str):
@@ -75,12 +75,12 @@ def number(
 
 
 def or_off(off: float, parse: Parser) -> Parser:
-    """Return a parser that takes `false` for the value that leaves an effect out."""
+    """Return a parser that reads `false` as the value that turns an effect off."""
     return lambda value: off if value is False else parse(value)
 
 
 def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
-    """Return a parser of whole numbers within bounds, by default what the engine can hold."""
+    """Return a parser of whole numbers within bounds, by default those of a 32-bit int."""
     inner = number(least=least, most=most)
 
     def parse(value: object) -> int:
@@ -93,12 +93,12 @@ def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
 
 
 def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | None]) -> Parser:
-    """Return a parser of a fixed number of numbers, as a list or as in MJCF: "0.02 1".
+    """Return a parser of a fixed count of numbers, as a list or as in MJCF: "0.02 1".
 
     Args:
         count: how many.
         names: what they are, for the message.
-        check: says what is wrong with them, or None.
+        check: returns what is wrong with them, or None.
     """
     one = number()
 
@@ -115,7 +115,7 @@ def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | N
 
 
 def choice(words: Sequence[str]) -> Callable[[object], str]:
-    """Return a parser of one of a few words, in any case."""
+    """Return a parser of one of a few words, ignoring case."""
     canonical = {word.lower(): word for word in words}
 
     def parse(value: object) -> str:

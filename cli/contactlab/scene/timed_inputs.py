@@ -15,15 +15,15 @@ from contactlab.schema import SceneManifest, Term
 
 
 def read_formula(term: Term, where: str, manifest: SceneManifest) -> Expression:
-    """Return a number or an expression of a manifest, ready to compute.
+    """Parse a number or an expression of a manifest.
 
     Args:
         term: as written.
-        where: where it stands, for messages.
-        manifest: names the initial values.
+        where: what sets it, for messages.
+        manifest: declares the initial values.
 
     Raises:
-        SceneError: it is no expression, or reads what is not an initial value.
+        SceneError: it is not an expression, or names something other than initial values.
     """
     try:
         expression = Expression(str(term))
@@ -40,7 +40,7 @@ def computed(formula: Expression, initial: Mapping[str, float]) -> float:
     """Return an expression's value for the initial values of a run.
 
     Raises:
-        SceneError: it has none, or none that is a number.
+        SceneError: it cannot be computed, or is not a number.
     """
     try:
         result = formula.evaluate(initial)
@@ -56,13 +56,13 @@ _INPUTS = "ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz"
 
 @dataclass(frozen=True)
 class ControlProfile:
-    """What inputs of one pattern do over time.
+    """What the inputs that match one pattern do over time.
 
     Attributes:
         name: the pattern, for messages.
-        inputs: places among the controls followed by the forces on bodies.
+        inputs: indices among the controls followed by the forces on bodies.
         times: of its knots [s].
-        levels: at its knots.
+        levels: values at its knots.
     """
 
     name: str
@@ -72,7 +72,7 @@ class ControlProfile:
 
 
 class ControlKnots(NamedTuple):
-    """Programmes computed for n runs; see `InitialStates`."""
+    """Control profiles computed for n runs; see `InitialStates`."""
 
     driven: np.ndarray
     knots: Floats
@@ -82,46 +82,46 @@ class ControlKnots(NamedTuple):
 def read_control(
     model: mujoco.MjModel, manifest: SceneManifest | None
 ) -> tuple[ControlProfile, ...]:
-    """Return what a manifest's `control` says.
+    """Return the profiles of a manifest's `control`.
 
     Raises:
-        SceneError: it names what the model lacks or what is no input, or one input twice, or
-            holds what cannot be computed.
+        SceneError: a name is not an input of the model, an input is set twice, or an expression is
+            invalid.
     """
     if manifest is None:
         return ()
-    found = [_programme(model, manifest, name) for name in manifest.control]
+    found = [_profile(model, manifest, name) for name in manifest.control]
     taken: dict[int, str] = _set_at_start(model, manifest)
-    for programme in found:
-        for place in programme.inputs:
+    for profile in found:
+        for place in profile.inputs:
             if place in taken:
                 raise SceneError(
-                    f"control {programme.name}: {taken[place]} sets the same; keep one of them"
+                    f"control {profile.name}: {taken[place]} sets the same input; keep one of them"
                 )
-            taken[place] = f"control {programme.name}"
+            taken[place] = f"control {profile.name}"
     return tuple(found)
 
 
 def control_knots(
-    programmes: Sequence[ControlProfile], runs: Sequence[Mapping[str, float]]
+    profiles: Sequence[ControlProfile], runs: Sequence[Mapping[str, float]]
 ) -> ControlKnots:
-    """Return the lines that programmes draw for each run's initial values.
+    """Return the knots of profiles for each run's initial values.
 
     Raises:
         SceneError: a knot cannot be computed, or times decrease.
     """
-    most = max((len(each.times) for each in programmes), default=0)
-    driven = [place for each in programmes for place in each.inputs]
+    most = max((len(each.times) for each in profiles), default=0)
+    driven = [place for each in profiles for place in each.inputs]
     shape = (len(runs), len(driven), most)
     lines = ControlKnots(np.tile(np.array(driven, np.intp), (len(runs), 1)), *np.zeros((2, *shape)))
     for run, initial in enumerate(runs):
-        rows = [_knots(each, initial, most) for each in programmes for _ in each.inputs]
+        rows = [_knots(each, initial, most) for each in profiles for _ in each.inputs]
         for place, (times, levels) in enumerate(rows):
             lines.knots[run, place], lines.levels[run, place] = times, levels
     return lines
 
 
-def _programme(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> ControlProfile:
+def _profile(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> ControlProfile:
     entry = manifest.control[name]
 
     def formulas(terms: Sequence[Term], part: str) -> tuple[Expression, ...]:
@@ -138,12 +138,12 @@ def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
     offsets = {"ctrl": 0, "xfrc_applied": model.nu}
     found = match_coordinates(model, pattern)
     if any(each.field not in offsets for each in found):
-        raise SceneError(f"control '{pattern}' is no input, but part of the state; write {_INPUTS}")
+        raise SceneError(f"control '{pattern}' is part of the state, not an input; write {_INPUTS}")
     return tuple(offsets[each.field] + each.index for each in found)
 
 
 def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
-    """Return the inputs that initial values set already, and which does."""
+    """Return the inputs that initial values set already, with what sets them."""
     offsets = {"ctrl": 0, "xfrc_applied": model.nu}
     return {
         offsets[each.field] + each.index: f"initial value '{name}'"
@@ -155,16 +155,16 @@ def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, s
 
 
 def _knots(
-    programme: ControlProfile, initial: Mapping[str, float], most: int
+    profile: ControlProfile, initial: Mapping[str, float], most: int
 ) -> tuple[list[float], list[float]]:
-    """Return a programme's knots, the last one repeated to fill up."""
-    times = [computed(each, initial) for each in programme.times]
+    """Return a profile's knots, padded with the last one."""
+    times = [computed(each, initial) for each in profile.times]
     if times != sorted(times):
         raise SceneError(
-            f"control {programme.name}: times must not decrease, but are "
+            f"control {profile.name}: times must not decrease, but are "
             f"{', '.join(f'{time:g}' for time in times)} s for {dict(initial)}"
         )
-    levels = [computed(each, initial) for each in programme.levels]
+    levels = [computed(each, initial) for each in profile.levels]
     rest = most - len(times)
     return times + times[-1:] * rest, levels + levels[-1:] * rest
 
@@ -174,13 +174,13 @@ _WORLD = "world"
 
 @dataclass(frozen=True)
 class HoldSpec:
-    """What a manifest's `hold` says.
+    """Which body holds the subject, and when.
 
     Attributes:
-        subject: the body that is held.
-        holder: the body that holds it.
-        start: from when [s].
-        stop: to when [s].
+        subject: the held body.
+        holder: the holding body.
+        start: start of the window [s].
+        stop: end of the window [s].
     """
 
     subject: str
@@ -189,10 +189,10 @@ class HoldSpec:
     stop: Expression
 
     def window(self, initial: Mapping[str, float]) -> tuple[float, float]:
-        """Return when a run of these initial values should hold, from and to [s].
+        """Return the start and end [s] of the window in a run of these initial values.
 
         Raises:
-            SceneError: that is no stretch of time.
+            SceneError: the window is empty or starts before 0.
         """
         start, stop = computed(self.start, initial), computed(self.stop, initial)
         if not 0 <= start < stop:
@@ -206,20 +206,22 @@ class HoldSpec:
 def find_hold(
     model: mujoco.MjModel, manifest: SceneManifest | None, subject: int | None
 ) -> HoldSpec | None:
-    """Return what a manifest says of the subject's hold, if it does.
+    """Return the hold that a manifest declares, if it does.
 
     Raises:
-        SceneError: there is no subject or no such holder, or the times are wrong.
+        SceneError: there is no subject, no such holder, or the window does not fit the run.
     """
     if manifest is None or manifest.hold is None:
         return None
     if subject is None:
-        raise SceneError("hold needs to know what is held; name it in `subject`")
+        raise SceneError("hold needs a subject; name the held body in `subject`")
     holder = manifest.hold.relative_to or _WORLD
     bodies = [model.body(each).name for each in range(model.nbody)]
     if holder not in bodies:
         hint = did_you_mean(holder, bodies)
-        raise SceneError(f"hold: '{holder}' in relative_to is no body of the model{hint}")
+        raise SceneError(
+            f"hold: relative_to names '{holder}', which is not a body of the model{hint}"
+        )
     holding = HoldSpec(
         subject=bodies[subject],
         holder=holder,

@@ -1,4 +1,4 @@
-"""Inertias as a model's file gives them, before MuJoCo accepts, refuses or changes them."""
+"""Inertias as written in a model file, before MuJoCo accepts, rejects or changes them."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,15 +17,15 @@ Kind = Literal[
 
 @dataclass(frozen=True)
 class InertiaFault:
-    """A body whose mass or inertia cannot be real.
+    """A body whose mass or inertia no real body has.
 
     Attributes:
         body: its name.
         kind: what is wrong.
         value: the number that shows it.
-        limit: what the number would have to keep.
+        limit: the bound that it violates.
         unit: of both.
-        reason: all of it in words.
+        reason: the whole fault in words.
     """
 
     body: str
@@ -38,37 +38,37 @@ class InertiaFault:
 
 @dataclass(frozen=True)
 class _Written:
-    """The inertia of one body as numbers of its file.
+    """The inertia of one body as written.
 
     Attributes:
         name: the body.
         mass: [kg].
-        moments: (3,) principal moments [kg m^2], less than nothing too.
-        least: what mass and moments must be above.
-        balanced: whether moments that no body has are replaced by their mean.
+        moments: (3,) principal moments [kg m^2], possibly negative.
+        lower: the bound that mass and moments must exceed.
+        balanced: whether impossible moments are replaced by their mean.
     """
 
     name: str
     mass: float
     moments: Floats
-    least: float
+    lower: float
     balanced: bool
 
 
 def written_inertia_faults(spec: mujoco.MjSpec) -> tuple[InertiaFault, ...]:
-    """Return what is wrong with the inertias that a model gives as numbers, before it compiles."""
+    """Return the faults of the inertias that a model file writes out, before it is compiled."""
     return tuple(fault for each in _written_inertias(spec) for fault in _written_faults(each))
 
 
 def _written_faults(written: _Written) -> Iterator[InertiaFault]:
-    if not np.min([written.mass, *written.moments]) > written.least:
+    if not np.min([written.mass, *written.moments]) > written.lower:
         yield not_positive(written.name, written.mass, written.moments)
     elif not closes(written.moments):
         yield open_triangle(written.name, written.moments, balanced=written.balanced)
 
 
 def _written_inertias(spec: mujoco.MjSpec) -> Iterator[_Written]:
-    """Yield the bodies whose inertia is written, or lacks where there must be one."""
+    """Yield the bodies whose inertia is written, or missing where one is required."""
     compiler = spec.compiler
     if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
         return
@@ -79,20 +79,20 @@ def _written_inertias(spec: mujoco.MjSpec) -> Iterator[_Written]:
                 body.name or f"body {body.id}",
                 max(float(body.mass), compiler.boundmass or -np.inf),
                 np.maximum(_moments(body), compiler.boundinertia or -np.inf),
-                # What is fixed to others may have no inertia of its own, but no less than none.
+                # A body fixed to another may have no inertia of its own, but not a negative one.
                 mujoco.mjMINVAL if alone else -np.finfo(float).tiny,
                 bool(compiler.balanceinertia),
             )
 
 
 def _moves_alone(body: MjsBody) -> bool:
-    """Say whether a body has joints, and no body fixed to it that could bring the inertia."""
+    """Return whether a body has joints, and no body fixed to it that could bring the inertia."""
     return bool(body.joints) and all(child.joints for child in body.bodies)
 
 
 def _moments(body: MjsBody) -> Floats:
     xx, yy, zz, xy, xz, yz = (float(each) for each in body.fullinertia)
-    # The first number is not one where the moments are given along axes.
+    # The first number is NaN where diaginertia gives the moments.
     if np.isnan(xx):
         return np.array(body.inertia, np.float64)
     tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -100,7 +100,7 @@ def _moments(body: MjsBody) -> Floats:
 
 
 def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
-    """Return the fault of a body without mass or inertia, or with less than none."""
+    """Return the fault of a body whose mass or inertia is zero or negative."""
     return InertiaFault(
         name,
         "not_positive",
@@ -113,13 +113,19 @@ def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
 
 
 def closes(moments: Floats) -> bool:
-    """Say whether no principal moment is above the sum of the others."""
+    """Return whether no principal moment exceeds the sum of the other two."""
     low, middle, high = np.sort(moments)
     return bool(low + middle >= high)
 
 
 def open_triangle(name: str, moments: Floats, *, balanced: bool) -> InertiaFault:
-    """Return the fault of moments that no body has, which the compiler may have replaced."""
+    """Return the fault of moments that violate the triangle inequality.
+
+    Args:
+        name: the body.
+        moments: (3,) principal moments [kg m^2].
+        balanced: whether the compiler replaced them by their mean.
+    """
     low, middle, high = np.sort(moments).tolist()
     end = f"; balanceinertia replaced all three by their mean, {np.mean(moments):g}"
     return InertiaFault(

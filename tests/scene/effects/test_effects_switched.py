@@ -124,7 +124,7 @@ def test_a_scene_switches_effects_and_a_sweep_overrides_it(
         ("{warmstrt: false}", "warmstart"),
         ("{iterations: true}", "no effect 'iterations'"),
         ("{gravity: true}", "gravity"),
-        ("{base: some}", "manifest is wrong"),
+        ("{base: some}", "invalid manifest"),
         ("{warmstart: auto}", "true or false"),
     ],
 )
