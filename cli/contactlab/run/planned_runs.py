@@ -111,7 +111,7 @@ class _Check:
                 f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write a "
                 "positive one there, or sweep `timestep`"
             )
-        engine = engine_of(row.shape.first)
+        engine = engine_of(row.group.first)
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
             raise SceneError(why)
         if not self._scene.initial.is_timed or (start := row.start) in self._checked:
