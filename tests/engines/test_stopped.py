@@ -85,7 +85,7 @@ def test_a_diverging_run_is_cut_after_the_step_where_a_plain_loop_first_warns(
 def test_the_trace_of_a_diverging_run_can_be_cut(scene: Scene) -> None:
     group = Group(scene, [{}, EXPLODING])
     rollout = group.roll()
-    cut = make_trace(group.base, group.prepared, rollout).pick([1], rollout.steps[1])
+    cut = make_trace(group.base, group.prepared, rollout).select([1], rollout.steps[1])
     assert cut.steps == rollout.steps[1]
     assert cut.qpos.shape[1] == cut.steps + 1
     assert cut.steps_asked == STEPS

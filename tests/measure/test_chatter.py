@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
 from contactlab.measure import assess
-from contactlab.measure.chatter import losses
+from contactlab.measure.chatter import lost_contacts
 from contactlab.measure.context import context_of
 
 STEPS = 500
@@ -128,4 +128,4 @@ def test_equal_to_the_rule_contact_by_contact(
     trace = trace_of(1, len(normal), pairs=(pair,))
     context = context_of(trace, setup_of(trace))
     expected = slow_losses(normal, usage, longest=50)
-    assert losses(context, 0).start.tolist() == expected
+    assert lost_contacts(context, 0).start.tolist() == expected

@@ -77,7 +77,7 @@ def test_each_run_has_its_own_window(trace_of: Make, setup_of: Make, pair_of: Ma
     # Depth is 1e-5 k, k from 10 to 19 in the first two runs; the third ends before its window.
     assert found[:2] == pytest.approx([14.5e-5] * 2, rel=1e-12)
     assert np.isnan(found[2])
-    one = trace.pick([1]), setup.pick([1])
+    one = trace.select([1]), setup.select([1])
     assert measured(*one, "hold_penetration") == pytest.approx(14.5e-5, rel=1e-12)
 
 

@@ -82,7 +82,7 @@ class TestDiverged:
         assert only(trace, setup_of(trace)).reason == "engine warnings: BADQACC x2"
 
     def test_a_run_cut_short(self, trace_of: Any, setup_of: Any) -> None:
-        trace = trace_of().pick([0], 60)
+        trace = trace_of().select([0], 60)
         assert only(trace, setup_of(trace)).reason == "stopped after 60 of 100 steps"
 
     def test_a_silent_reset(self, trace_of: Any, setup_of: Any) -> None:
@@ -267,8 +267,8 @@ class TestFriction:
     ) -> None:
         trace = self.pad(pair_of, trace_of, np.arange(500) // 10 % 2)
         setup = setup_of(trace)
-        assert only(trace.pick([0], 500), setup).label == "chatter"
-        short = replace(trace.pick([0], 25), steps_asked=25)
+        assert only(trace.select([0], 500), setup).label == "chatter"
+        short = replace(trace.select([0], 25), steps_asked=25)
         assert assess(short, setup).metrics["mode_switches"][0] > 5
         assert only(short, setup).label == "stable"
 

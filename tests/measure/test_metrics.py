@@ -67,7 +67,7 @@ class TestPenetration:
         slope = value(trace, setup_of(trace), "penetration_growth")
         assert slope == pytest.approx(5e-4, rel=0.21)
 
-    def test_without_graded_pairs_all_contacts_count(self, trace_of: Any, setup_of: Any) -> None:
+    def test_without_monitored_pairs_all_contacts_count(self, trace_of: Any, setup_of: Any) -> None:
         least = np.full((1, 100), -3e-3)
         trace = trace_of(contacts=np.ones((1, 100), np.int32), least_distance=least)
         assert value(trace, setup_of(trace), "penetration_max") == 3e-3

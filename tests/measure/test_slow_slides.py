@@ -46,5 +46,5 @@ def test_sticking_for_a_moment_inside_the_bound_is_enough(
 def test_a_slide_that_ends_at_the_bound_has_not_stopped(
     pair_of: Any, trace_of: Any, setup_of: Any
 ) -> None:
-    trace = wavering(pair_of, trace_of, 0.99).pick([0], PERIOD * 2)
+    trace = wavering(pair_of, trace_of, 0.99).select([0], PERIOD * 2)
     assert assess(trace, setup_of(trace)).metrics["mode_switches"][0] == 0

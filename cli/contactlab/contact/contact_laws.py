@@ -1,4 +1,4 @@
-"""Closed forms of MuJoCo's soft contact: what solref and solimp make of an impact and of rest.
+"""Closed forms of contact: MuJoCo's soft contact at impact and at rest, and rigid impacts.
 
 Along the normal, penetration r of a contact with constant impedance d obeys
 ``r'' = -B r' - K r + (1 - d) a``, with the force clipped at zero. So K [1/s^2] is a stiffness and
@@ -58,7 +58,7 @@ def restitution_of(zeta: ArrayLike) -> Floats:
 
 
 def damping_ratio_of(restitution: ArrayLike) -> Floats:
-    """Return the zeta whose `restitution_of` is asked for, each in (0, 1].
+    """Return the zeta whose `restitution_of` is given, each in (0, 1].
 
     Raises:
         ValueError: a restitution is not in (0, 1].
@@ -129,7 +129,7 @@ def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:
 
 @dataclass(frozen=True)
 class Impact:
-    """What n impacts do.
+    """The outcome of n rigid impacts.
 
     Attributes:
         velocity: (n, d) velocity afterwards [m/s].
@@ -153,7 +153,18 @@ def resolve_impact(
     restitution: ArrayLike,
     friction: ArrayLike,
 ) -> Impact:
-    """Return what impacts do; a mass that moves away from the surface gets no impulse.
+    """Return the outcome of impacts of a point mass; one that moves away gets no impulse.
+
+    An impulse J changes the velocity of a mass m by J / m at once. Along the unit normal n, away
+    from the surface, Newton's law of restitution demands ``v_n' = -e v_n``, so that
+    ``J_n = m (v_n' - v_n) = -(1 + e) m v_n``, which is positive for an approach, v_n < 0.
+
+    Across it, the impulse that would end all sliding is ``-m v_t``. Friction can give at most
+    mu J_n (Coulomb's law, integrated over the impact while the slip keeps its direction). If that
+    is enough the mass sticks, ``J_t = -m v_t``; else it slides on, and the impulse lies on the
+    boundary of the cone, against the slip: ``J_t = -mu J_n v_t / |v_t|``. The two meet where
+    ``|v_t| = mu (1 + e) |v_n|``, a cone in velocity space. A point mass has no rotation, so
+    nothing reverses within the impact.
 
     Args:
         mass: (n,) or one [kg].

@@ -72,7 +72,7 @@ class PairTrace:
 
 @dataclass(frozen=True)
 class HeldPose:
-    """Where a scene's subject is, seen from the body that holds it, for n runs of N steps.
+    """Pose of a scene's subject relative to the body that holds it, for n runs of N steps.
 
     Attributes:
         position: (n, N, 3) origin of the subject's frame [m], in the holder's frame.
@@ -82,7 +82,7 @@ class HeldPose:
     position: Floats
     rotation: Floats
 
-    def pick(self, runs: slice | list[int], steps: int) -> "HeldPose":
+    def select(self, runs: slice | list[int], steps: int) -> "HeldPose":
         """Return the given runs, cut to their first `steps` steps."""
         return HeldPose(self.position[runs, :steps], self.rotation[runs, :steps])
 
@@ -93,7 +93,7 @@ class Trace:
 
     Attributes:
         timestep: (n,) step length [s].
-        steps_asked: steps that were asked for; N is smaller where the engine stopped a run.
+        steps_asked: steps requested; N is smaller where the engine stopped a run.
         time: (n, N + 1) simulated time [s].
         qpos: (n, N + 1, nq) configuration.
         qvel: (n, N + 1, nv) velocity.
@@ -107,7 +107,7 @@ class Trace:
         angular_momentum: (n, N, 3) about the centre of mass [kg m^2/s], or None likewise.
         pairs: the monitored contact pairs.
         warnings: for each run, engine warnings by name with their counts.
-        held: the subject seen from its holder, or None where nothing is said to be held.
+        held: pose of the subject relative to its holder, or None where nothing should be held.
     """
 
     timestep: Floats
@@ -147,7 +147,7 @@ class Trace:
         """(n, N) mechanical energy [J]."""
         return self.kinetic + self.potential
 
-    def pick(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
+    def select(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
         """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""
         index = slice(runs[0], runs[-1] + 1) if _contiguous(runs) else list(runs)
         steps = self.steps if steps is None else steps
@@ -179,7 +179,7 @@ class Trace:
                 for pair in self.pairs
             ),
             warnings=tuple(self.warnings[run] for run in runs),
-            held=self.held and self.held.pick(index, steps),
+            held=self.held and self.held.select(index, steps),
         )
 
 
@@ -222,13 +222,13 @@ class SelfChecks:
     """Self-checks of n runs, of N steps; those that do not apply to a run are NaN.
 
     Attributes:
-        residual: (n, N) how far forces and accelerations contradict each other, over the largest
+        residual: (n, N) disagreement of forces and accelerations, over the largest
             constraint force of the run [1]; 0 to rounding for a solver that converged.
         jacobian: (n, K) relative difference of the accelerations that a dense and a sparse
             constraint Jacobian give, at sampled states [1].
         jacobian_steps: (K,) the steps of these states.
-        overlap: (n, L) deepest geometric overlap of a monitored pair that has no contact [m].
-        apart: (n, L) largest geometric distance of a monitored pair whose contact says less [m].
+        overlap: (n, L) deepest geometric overlap of a monitored pair without a contact [m].
+        apart: (n, L) largest excess of a pair's geometric distance over that of its contact [m].
         geometry_steps: (L,) the steps of these states.
         repeats: (n,) whether a second rollout gave every state again, bit for bit.
     """
@@ -243,7 +243,7 @@ class SelfChecks:
 
     @property
     def runs(self) -> int:
-        """How many runs were checked."""
+        """Number of runs that were checked."""
         return len(self.repeats)
 
 

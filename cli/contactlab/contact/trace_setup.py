@@ -1,4 +1,4 @@
-"""What is known of a group of runs before they start: the yardsticks for their traces."""
+"""What is known of a group of runs before they start, and their traces are judged by."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -64,7 +64,7 @@ class HoldWindow:
 
 @dataclass(frozen=True)
 class Setup:
-    """What is known of n runs beside their trace.
+    """What is known of n runs in addition to their trace.
 
     Attributes:
         settings: every resolved setting and initial value, by name, n values each.
@@ -77,15 +77,15 @@ class Setup:
         barriers: fixed surfaces that free bodies of monitored pairs must not pass.
         thickness: (P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes.
         slots: (P,) contact slots recorded for each pair.
-        duration: (n,) simulated time asked for [s].
-        first_mode: the mode that every monitored pair should start in, if the scene says.
-        last_mode: the mode that every monitored pair should end in, if the scene says.
+        duration: (n,) requested simulated time [s].
+        first_mode: the mode that every monitored pair should start in, if the scene expects one.
+        last_mode: the mode that every monitored pair should end in, likewise.
         oracle: name of the scene's closed form, if it has one.
         oracle_tolerance: largest accepted relative or absolute oracle error, as the oracle defines.
         thresholds: label thresholds by name, over the defaults.
         speculative: (n,) whether the engine makes contacts ahead of touch, whose distance is then
             no depth; None where no run does.
-        hold: when the subject should be held; None where the scene does not say.
+        hold: when the subject should be held; None where nothing should.
     """
 
     settings: Mapping[str, Sequence[object]]
@@ -107,7 +107,7 @@ class Setup:
     speculative: NDArray[np.bool_] | None = None
     hold: HoldWindow | None = None
 
-    def pick(self, runs: Sequence[int]) -> "Setup":
+    def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""
         rows = list(runs)
         bodies = {body.name: replace(body, mass=body.mass[rows]) for body in self.free_bodies}
@@ -129,15 +129,16 @@ class Setup:
 
 @dataclass(frozen=True)
 class Joints:
-    """The joints of a model, by the form of their part of qpos.
+    """The joints of a model, by the layout of their part of qpos.
 
     Attributes:
-        scalars: places in qpos of slides and hinges.
-        lengths: (scalars,) what turns their difference into metres: 1 for a slide [1], for a
-            hinge the reach of what it moves [m].
-        points: where the position of a free joint starts in qpos.
-        rotations: where a unit quaternion starts in qpos.
-        reaches: (rotations,) what turns their angle into metres: the reach of what turns [m].
+        scalars: indices in qpos of slides and hinges.
+        lengths: (scalars,) factors that turn their differences into metres: 1 for a slide [1],
+            for a hinge the reach of what it moves [m].
+        points: indices in qpos where the position of a free joint starts.
+        rotations: indices in qpos where a unit quaternion starts.
+        reaches: (rotations,) factors that turn their angles into metres: the reach of what
+            rotates [m].
     """
 
     scalars: tuple[int, ...]

@@ -93,11 +93,10 @@ def chatter(runs: MeasuredRuns) -> Findings:
 
     Not counted while bodies come to rest; in the hold window only, if the scene has one.
     """
-    held = runs.context.setup.hold is not None
-    events = _switches_in_hold(runs) if held else (*_switching(runs), *_losing(runs))
     found: Findings = {}
-    for run, finding in events:
-        found.setdefault(run, finding)
+    for series, events, what, threshold in _events(runs):
+        for run, finding in _often(runs, series, events, what, threshold):
+            found.setdefault(run, finding)
     return found
 
 
@@ -120,7 +119,7 @@ def _parts_or_meets(series: PairSeries) -> NDArray[np.bool_]:
     return parts | meets
 
 
-def losses(context: Context, index: int) -> Spans:
+def lost_contacts(context: Context, index: int) -> Spans:
     """Return the gaps between contacts of a monitored pair that sticks before, in and after them.
 
     A gap counts if it is at most as long as the contact before it, if on both of its sides every
@@ -146,7 +145,7 @@ def losses(context: Context, index: int) -> Spans:
 @cached
 def _all_losses(context: Context) -> list[Spans]:
     """Return for each monitored pair the gaps in which it loses contact while it sticks."""
-    return [losses(context, index) for index in range(len(context.series))]
+    return [lost_contacts(context, index) for index in range(len(context.series))]
 
 
 def _is_held(
@@ -187,24 +186,20 @@ def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
     )
 
 
-def _switching(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    for series, mask in zip(runs.context.series, switch_masks(runs.context), strict=True):
+def _events(runs: MeasuredRuns) -> Iterator[tuple[PairSeries, Events, str, str]]:
+    """Yield for each pair what may be chatter, its description, and the threshold of its rate."""
+    context = runs.context
+    held = context.setup.hold is not None
+    masks = hold_switch_masks(context) if held else switch_masks(context)
+    modes = "stick, slide and no contact in its hold" if held else "stick and slide"
+    for series, mask in zip(context.series, masks, strict=True):
         run, step = np.nonzero(mask)
-        what = f"{series.name} switched {{}} times between stick and slide"
-        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
-
-
-def _losing(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    for series, gaps in zip(runs.context.series, _all_losses(runs.context), strict=True):
-        what = f"{series.name} lost its contact {{}} times while it stuck"
-        yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
-
-
-def _switches_in_hold(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    for series, mask in zip(runs.context.series, hold_switch_masks(runs.context), strict=True):
-        run, step = np.nonzero(mask)
-        what = f"{series.name} switched {{}} times between stick, slide and no contact in its hold"
-        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
+        what = f"{series.name} switched {{}} times between {modes}"
+        yield series, (run, step + 1), what, "mode_switches"
+    if not held:
+        for series, gaps in zip(context.series, _all_losses(context), strict=True):
+            what = f"{series.name} lost its contact {{}} times while it stuck"
+            yield series, (gaps.run, gaps.start), what, "contact_losses"
 
 
 def _often(

@@ -1,4 +1,4 @@
-"""How far two configurations are from each other, and what a run's distances amount to."""
+"""Distances between configurations and between invariants, and their summary over a run."""
 
 from typing import NamedTuple
 
@@ -10,7 +10,7 @@ _LENGTH = 1e-3
 
 
 class Discrepancy(NamedTuple):
-    """Distances over time, summed up.
+    """Summary of distances over time.
 
     Attributes:
         final: at the last time.
@@ -24,16 +24,16 @@ class Discrepancy(NamedTuple):
 
     @classmethod
     def of(cls, distances: Floats) -> "Discrepancy":
-        """Sum up (T,) distances."""
+        """Summarize (T,) distances."""
         return cls(float(distances[-1]), float(distances.mean()), float(distances.max()))
 
 
 def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
-    """Return (T,) how far configurations are apart [m]: the largest distance of any joint.
+    """Return (T,) distances [m] between configurations: the largest of any joint.
 
     Slides and free positions count in metres. A hinge counts its angle times the length of its
     degree of freedom. A rotation counts the angle of the one that leads from the first to the
-    second, the norm of the quaternion's logarithm, times that length; q and -q are the same.
+    second, the norm of the quaternion's logarithm, times that length.
 
     Args:
         joints: of the model.
@@ -52,7 +52,7 @@ def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
 
 
 def drifts(run: Invariants, reference: Invariants) -> Floats:
-    """Return (T,) how far a run's energy and momenta are from the reference's, the largest of them.
+    """Return (T,) largest relative deviation of a run's energy and momenta from the reference's.
 
     Energy is taken as a share of the reference's peak kinetic energy K, which counts as at least
     what lifts everything by 1 mm; momentum as a share of sqrt(2 m K); angular momentum as a share

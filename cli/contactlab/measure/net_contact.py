@@ -91,18 +91,18 @@ class _Cone:
     stretch: float
     elliptic: bool
 
-    def norm(self, force: Complexes, astray: Floats | None = None) -> Floats:
+    def norm(self, force: Complexes, out_of_plane: Floats | None = None) -> Floats:
         """Return what the bound holds below friction times normal force.
 
         Args:
             force: tangential forces [N].
-            astray: squared force [N^2] across the tangent plane, which only the 2-norm counts.
+            out_of_plane: squared force [N^2] off the tangent plane; only the 2-norm counts it.
         """
         across = force.imag if self.stretch == 1 else force.imag * self.stretch
         if not self.elliptic:
             return np.abs(force.real) + np.abs(across)
         square = force.real * force.real + across * across
-        return np.sqrt(square if astray is None else square + astray)
+        return np.sqrt(square if out_of_plane is None else square + out_of_plane)
 
 
 @dataclass(frozen=True)

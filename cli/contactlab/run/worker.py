@@ -71,10 +71,10 @@ def measured_groups(
     trace = _without_momentum(trace, setup)
     whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
     if whole:
-        picked = trace.pick(whole), setup.pick(whole)
+        picked = trace.select(whole), setup.select(whole)
         yield from _checked(whole, *picked, rule, check)
     for place in sorted(set(range(trace.runs)) - set(whole)):
-        cut, alone = trace.pick([place], rollout.steps[place]), setup.pick([place])
+        cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
         yield MeasuredGroup([place], [0], cut, assess(cut, alone))
 
 
@@ -90,10 +90,10 @@ def _checked(
     others = sorted(set(range(trace.runs)) - set(suspects))
     yield MeasuredGroup([places[row] for row in others], others, trace, assessment)
     if suspects:
-        picked = trace.pick(suspects)
+        picked = trace.select(suspects)
         checks = check([places[row] for row in suspects], picked)
         done = range(checks.runs)
-        checked, known = picked.pick(done), setup.pick([suspects[row] for row in done])
+        checked, known = picked.select(done), setup.select([suspects[row] for row in done])
         again = assess(checked, known, checks)
         yield MeasuredGroup([places[suspects[row]] for row in done], done, checked, again)
 
