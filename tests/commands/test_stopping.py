@@ -10,7 +10,7 @@ import pytest
 from contactlab.commands.stopping import stop_on_signals
 from contactlab.run import Stop
 
-SAID = "finishing the running jobs; interrupt again to stop at once\n"
+SAID = "finishing the current runs; interrupt again to stop at once\n"
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 

@@ -62,7 +62,7 @@ if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
 
     Preparer.watchdog = slow
 """
-FINISHING = "finishing the running jobs; interrupt again to stop at once\n"
+FINISHING = "finishing the current runs; interrupt again to stop at once\n"
 INTERRUPTED = "interrupted; run the same command again to resume\n"
 
 

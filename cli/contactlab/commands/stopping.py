@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: the first lets running jobs finish, the second stops at once."""
+"""Ctrl-C and SIGTERM: the first lets the current runs finish, the second stops at once."""
 
 import contextlib
 import os
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from contactlab.studies.session import Session
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_STOPPING = "finishing the running jobs; interrupt again to stop at once\n"
+_STOPPING = "finishing the current runs; interrupt again to stop at once\n"
 
 Handler = Callable[[int, FrameType | None], None]
 
