@@ -8,6 +8,7 @@ that step's row.
 
 import time
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 
 import mujoco
@@ -87,6 +88,10 @@ class _Step:
     impulse: Floats
 
 
+# Reading the metadata of a package takes milliseconds, and every record names the version.
+_installed_version = cache(version)
+
+
 class ImpulseEngine(SimulationEngine):
     """Newton's restitution and Coulomb friction, as impulses on one sphere above one plane."""
 
@@ -96,7 +101,7 @@ class ImpulseEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of contactlab."""
-        return version("contactlab")
+        return _installed_version("contactlab")
 
     def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
         """Return why it cannot simulate a run: other geoms or joints, or external forces."""

@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import replace
+from functools import cache
 from importlib.metadata import version
 
 import mujoco
@@ -27,6 +28,9 @@ from contactlab.engines.self_checks import run_checks
 from contactlab.engines.step_timing import count_work, time_segments, time_steps
 from contactlab.scene import MODEL_ENGINE, InitialStates
 
+# Reading the metadata of a package takes milliseconds, and every record names the version.
+_installed_version = cache(version)
+
 
 class MujocoEngine(SimulationEngine):
     """MuJoCo with native batches."""
@@ -39,7 +43,7 @@ class MujocoEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of MuJoCo."""
-        return version("mujoco")
+        return _installed_version("mujoco")
 
     def roll_out(
         self,
