@@ -25,7 +25,7 @@ Stored = Callable[..., Path]
 TIMER = """\
 #!{python}
 import json, sys
-print(json.dumps({{"engine": "fake {factor}"}}), flush=True)
+print(json.dumps({{"engine": "fake {factor}", "timed_engines": ["mujoco"]}}), flush=True)
 for line in sys.stdin:
     asked = json.loads(line)
     with open({diary!r}, "a") as diary:

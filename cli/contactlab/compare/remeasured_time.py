@@ -27,7 +27,12 @@ class RunTimer(Protocol):
 
     @property
     def engine(self) -> str:
-        """The engine that steps the runs, with its version."""
+        """The version of MuJoCo that steps its runs, after its name."""
+        ...
+
+    @property
+    def timed_engines(self) -> frozenset[str]:
+        """The names of the engines whose runs can be timed."""
         ...
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
@@ -67,12 +72,12 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
     metric = MeasuredColumn(REMEASURED, "1", "lower", 0.0, second_pass=False)
     rule = effective_rule(metric, paired.policy)
     subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
-    sample = _sample(paired, request.runs)
-    if not sample:
-        return subject.skipped("no pair of runs went through in both stores")
-    pairs = paired.run_pairs(sample, [None] * len(sample), [None] * len(sample))
     old, new = paired.baseline.store.path, paired.candidate.store.path
     with request.baseline(old) as before, request.candidate(new) as after:
+        sample = _sample(paired, request.runs, before.timed_engines & after.timed_engines)
+        if not sample:
+            return subject.skipped("no pair of runs that completed can be timed")
+        pairs = paired.run_pairs(sample, [None] * len(sample), [None] * len(sample))
         times = [_time_pair(before, after, pair) for pair in pairs]
         engines = f"{before.engine}, now {after.engine}"
     ratios = [now / then for then, now in times]
@@ -116,14 +121,14 @@ def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float,
     return min(first, last), min(others)
 
 
-def _sample(paired: PairedStores, runs: int) -> list[int]:
-    """Return indices of pairs whose runs both went through, spread evenly."""
+def _sample(paired: PairedStores, runs: int, engines: frozenset[str]) -> list[int]:
+    """Return indices of pairs whose runs both completed and can be timed, spread evenly."""
     through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
     rows = (paired.pairing.baseline, paired.pairing.candidate)
     for store, own in zip((paired.baseline, paired.candidate), rows, strict=True):
-        for column, wanted in (("status", "ok"), ("engine_name", "mujoco")):
+        for column, wanted in (("status", {"ok"}), ("engine_name", engines)):
             codes, words = store.columns.strings(column)
-            through &= np.array([*(word == wanted for word in words), False])[codes[own]]
+            through &= np.array([*(word in wanted for word in words), False])[codes[own]]
     good = np.flatnonzero(through)
     count = min(runs, len(good))
     return good[np.linspace(0, len(good) - 1, count).round().astype(int)].tolist()

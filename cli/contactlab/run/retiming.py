@@ -35,7 +35,11 @@ _END_TIMEOUT = 10.0
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
     """Yield engine and version, then an answer to each line."""
     engine = ENGINES[MODEL_ENGINE]
-    yield {"engine": f"{engine.name} {engine.version}", "contactlab": version("contactlab")}
+    yield {
+        "engine": f"{engine.name} {engine.version}",
+        "timed_engines": [each.name for each in ENGINES.values() if isinstance(each, TimesSteps)],
+        "contactlab": version("contactlab"),
+    }
     prepared: dict[str, TimedRun] = {}
     for line in lines:
         request = json.loads(line)
@@ -94,14 +98,19 @@ class TimingProcess:
     """Times runs; made by `timing_process`.
 
     Attributes:
-        engine: the engine that steps the runs, with its version.
+        engine: the MuJoCo that steps its runs, with its version.
+        timed_engines: names of the engines whose runs it can time.
     """
 
     def __init__(self, python: Path, requests: IO[str], answers: IO[str]) -> None:
         self._python = python
         self._requests = requests
         self._answers = answers
-        self.engine = str(self._answer()["engine"])
+        greeting = self._answer()
+        self.engine = str(greeting["engine"])
+        # Older versions time their own engine alone.
+        own = [self.engine.partition(" ")[0]]
+        self.timed_engines = frozenset(map(str, greeting.get("timed_engines", own)))
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of all steps that were made of a run, and of one of them [s].

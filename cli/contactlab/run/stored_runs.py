@@ -68,6 +68,7 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
 
     Raises:
         StoreError: there is no such run, or its settings do not give its id.
+        EngineError: the engine that computed it is not here.
         SceneError: the stored scene does not compile with this engine.
     """
     record, scene, resolved = stored_run(store, run)
@@ -82,8 +83,10 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
 
     Raises:
         StoreError: there is no such run, or its settings do not give its id.
+        EngineError: the engine that computed it is not here.
     """
     record = store.record(run)
+    find_engine(record.engine.name)
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
     scene = Scene(source, ENGINES).with_effects(effects_base(identity.resolved.get("effects", {})))
@@ -132,7 +135,10 @@ def _parsed(scene: Scene, name: str, value: object) -> object:
     spec = scene.catalogue.find(name)
     if spec is None:
         raise StoreError(f"the stored scene has no axis '{name}'")
-    return spec.parse(value)
+    try:
+        return spec.parse(value)
+    except ValueError as error:
+        raise StoreError(f"stored axis '{name}': {error}") from error
 
 
 def _first_difference(
