@@ -1,7 +1,5 @@
 """How much of its speed a body keeps when it bounces off a fixed surface."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from contactlab.contact import Barrier, Floats
@@ -15,15 +13,6 @@ _SLOWEST = 0.05
 """Approach speed [m/s] below which a contact is rest or a hop, not an impact."""
 
 
-@dataclass(frozen=True)
-class _Bounces:
-    """Impacts of one body on one barrier, in order of run and time."""
-
-    run: Rows
-    approach: Floats
-    rebound: Floats
-
-
 @metric(unit="1", resolution=1e-6)
 @cached
 def restitution_measured(context: Context) -> Floats:
@@ -35,22 +24,24 @@ def restitution_measured(context: Context) -> Floats:
     runs = context.trace.runs
     total, count = np.zeros(runs), np.zeros(runs)
     for barrier in context.setup.barriers:
-        bounces = _bounces(context, barrier)
-        ratio = bounces.rebound / bounces.approach
-        total += np.bincount(bounces.run, weights=ratio, minlength=runs)
-        count += np.bincount(bounces.run, minlength=runs)
+        run, ratio = _bounces(context, barrier)
+        total += np.bincount(run, weights=ratio, minlength=runs)
+        count += np.bincount(run, minlength=runs)
     return np.where(count > 0, total / np.where(count > 0, count, 1), np.nan)
 
 
-def _bounces(context: Context, barrier: Barrier) -> _Bounces:
-    """Return the impacts that count: among the first five, and not much weaker than the first."""
+def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
+    """Return run and restitution of the impacts that count, in order of run and time.
+
+    They are among the first five, and not much weaker than the first.
+    """
     touches, rank = _first_touches(context, barrier)
     approach, rebound = _speeds(context, barrier, touches)
     first = np.zeros(context.trace.runs)
     first[touches.run[rank == 0]] = np.nan_to_num(approach[rank == 0])
     counts = (approach >= _SLOWEST) & (approach >= _WEAKEST * first[touches.run])
     counts &= np.isfinite(rebound)
-    return _Bounces(touches.run[counts], approach[counts], rebound[counts])
+    return touches.run[counts], rebound[counts] / approach[counts]
 
 
 def _first_touches(context: Context, barrier: Barrier) -> tuple[Spans, Rows]:
