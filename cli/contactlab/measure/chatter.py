@@ -91,7 +91,8 @@ def contact_losses(context: Context) -> Floats:
 def chatter(runs: MeasuredRuns) -> Findings:
     """A pair keeps switching between stick and slide, or keeps losing its contact while it sticks.
 
-    Not counted while bodies come to rest; in the hold window only, if the scene has one.
+    Switches while bodies come to rest do not count. If the scene has a hold window, only that
+    window is judged.
     """
     found: Findings = {}
     for series, events, what, threshold in _events(runs):

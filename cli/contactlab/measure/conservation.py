@@ -59,7 +59,7 @@ def energy_gain(context: Context) -> Floats:
 def energy_drift(context: Context) -> Floats:
     """Change of mechanical energy over the run, over peak kinetic energy and time.
 
-    In a passive scene. Free motion should stay within 0.1 %/s; contact dissipates.
+    For passive scenes. Free motion should stay within 0.1 %/s; contact dissipates.
     """
     if not context.setup.passive:
         return context.undefined()
@@ -72,7 +72,7 @@ def energy_drift(context: Context) -> Floats:
 def speed_ratio(context: Context) -> Floats:
     """Largest speed of a free body over the speed that all the energy of the start would give it.
 
-    In a passive scene; the bound is sqrt(v0^2 + 2 g H) for one body that falls by H. Above 1, a
+    For passive scenes; the bound is sqrt(v0^2 + 2 g H) for one body that falls by H. Above 1, a
     body was ejected.
     """
     bodies = context.setup.free_bodies
@@ -90,7 +90,7 @@ def speed_ratio(context: Context) -> Floats:
 def momentum_drift(context: Context) -> Floats:
     """Largest change of linear momentum in a free system, over sqrt(2 m K).
 
-    m is its total mass and K its peak kinetic energy. Contact forces are equal and opposite.
+    m is the total mass and K the peak kinetic energy. Contact forces are equal and opposite.
     """
     if context.trace.momentum is None:
         return context.undefined()
@@ -101,7 +101,7 @@ def momentum_drift(context: Context) -> Floats:
 def spin_drift(context: Context) -> Floats:
     """Largest change of angular momentum about the centre of mass in a free system.
 
-    Over its largest magnitude, which counts as at least 1 mm times sqrt(2 m K).
+    As a share of its largest magnitude, which counts as at least 1 mm times sqrt(2 m K).
     """
     momentum = context.trace.angular_momentum
     if momentum is None:

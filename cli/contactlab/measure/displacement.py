@@ -20,8 +20,8 @@ from contactlab.measure.entries import (
 def drift(context: Context) -> Floats:
     """Distance across gravity between a free body's first and last position.
 
-    Of the body that moved most. Of bodies that rest it is creep: it grows with time and vanishes
-    with impratio; of a stack that collapsed it is the fall.
+    The body that moved most counts. For bodies at rest it is creep, which grows with time and
+    vanishes with impratio; for a stack that collapsed it is the fall.
     """
     bodies = context.setup.free_bodies
     if not bodies:
@@ -35,7 +35,7 @@ def drift(context: Context) -> Floats:
 def drop(context: Context) -> Floats:
     """Distance along gravity between a free body's first and last position.
 
-    Of the body that sank most; negative where all rose.
+    The body that sank most counts; negative where all rose.
     """
     bodies = context.setup.free_bodies
     if not bodies:
@@ -50,7 +50,7 @@ def drop(context: Context) -> Floats:
 def rest_speed(context: Context) -> Floats:
     """Largest speed of a free body in the last fifth of the run.
 
-    Bodies at rest keep the speed of their creep.
+    Bodies at rest still creep.
     """
     bodies = context.setup.free_bodies
     if not bodies:
@@ -64,7 +64,7 @@ def rest_speed(context: Context) -> Floats:
 def joint_travel(context: Context) -> Floats:
     """Speed summed over time of the degree of freedom that moves most, there and back.
 
-    Of all that belong to no free body: m for slides, rad for hinges and ball joints.
+    Free bodies do not count. In m for slides, in rad for hinges and ball joints.
     """
     free = {body.dof + place for body in context.setup.free_bodies for place in range(6)}
     jointed = [place for place in range(context.trace.qvel.shape[2]) if place not in free]

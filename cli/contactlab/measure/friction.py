@@ -64,8 +64,8 @@ def slip_distance(context: Context) -> Floats:
 def creep_speed(context: Context) -> Floats:
     """Mean slip speed of a sticking pair over the last fifth of the run, worst pair.
 
-    Over the steps in which it bears force. Soft contact creeps under any tangential load, at
-    (1 - d0) / (d0 impratio b N) times the acceleration that load would cause.
+    Averaged over the steps in which it bears force. Soft contact creeps under any tangential
+    load, at (1 - d0) / (d0 impratio b N) times the acceleration that load would cause.
     """
 
     def creep_of(series: PairSeries) -> Floats:

@@ -33,8 +33,8 @@ def oracle_measured(context: Context) -> Floats:
 def oracle_error(context: Context) -> Floats:
     """Error against the scene's closed form.
 
-    As a share of what is expected or in its unit, as the oracle says. It holds the modelling
-    error of soft contact, which no timestep removes, and the error of discretisation.
+    As a share of the expected value or in its unit, as the oracle defines. It includes the
+    modelling error of soft contact, which no timestep removes, and the discretisation error.
     """
     return _result(context).error
 

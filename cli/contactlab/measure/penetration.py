@@ -47,7 +47,7 @@ def penetration_max(context: Context) -> Floats:
 def penetration_mean(context: Context) -> Floats:
     """Penetration of a pair's deepest contact, averaged over the steps in which it touches.
 
-    Of the worst pair. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm
+    The worst pair counts. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm
     broken.
     """
     depths = contact_depths(context)
@@ -74,7 +74,7 @@ def steady_by_pair(context: Context) -> list[Floats]:
 def penetration_steady(context: Context) -> Floats:
     """Resting penetration: penetration_mean over the last fifth of the run.
 
-    Only of pairs that touch in half of it, since others bounce. What remains at rest is
+    Only pairs that touch in half of it count, since others bounce. What remains at rest is
     compliance: it follows from load, mass, solref and solimp, and a smaller timestep does not
     cure it.
     """
@@ -86,7 +86,7 @@ def penetration_growth(context: Context) -> Floats:
     """Rate at which resting pairs sink into each other in the last half of the run.
 
     Median penetration of the last quarter minus that of the third quarter, over a quarter of the
-    run; worst pair. Only pairs that touch in 90 % of the last half, since others bounce.
+    run; worst pair. Only pairs that touch in 90 % of the last half count, since others bounce.
     """
     steps = context.trace.steps
     quarter = steps // 4
@@ -106,7 +106,7 @@ def penetration_growth(context: Context) -> Floats:
 
 @metric(unit="m", better="higher", resolution=1e-9, requires="depth")
 def distance_min(context: Context) -> Floats:
-    """Least signed distance of any contact in the model, of monitored pairs and others.
+    """Least signed distance of any contact in the model, of monitored and of other pairs.
 
     Positive where contacts with a margin never close.
     """

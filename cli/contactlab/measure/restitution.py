@@ -18,7 +18,7 @@ _SLOWEST = 0.05
 def restitution_measured(context: Context) -> Floats:
     """Normal speed after an impact over that before, of a free body on a fixed surface.
 
-    Each is taken from the free flight beside the contact. Mean over those of the first five
+    Both speeds are those of the free flight next to the contact. Mean over those of the first five
     impacts that are at least 0.3 times as fast as the first; impacts slower than 5 cm/s are rest.
     """
     runs = context.trace.runs

@@ -21,8 +21,8 @@ from contactlab.measure.solver_work import RESIDUAL, saturated, sustained_residu
 def solver_residual(context: Context) -> Floats:
     """Difference between forward and inverse dynamics over the run's largest constraint force.
 
-    Flag fwdinv, in constraint space; 99th percentile of the steps with contact. Not defined with
-    noslip, which changes forces after the solver.
+    By the flag fwdinv, in constraint space; 99th percentile of the steps with contact. Not
+    defined with noslip, which changes forces after the solver.
     """
     return sustained_residual(context, np.ones(context.trace.contacts.shape, dtype=np.bool_))
 

@@ -102,8 +102,8 @@ def ungraded_contacts(context: Context) -> Floats:
 def solver_nonconvergence(runs: MeasuredRuns) -> Findings:
     """The constraint solver used all its iterations without converging.
 
-    In most steps with contact or, where a second pass measured the residual, with a residual
-    above the limit.
+    It did so in most steps with contact or, where a second pass measured the residual, with a
+    residual above the limit.
     """
     context, limit = runs.context, runs.limits["saturated_share"]
     if context.trace.steps == 0:
