@@ -66,7 +66,7 @@ def test_taken_from_the_version_on_that_has_it(version: Callable[[str], None]) -
 
 def test_a_planted_arrival(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mujoco_versions, "NEW_FEATURES", (NewFeature("hover", True, "99.0.0"),))
-    with pytest.raises(SweepFileError, match=r"has no switch 'hover', which came with 99\.0\.0"):
+    with pytest.raises(SweepFileError, match=r"has no flag 'hover', which came with 99\.0\.0"):
         ask(SWEEP, "hover=true")
     # Off is what every engine does that has no such thing, and so no other run.
     scene = Scene.open("ball_drop")

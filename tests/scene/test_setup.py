@@ -161,7 +161,7 @@ def test_a_free_system_is_recorded_with_its_momentum(
     base = make_scene(f"<mujoco><option {option}/><worldbody>{world}</worldbody></mujoco>").base({})
     assert base.free is free
     assert (base.layout.momentum is not None) is free
-    assert (base.layout.spin is not None) is free
+    assert (base.layout.angular_momentum is not None) is free
 
 
 def test_speculative_contacts_are_known() -> None:

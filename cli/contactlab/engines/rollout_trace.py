@@ -33,7 +33,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         iterations=iterations.sum(axis=2, dtype=np.int32),
         iterations_most=iterations.max(axis=2),
         momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
-        angular_momentum=_vector(sensors, layout.spin, np.ones((1, 1, 1))),
+        angular_momentum=_vector(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
         pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
         warnings=rollout.warnings,
         held=_held(sensors, layout.held),

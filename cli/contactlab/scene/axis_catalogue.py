@@ -26,7 +26,7 @@ class EngineTraits(Protocol):
 
     @property
     def summary(self) -> str:
-        """What computes, in a few words."""
+        """The engine, in a few words."""
         ...
 
     @property
@@ -112,7 +112,7 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
 def _engine_axis(engines: Engines) -> AxisSpec:
     names = tuple(engines) or (MODEL_ENGINE,)
     summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
-    text = f"what computes: {', or '.join(summaries)}"
+    text = f"what simulates the run: {', or '.join(summaries)}"
     return AxisSpec("engine", "", text, choice(names), names)
 
 

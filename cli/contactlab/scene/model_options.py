@@ -14,10 +14,10 @@ from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
 from contactlab.scene.parameters import WORDS
 from contactlab.scene.setting_values import Settings, as_vector
 
-# These serve the recording itself: sensors carry the evidence, an automatic reset would hide a
-# divergence, and the energy flag makes the kinetic energy sensor lag a step.
+# Recording needs these: sensors carry the evidence, an automatic reset would hide a divergence, and
+# the energy flag makes the kinetic energy sensor lag a step.
 _FIXED = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
-# Override puts the options' contact parameters over those of every geom, and so over a sweep's.
+# Override replaces the contact parameters of every geom, and so those of a sweep.
 _UNSUPPORTED = {"ipc", "override"}
 
 
@@ -35,28 +35,28 @@ FLAGS = tuple(sorted((_DISABLE.keys() | _ENABLE.keys()) - _FIXED.keys() - _UNSUP
 
 
 def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
-    """Return every switch of a model; True means that the effect is on."""
+    """Return every flag of a model; True means that its effect is on."""
     return {name: read_flag(model, name) for name in sorted(_DISABLE | _ENABLE)} | _FIXED
 
 
 def read_flag(model: mujoco.MjModel, name: str) -> bool:
-    """Return one switch of a model; True means that the effect is on."""
+    """Return one flag of a model; True means that its effect is on."""
     if name in _DISABLE:
         return not int(model.opt.disableflags) & _DISABLE[name]
     return bool(int(model.opt.enableflags) & _ENABLE[name])
 
 
 def non_default(states: Mapping[str, bool]) -> dict[str, bool]:
-    """Return the switches that are not as MuJoCo's options default to.
+    """Return the flags that differ from MuJoCo's defaults.
 
-    An engine that does not know a switch yet behaves as with its default, so that what is left
-    is the same for every engine version.
+    A version that lacks a flag behaves as with its default, so the result is the same for every
+    version.
     """
     return {name: state for name, state in states.items() if state != (name in _DISABLE)}
 
 
 def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
-    """Set the given switches, and those that recording needs."""
+    """Set the given flags, and those that recording needs."""
     for name, state in {**states, **_FIXED}.items():
         if name in _DISABLE:
             model.opt.disableflags = _with(int(model.opt.disableflags), _DISABLE[name], not state)

@@ -121,10 +121,10 @@ def _same(own: str | bool, value: object) -> bool:
         return False
 
 
-def _described(arrival: NewFeature) -> str:
-    if isinstance(arrival.value, str):
-        return f"{arrival.axis} '{arrival.value}'"
-    return f"switch '{arrival.axis}'"
+def _described(feature: NewFeature) -> str:
+    if isinstance(feature.value, str):
+        return f"{feature.axis} '{feature.value}'"
+    return f"flag '{feature.axis}'"
 
 
 def _reaches(version: str) -> bool:
@@ -143,14 +143,14 @@ def silence_mujoco() -> None:
         config.logto_file = config.logto_console = False
         config.set()
     else:
-        _quieten()
+        _install_warning_handler()
 
 
 @cache
-def _quieten() -> Any:  # noqa: ANN401 - a function that C may call, kept alive by the cache
+def _install_warning_handler() -> Any:  # noqa: ANN401 - a function that C may call, kept alive by the cache
     """Install a warning handler, for versions before 3.10, whose log cannot be configured."""
-    take = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
+    ignore = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
     (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
     handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mju_user_warning")
-    handler.value = ctypes.cast(take, ctypes.c_void_p).value
-    return take
+    handler.value = ctypes.cast(ignore, ctypes.c_void_p).value
+    return ignore

@@ -29,7 +29,7 @@ class SensorLayout:
         kinetic: address of the kinetic energy, or None.
         potential: address of the potential energy, or None.
         momentum: address of the velocity of the centre of mass, or None.
-        spin: address of the angular momentum, or None.
+        angular_momentum: address of the angular momentum, or None.
         held: address of the held body's position relative to its holder, followed by the holder's
             orientation, or None.
     """
@@ -40,7 +40,7 @@ class SensorLayout:
     kinetic: int | None
     potential: int | None
     momentum: int | None
-    spin: int | None
+    angular_momentum: int | None
     held: int | None
 
 
@@ -65,7 +65,7 @@ def add_sensors(
     if free:
         for name, kind in (
             ("momentum", mujoco.mjtSensor.mjSENS_SUBTREELINVEL),
-            ("spin", mujoco.mjtSensor.mjSENS_SUBTREEANGMOM),
+            ("angular_momentum", mujoco.mjtSensor.mjSENS_SUBTREEANGMOM),
         ):
             sensor = _add(spec, name, kind)
             sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_BODY, "world"
@@ -74,15 +74,15 @@ def add_sensors(
 
 
 def _add_contacts(
-    spec: mujoco.MjSpec, name: str, asked: tuple[int, int, int], width: int
+    spec: mujoco.MjSpec, name: str, settings: tuple[int, int, int], width: int
 ) -> MjsSensor:
     """Add a contact sensor; where MuJoCo has none, a user sensor that the engine fills."""
     if has_contact_sensors():
         sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_CONTACT)
-        sensor.intprm[:3] = asked
+        sensor.intprm[:3] = settings
         return sensor
     sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_USER)
-    sensor.dim = width * asked[2]
+    sensor.dim = width * settings[2]
     sensor.needstage = mujoco.mjtStage.mjSTAGE_ACC
     sensor.datatype = mujoco.mjtDataType.mjDATATYPE_REAL
     return sensor
@@ -90,11 +90,11 @@ def _add_contacts(
 
 def _add_holding(spec: mujoco.MjSpec, holding: HoldSpec) -> None:
     frame = mujoco.mjtObj.mjOBJ_XBODY
-    place = _add(spec, "held", mujoco.mjtSensor.mjSENS_FRAMEPOS)
-    place.objtype, place.objname = frame, holding.subject
-    place.reftype, place.refname = frame, holding.holder
-    turn = _add(spec, "holder", mujoco.mjtSensor.mjSENS_FRAMEQUAT)
-    turn.objtype, turn.objname = frame, holding.holder
+    position = _add(spec, "held", mujoco.mjtSensor.mjSENS_FRAMEPOS)
+    position.objtype, position.objname = frame, holding.subject
+    position.reftype, position.refname = frame, holding.holder
+    orientation = _add(spec, "holder", mujoco.mjtSensor.mjSENS_FRAMEQUAT)
+    orientation.objtype, orientation.objname = frame, holding.holder
 
 
 def find_layout(
@@ -119,7 +119,7 @@ def find_layout(
         kinetic=address("kinetic") if energy else None,
         potential=address("potential") if energy else None,
         momentum=address("momentum") if free else None,
-        spin=address("spin") if free else None,
+        angular_momentum=address("angular_momentum") if free else None,
         held=address("held") if holding else None,
     )
 

@@ -16,18 +16,18 @@ Kind = Literal["physical", "numerical", "recording"]
 
 @dataclass(frozen=True)
 class ModelFacts:
-    """What one structure of a scene decides about its effects, whatever a run sets.
+    """What a compiled structure decides about its effects, whatever a run sets.
 
     Attributes:
-        kinds: pairs of geom types, the smaller first, among geoms that the engine's filters let
-            touch; None where that is not known.
-        level: whether all that can touch are spheres, turning about their own centres and loose
-            from all else, and level planes that never move.
+        kinds: pairs of geom types, the smaller first, among geoms that MuJoCo's filters let touch;
+            None where that is not known.
+        level: whether only spheres, free and alone with their mass at their centres, and fixed
+            horizontal planes can touch.
         turning: whether a body that can touch another can turn.
         crowded: whether a body has more than one geom.
         sensors: how many sensors the model has that do not record the run.
-        tendons: how many tendons it has; 0 if they were left out.
-        idle_tendons: whether none of them can do anything but be measured.
+        tendons: how many tendons it has; 0 if they were not compiled.
+        idle_tendons: whether its tendons can do nothing but be measured.
         energy: whether energies are recorded.
     """
 
@@ -43,12 +43,12 @@ class ModelFacts:
 
 @dataclass(frozen=True)
 class RunState:
-    """A run as far as the static analysis looks at it.
+    """A run as the proofs see it, before it starts.
 
     Attributes:
         model: the run's model, its settings written.
         facts: what its structure decides.
-        straight: whether at the start nothing turns or moves sideways, and nothing pushes that way.
+        straight: whether nothing turns or moves sideways at the start, or is pushed to.
     """
 
     model: mujoco.MjModel
@@ -57,7 +57,7 @@ class RunState:
 
 
 Proof = Callable[[RunState], str | None]
-"""Says why nothing changes in a run without an effect; None where that is not proven."""
+"""Returns why nothing changes in a run without an effect; None where that is not proven."""
 
 
 def never(_: RunState) -> str | None:
@@ -67,11 +67,11 @@ def never(_: RunState) -> str | None:
 
 @dataclass(frozen=True)
 class EffectRequest:
-    """Which effects a run asks for.
+    """The effects that a run requests.
 
     Attributes:
         asked: effects that the sweep or the scene switches by name.
-        changed: settings that the sweep sets; nothing is left out that would write over them.
+        changed: settings that the sweep sets; no effect is left out that would overwrite them.
         auto: whether to leave out what provably changes nothing.
     """
 
@@ -88,7 +88,7 @@ class EffectMjcf:
         options: attributes of <option>.
         flags: attributes of <flag>.
         condim: bound on every contact's dimensions: at least, to turn on; at most, to turn off.
-        comment: what to do by hand, where no attribute does it.
+        comment: what to edit by hand, where no attribute does it.
     """
 
     options: Mapping[str, str] = field(default_factory=dict[str, str])
@@ -102,12 +102,12 @@ class Switch:
     """How an effect is read from a model, and how it is turned on or off.
 
     Attributes:
-        is_on: says whether it is in a run's model.
+        is_on: returns whether a run's model has it.
         write: turns it on or off in a compiled model, in place.
         mjcf: returns what turns it on or off in MJCF.
         flag: MuJoCo's flag, if it is one.
-        settings: the settings that it writes over.
-        fold: turns it on or off in resolved settings; None where it is no matter of settings.
+        settings: the settings that it overwrites.
+        fold: turns it on or off in resolved settings; None where settings do not carry it.
     """
 
     is_on: Callable[[RunState], bool]
@@ -124,14 +124,14 @@ class Effect:
 
     Attributes:
         name: its name in sweeps, scenes and records.
-        kind: part of the physics, of how it is computed, or of what is recorded.
+        kind: whether it is part of the physics, of how it is computed, or of what is recorded.
         what: what it is.
         switch: how it is turned on and off.
-        called_by: what in a scene calls for it.
+        called_by: what in a scene needs it.
         unused: a proof that nothing changes without it.
         on: axis values with which a study turns it on; none where studies do not.
         off: axis values with which a study turns it off; its own axis, if left out.
-        studied: whether studies change it; not what the model itself is about.
+        studied: whether studies change it; some effects define the model itself.
     """
 
     name: str

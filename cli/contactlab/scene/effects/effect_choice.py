@@ -13,31 +13,28 @@ from contactlab.scene.effects.effect import (
     RunState,
 )
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.model_options import FLAGS, write_flags
 from contactlab.scene.recording_sensors import PREFIX
 
 _COMPILED = ("sensor", "tendon", "energy")
 
 
 def choose(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
-    """Decide every effect of a run, whose settings and request are written into its model."""
+    """Decide every effect of a run, into whose model its settings and request are written."""
     return {name: _choose(effect, run, request) for name, effect in EFFECTS.items()}
 
 
 def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
-    """Turn off in a run's model, in place, what is not chosen."""
-    # What is on is read before anything is written: friction effects share their dimensions.
+    """Turn off the effects that are not chosen in a run's model, in place."""
+    # All are read before any is written: friction effects share condim.
     off = [each for name, each in EFFECTS.items() if not chosen[name].on and each.switch.is_on(run)]
-    write_flags(run.model, {each.name: False for each in off if each.name in FLAGS})
     for effect in off:
-        if effect.name not in FLAGS:
-            effect.switch.write(run.model, False)
+        effect.switch.write(run.model, False)
 
 
 def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:
     on = effect.switch.is_on(run)
     if effect.name in request.asked:
-        # What is left out of such a model may still be in it, idle.
+        # A tendon that is left out may still be in the model, idle.
         asked = request.asked[effect.name] or effect.name not in _COMPILED
         return EffectState(on and asked, "as asked")
     if not on:
@@ -55,7 +52,7 @@ def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]
 
     Args:
         facts: of the whole model.
-        request: the effects that the run asks for.
+        request: the effects that the run requests.
     """
     asked, default = request.asked, not request.auto
     out: set[str] = set()

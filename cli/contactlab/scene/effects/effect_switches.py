@@ -57,9 +57,9 @@ def by_options(
     """Return the switch of an effect that is a matter of options.
 
     Args:
-        has: says whether settings have the effect.
+        has: returns whether settings have the effect.
         off: settings that turn it off.
-        on: settings that turn it on where it is off; none if no value does by itself.
+        on: settings that turn it on where it is off; empty if none does by itself.
     """
     values = {True: on, False: off}
 
@@ -68,7 +68,7 @@ def by_options(
             write_option(model, name, value)
 
     def fold(settings: Settings, state: bool) -> None:
-        # Settings that have it so already stay as they are.
+        # Settings in this state already are kept: RK4 is as explicit as Euler.
         if has(settings) != state:
             settings.update(values[state])
 
@@ -82,7 +82,7 @@ def by_options(
 
 
 def by_tendons() -> Switch:
-    """Return the switch of tendons: idle ones are not compiled, others lose what acts."""
+    """Return the switch of tendons: idle ones are not compiled, others lose their coefficients."""
 
     def write(model: mujoco.MjModel, on: bool) -> None:
         for name in ("stiffness", "damping", "frictionloss", "armature", "limited"):
@@ -97,11 +97,11 @@ def by_tendons() -> Switch:
 
 
 def by_compiling(compiled: Callable[[RunState], bool], remove: str | None = None) -> Switch:
-    """Return the switch of sensors, which are compiled or not; a compiled model keeps them.
+    """Return the switch of sensors, which are compiled or not.
 
     Args:
-        compiled: says whether they were compiled.
-        remove: how to leave them out of a model by hand, where the model has them.
+        compiled: returns whether they were compiled.
+        remove: how to remove the model's own by hand.
     """
     return Switch(
         is_on=compiled,

@@ -11,8 +11,8 @@ from contactlab.scene.recording_sensors import PREFIX
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
 _OBJECT = mujoco.mjtObj
-# Beyond it, which geoms can touch is not looked up: the table of all pairs would be too large.
-_MOST_GEOMS = 2000
+# Of more geoms, which can touch is not determined: the table of all pairs would be too large.
+_MAX_GEOMS = 2000
 
 
 def find_facts(model: mujoco.MjModel, *, energy: bool) -> ModelFacts:
@@ -31,11 +31,11 @@ def find_facts(model: mujoco.MjModel, *, energy: bool) -> ModelFacts:
 
 
 def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
-    """Say whether, at the start, nothing turns or moves but along z, nor is pushed otherwise.
+    """Return whether, at the start, everything moves, and is pushed, along z at most.
 
     Args:
         model: the run's model.
-        start: its initial state, n being 1; what is driven over time counts as pushed.
+        start: its initial state, n being 1; inputs that are driven over time count as pushing.
     """
     free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(_JOINT.mjJNT_FREE)]
     sideways = np.delete(start.qvel[0], free + 2)
@@ -44,7 +44,7 @@ def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
 
 
 def spare_sensors(model: mujoco.MjModel) -> list[int]:
-    """Return the ids of sensors that do not record the run; those of plugins are left alone."""
+    """Return the ids of sensors that do not record the run, but for those of MuJoCo plugins."""
     return [
         index
         for index in range(model.nsensor)
@@ -54,12 +54,11 @@ def spare_sensors(model: mujoco.MjModel) -> list[int]:
 
 
 def _touching(model: mujoco.MjModel) -> np.ndarray | None:
-    """Return (n, 2) pairs of geoms that could touch, or None if there are too many to say.
+    """Return (n, 2) pairs of geoms that could touch, or None if that is unknown.
 
-    A superset of what the engine lets touch: its filter of parents and children, and its
-    exclusions, are left out.
+    A superset of what MuJoCo lets touch: parents and children, and exclusions, are not filtered.
     """
-    if model.nflex or model.nplugin or model.ngeom > _MOST_GEOMS:
+    if model.nflex or model.nplugin or model.ngeom > _MAX_GEOMS:
         return None
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         return None
@@ -96,12 +95,12 @@ def _is_level_pair(model: mujoco.MjModel, data: mujoco.MjData, first: int, secon
         return False
     body = int(model.geom_bodyid[sphere])
     normal = np.asarray(data.geom_xmat[plane]).reshape(3, 3)[:, 2]
-    still = int(model.body_weldid[model.geom_bodyid[plane]]) == 0
-    return bool(still and not normal[:2].any() and _is_loose(model, body, sphere))
+    fixed = int(model.body_weldid[model.geom_bodyid[plane]]) == 0
+    return bool(fixed and not normal[:2].any() and _is_free_sphere(model, body, sphere))
 
 
-def _is_loose(model: mujoco.MjModel, body: int, geom: int) -> bool:
-    """Say whether a body is free, alone, and has its centre of mass in a geom's centre."""
+def _is_free_sphere(model: mujoco.MjModel, body: int, geom: int) -> bool:
+    """Return whether a body is free, alone, and has its centre of mass at a geom's centre."""
     free = model.body_jntnum[body] == 1 and (
         model.jnt_type[model.body_jntadr[body]] == _JOINT.mjJNT_FREE
     )
@@ -116,7 +115,7 @@ def _can_turn(model: mujoco.MjModel, touch: np.ndarray) -> bool:
 
 
 def _turns(model: mujoco.MjModel, body: int) -> bool:
-    """Say whether a joint between a body and the world can turn it."""
+    """Return whether a joint between a body and the world can turn it."""
     while body:
         first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
         if any(model.jnt_type[first : first + count] != _JOINT.mjJNT_SLIDE):
@@ -126,7 +125,7 @@ def _turns(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _are_idle(model: mujoco.MjModel) -> bool:
-    """Say whether no tendon acts or is used by anything but sensors that can be left out."""
+    """Return whether no tendon acts, or is used by more than sensors that can be left out."""
     if not model.ntendon:
         return True
     driven = (np.asarray(model.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON).any()

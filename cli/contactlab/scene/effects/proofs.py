@@ -1,7 +1,7 @@
-"""Proofs, in words, that nothing changes in a run without an effect; None where there is none.
+"""Proofs that nothing changes in a run without an effect: the reason, or None without a proof.
 
-What a proof rests on is the engine's own code path: what is not there is not computed, and what
-acts with a force of exactly zero leaves the state as it is, to rounding.
+The proofs rest on MuJoCo's code path: what is absent is not computed, and a force of exactly zero
+leaves the state as it is, to rounding.
 """
 
 import mujoco
@@ -12,7 +12,7 @@ from contactlab.scene.effects.effect import Proof, RunState
 _GEOM = mujoco.mjtGeom
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
 _BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
-# Switches that not every engine version has.
+# Flags that not every version of MuJoCo has.
 _SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _TENDON_FORCES = (
@@ -24,7 +24,7 @@ _TENDON_FORCES = (
     "armature",
     "limited",
 )
-# Pairs that have a collision function of their own; all else goes through the general one.
+# Pairs with a collision function of their own; others go through the general one.
 _DIRECT = (
     {(first, second) for first in _ROUND for second in _ROUND if first <= second}
     | {(int(_GEOM.mjGEOM_PLANE), shape) for shape in (*_ROUND, _BOX, _CYLINDER)}
@@ -39,7 +39,7 @@ def no_contact(run: RunState) -> str | None:
 
 
 def zero(reason: str, *fields: str) -> Proof:
-    """Return the proof that all coefficients in some fields of the model are zero."""
+    """Return a proof that all coefficients in some fields of the model are zero."""
 
     def prove(run: RunState) -> str | None:
         acting = any(np.any(getattr(run.model, field, 0)) for field in fields)
@@ -49,7 +49,7 @@ def zero(reason: str, *fields: str) -> Proof:
 
 
 def no_damping(run: RunState) -> str | None:
-    """No joint, tendon or flex is damped; with springs off too, air would go with it."""
+    """No joint, tendon or flex is damped, and no other passive force needs the computation."""
     found = zero(
         "no joint or tendon is damped",
         "dof_damping",
@@ -63,7 +63,7 @@ def no_damping(run: RunState) -> str | None:
 
 
 def no_spring(run: RunState) -> str | None:
-    """No joint, tendon or flex is a spring; with damping off too, air would go with it."""
+    """No joint, tendon or flex is a spring, and no other passive force needs the computation."""
     found = zero(
         "no joint or tendon is a spring",
         "jnt_stiffness",
@@ -77,7 +77,7 @@ def no_spring(run: RunState) -> str | None:
 
 
 def _has_other_forces(model: mujoco.MjModel) -> bool:
-    """Say whether passive forces act that would go if both springs and damping were off."""
+    """Return whether passive forces act that MuJoCo skips where springs and damping are off."""
     air = model.opt.density or model.opt.viscosity
     return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
 
@@ -93,7 +93,7 @@ def no_gravity(run: RunState) -> str | None:
 
 
 def no_air(run: RunState) -> str | None:
-    """Without density and viscosity there is no force of a medium, whatever the wind."""
+    """Without density and viscosity a medium exerts no force, whatever the wind."""
     option = run.model.opt
     return None if option.density or option.viscosity else "the medium has no density or viscosity"
 
@@ -112,7 +112,7 @@ def no_noslip(run: RunState) -> str | None:
 
 
 def has_friction(model: mujoco.MjModel) -> bool:
-    """Say whether any contact could have friction."""
+    """Return whether any contact could have friction."""
     return most_condim(model) > 1
 
 
@@ -128,11 +128,11 @@ def _flex(model: mujoco.MjModel) -> np.ndarray:
 
 
 def straight_drop(run: RunState) -> str | None:
-    """A sphere that falls straight on a level plane never moves sideways in its contact.
+    """A sphere that falls straight onto a horizontal plane never slides in its contact.
 
-    Its contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
-    by itself; of pyramids only those with a coefficient of 1 in three dimensions sum to the same
-    normal force.
+    The contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
+    separately; of pyramids, only those with a coefficient of 1 in three dimensions add up to the
+    same normal force.
     """
     if found := no_contact(run):
         return found
@@ -145,7 +145,7 @@ def straight_drop(run: RunState) -> str | None:
 
 
 def no_turning(run: RunState) -> str | None:
-    """Bodies that touch cannot turn, and an elliptic cone treats every direction by itself."""
+    """Bodies that touch cannot turn, and an elliptic cone treats every direction separately."""
     if found := no_contact(run):
         return found
     if not run.facts.turning and _is_elliptic(run.model):
@@ -163,7 +163,7 @@ def _is_unit_pyramid(model: mujoco.MjModel) -> bool:
 
 
 def no_general_collision(run: RunState) -> str | None:
-    """Every pair of shapes has a collision function of its own; contacts ahead of touch do not."""
+    """Every pair of shapes has its own collision function; speculative contacts do not."""
     if found := no_contact(run):
         return found
     if run.model.opt.enableflags & _SPECULATIVE:
@@ -174,7 +174,7 @@ def no_general_collision(run: RunState) -> str | None:
 
 
 def no_crowd(run: RunState) -> str | None:
-    """There is no body whose geoms could be sorted."""
+    """No body has several geoms to sort."""
     return no_contact(run) or (None if run.facts.crowded else "no body has more than one geom")
 
 
@@ -220,7 +220,7 @@ def idle_tendons(run: RunState) -> str | None:
 
 
 def tendons_act(model: mujoco.MjModel) -> bool:
-    """Say whether a tendon has a spring, damping, friction, a limit or inertia."""
+    """Return whether a tendon has a spring, damping, friction, a limit or inertia."""
     return any(np.any(getattr(model, f"tendon_{each}", 0)) for each in _TENDON_FORCES)
 
 
