@@ -1,6 +1,7 @@
 """`contactlab tradeoff`: what it runs, prints and writes, and what it ends in."""
 
 import json
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -11,6 +12,7 @@ import jsonschema
 import pytest
 
 from contactlab import resources
+from contactlab.run import read_request, run_sweep
 
 Run = Callable[..., Any]
 SWEEP = """
@@ -33,11 +35,19 @@ def swing(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture(scope="module")
+def _swung(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store of these runs that nobody may change."""
+    folder = tmp_path_factory.mktemp("swung")
+    request = read_request(SWEEP, "swing", folder / "swung", folder=folder, workers=0)
+    run_sweep(request, lambda _total, _done: None, lambda _runs: None)
+    return folder / "swung"
+
+
 @pytest.fixture
-def swung(contactlab: Run, swing: Path) -> str:
-    """The store of these runs."""
-    code, _, err = contactlab("sweep", swing.name, "-o", "swung", "--workers", "0")
-    assert code == 0, err
+def swung(_swung: Path, tmp_path: Path) -> str:
+    """A copy of the store, named as commands in `tmp_path` name it."""
+    shutil.copytree(_swung, tmp_path / "swung")
     return "swung"
 
 
