@@ -2,6 +2,8 @@
 
 from collections.abc import Callable
 
+import pytest
+
 from contactlab.scene import Scene
 from contactlab.schema import EffectsReport
 
@@ -43,16 +45,20 @@ USED = MODEL.format(
 )
 
 
-def test_unused_features_are_stripped_and_metrics_hold(ablate: Ablate) -> None:
-    report = ablate(UNUSED, "keyframe=start", name="unused.xml")
+@pytest.fixture(scope="module")
+def report(ablate: Ablate) -> EffectsReport:
+    """Return the ablation of the model that uses nothing."""
+    return ablate(UNUSED, "keyframe=start", name="unused.xml")
+
+
+def test_unused_features_are_stripped_and_metrics_hold(report: EffectsReport) -> None:
     assert {*report.smallest_set.off} >= FEATURES | {"sensor"}
     assert report.verification.holds
     assert report.verification.reason == "no metric changes by its tolerance"
     assert all("duration" not in name for name in report.smallest_set.settings)
 
 
-def test_the_stripped_model_computes_none_of_it(ablate: Ablate) -> None:
-    report = ablate(UNUSED, "keyframe=start", name="unused.xml")
+def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
     scene = Scene.open(report.source)
     values = {**report.base, **report.smallest_set.settings}
     run = scene.resolve(values, 0, None)

@@ -15,7 +15,6 @@ CASES = [
     "incline",
     "isotropy",
     "ladder",
-    "oblique_impact",
     "rest_penetration",
     "restitution",
     "roll_down",
@@ -24,6 +23,7 @@ CASES = [
     "slide_to_roll",
     "spin_down",
 ]
+LONG_CASES = ("oblique_impact",)
 
 Rows = list[dict[str, Any]]
 Case = Callable[[str], Rows]
@@ -45,7 +45,9 @@ def least(rows: Rows, metric: str = "oracle_error") -> float:
     return min(abs(row[metric]) for row in rows)
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG_CASES)]
+)
 def test_cases_come_out_as_expected(case: Case, name: str) -> None:
     rows = case(name)
     unmet = [(row["run_id"], row["label"]) for row in rows if row["expectation_met"] is False]
@@ -130,6 +132,7 @@ def test_small_rolling_friction_needs_impratio(case: Case) -> None:
     assert least(picked(rows, impratio=1)) > 0.5
 
 
+@pytest.mark.slow
 def test_impacts_follow_coulomb_where_friction_has_its_own_reference(case: Case) -> None:
     rows = picked(case("oblique_impact"), cone="elliptic")
     referred = picked(rows, **{"pair_solreffriction[impact]": "-1 -320"}, restitution=0.6)

@@ -18,21 +18,21 @@ CASES = (
     "billiard_throw",
     "collision_momentum",
     "deep_overlap",
-    "double_pendulum",
     "elastic_bounce",
     "eulers_disk",
     "free_arm",
     "heavy_top",
     "newtons_cradle",
     "painleve_rod",
-    "panda_free",
-    "refsafe_off",
     "stiff_joint",
     "tumbling_box",
 )
+LONG_CASES = ("double_pendulum", "panda_free", "refsafe_off")
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG_CASES)]
+)
 def test_what_is_expected_comes_out(case: Case, name: str) -> None:
     """Some runs hold, some fail with the label that they must get, and none is otherwise."""
     rows = case(name)
@@ -87,6 +87,7 @@ def test_an_arm_drifts_less_than_practice_accepts_only_with_rk4(case: Case) -> N
             assert abs(row["energy_drift"]) > 1e-3
 
 
+@pytest.mark.slow
 def test_a_double_pendulum_s_energy_by_order_of_the_step(case: Case) -> None:
     for timestep, most in ((5e-4, 1e-7), (2e-3, 1e-4), (4e-3, 1e-3)):
         for row in case("double_pendulum", integrator="RK4", timestep=timestep):
@@ -143,6 +144,7 @@ def test_overlap_is_thrown_apart_in_proportion(case: Case) -> None:
     assert row["oracle_measured"] == pytest.approx(4.17, rel=0.01)
 
 
+@pytest.mark.slow
 def test_without_refsafe_only_implicit_contact_stands(case: Case) -> None:
     """A cube that falls 1 cm: Euler threw it 1.8 m up at 2 ms and 21 m at 1 ms."""
     for timeconst in (2e-3, 1e-3, 1e-4):

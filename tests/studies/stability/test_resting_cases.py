@@ -18,20 +18,18 @@ CASES = (
     "heavy_on_light",
     "light_on_heavy",
     "peg_in_hole",
-    "pile",
     "plates_sliding",
-    "ragdoll",
-    "rolling_plate",
     "scales",
     "solver_limits",
-    "stack_10",
     "thin_plate",
     "thin_plate_speculative",
-    "tower_20",
 )
+LONG_CASES = ("pile", "ragdoll", "rolling_plate", "stack_10", "tower_20")
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize(
+    "name", [*CASES, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG_CASES)]
+)
 def test_what_is_expected_comes_out(case: Case, name: str) -> None:
     """Some runs hold, some fail with the label that they must get, and none is otherwise."""
     rows = case(name)
@@ -41,6 +39,7 @@ def test_what_is_expected_comes_out(case: Case, name: str) -> None:
     assert any("stable" not in (row["expected"] or ["stable"]) for row in judged)
 
 
+@pytest.mark.slow
 def test_a_stack_stays_by_stiffness_and_not_by_luck(case: Case) -> None:
     """References ask for 0.1 mm in 9 s; the default drifts by millimetres, at the same sag."""
     for row in case("stack_10", solref="0.005 1", impratio=10):
@@ -54,6 +53,7 @@ def test_a_stack_stays_by_stiffness_and_not_by_luck(case: Case) -> None:
         assert row["oracle_error"] > 0.01
 
 
+@pytest.mark.slow
 def test_a_tower_buckles_where_one_looks_later(case: Case) -> None:
     assert all(row["rest_speed"] < 1e-6 for row in case("tower_20", solref="0.005 1", shift=1e-6))
     assert all(row["drop"] > 1 for row in case("tower_20", solref="0.02 1"))
@@ -91,7 +91,7 @@ def test_contacts_ahead_of_touch_stop_what_leaps(case: Case) -> None:
 
 
 def test_only_the_case_for_new_engines_names_their_switch() -> None:
-    for name in CASES:
+    for name in (*CASES, *LONG_CASES):
         sweep = (resources.sweeps() / "stability" / f"{name}.yaml").read_text()
         assert ("speculative:" in sweep) == (name == "thin_plate_speculative")
     assert "speculative" not in (resources.models() / "thin_plate" / "scene.xml").read_text()
@@ -132,6 +132,7 @@ def test_a_limit_of_iterations_is_no_residual(case: Case) -> None:
         assert row["oracle_error"] > 0.5
 
 
+@pytest.mark.slow
 def test_rolling_is_not_worse_than_published(case: Case) -> None:
     """Published are 7.05e-3 (Euler) and 2.7e-3 (RK4), at 1 ms; starts spread by a tenth of it."""
     fine = {"timestep": 1e-3, "cone": "elliptic"}
@@ -143,6 +144,7 @@ def test_rolling_is_not_worse_than_published(case: Case) -> None:
     assert pyramid["oracle_error"] > 1
 
 
+@pytest.mark.slow
 def test_settling_is_neither_chatter_nor_unrest(case: Case) -> None:
     settled = case("pile", timestep=2e-3, solver="Newton")
     rows = [row for row in settled if row["solref"] != "0.02 0.05"] + case("ragdoll", timestep=5e-3)

@@ -187,15 +187,19 @@ def _proven(toggles: Mapping[str, Toggle]) -> Changed:
 
 
 def _timed(
-    trials: TrialRunner, name: str, asked: Sequence[Changed], seeds: Sequence[int] | None = None
+    trials: TrialRunner,
+    name: str,
+    configurations: Sequence[Changed],
+    seeds: Sequence[int] | None = None,
 ) -> dict[Changed, TrialOutcome]:
-    """Time configurations in turns, in at most so many matched pairs of each with the base."""
+    """Time configurations, interleaved, in at most six matched pairs of each with the base."""
+    if trials.rounds is None:
+        return dict.fromkeys(configurations, TrialOutcome(()))
     setup = trials.setup
     scenarios = setup.scenarios[:: max(1, len(setup.scenarios) // _PAIRS)][:_PAIRS]
-    count = max(1, _PAIRS // len(scenarios))
-    picked = (setup.seeds if seeds is None else seeds)[:count]
+    seeds = (setup.seeds if seeds is None else seeds)[: max(1, _PAIRS // len(scenarios))]
     about = "Configurations timed in turns"
-    return trials.run(name, about, asked, seeds=picked, scenarios=scenarios, timed=True)
+    return trials.run(name, about, configurations, seeds=seeds, scenarios=scenarios, timed=True)
 
 
 def _finding(
