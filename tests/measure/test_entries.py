@@ -1,6 +1,7 @@
 """Metrics, labels and oracles that a plug-in declares are as good as those of this package."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,8 @@ from contactlab.measure import (
     oracle,
     runs_where,
 )
+from contactlab.run import read_request, run_sweep
+from contactlab.store import Store
 
 
 @pytest.fixture(autouse=True)
@@ -76,6 +79,23 @@ def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> No
     assert (entry.version, entry.kind, entry.tolerance) == (1, "physics", 0.0)
     assert LABELS["racing"].meaning == "A joint moves faster than its limit."
     assert limits({})["top_speed"] == 10
+
+
+def test_a_sweep_stores_it_as_it_does_ours(tmp_path: Path) -> None:
+    declare_top_speed()
+    declare_racing()
+    sweep = "version: 1\nscene: ball_drop\nduration: 1\ntrace: none\nthresholds: {top_speed: 1}\n"
+    request = read_request(sweep, "t", tmp_path / "s", folder=tmp_path, workers=0)
+    run_sweep(request, lambda *_: None, lambda _: None)
+    store = Store.open(tmp_path / "s")
+    record = store.record(store.table["run_id"][0].as_py())
+    speed = record.metrics["top_speed"]
+    assert speed is not None
+    assert speed > 1
+    assert (record.units["top_speed"], record.metric_versions["top_speed"]) == ("rad/s", 1)
+    assert "racing" in [each.label for each in record.labels]
+    assert store.table["top_speed"].to_pylist() == [speed]
+    assert "racing" in store.columns.shared["severity"]
 
 
 def test_metrics_come_last_and_labels_by_severity() -> None:
