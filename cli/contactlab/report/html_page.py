@@ -19,7 +19,7 @@ from contactlab.report.page_tables import (
     header_lines,
     label_table,
     map_table,
-    recommendation_text,
+    recommendation_texts,
     unexpected_runs,
 )
 from contactlab.report.report_data import PageRequest, ReportData, read_report_data
@@ -68,7 +68,7 @@ def _texts(data: ReportData) -> dict[str, Any]:
         "outcome": outcome,
         "summary": summary,
         "labels": label_table(data.labels),
-        "recommendation": recommendation_text(data),
+        "recommendation": recommendation_texts(data),
         "no_tradeoff": data.no_tradeoff,
         "front": front_table(data),
         "map": map_table(data),

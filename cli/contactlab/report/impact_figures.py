@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import altair as alt
 import numpy as np
@@ -31,6 +32,7 @@ _MOST_IMPACTS_READ = 600
 _LEAST_IMPACTS = 3
 # Bodies that approach more slowly rest on each other; it is no impact [m/s].
 _LEAST_APPROACH = 0.05
+_OUTCOMES = ["sticks", "slides throughout"]
 
 
 @dataclass(frozen=True)
@@ -124,53 +126,39 @@ def _peaks(height: Floats, pair: StoredPair) -> Iterator[float]:
         yield float(height[pair.steps[gap] : pair.steps[gap + 1] + 1].max())
 
 
-@dataclass(frozen=True)
-class FirstImpact:
-    """The first impact of a run.
+def first_impacts(store: Store) -> Rows:
+    """Return the first impacts of traced runs; none unless at least three of them slip.
 
-    Attributes:
-        engine: the engine that simulated it.
-        slip: tangential speed before it [m/s].
-        bound: the largest slip that Coulomb friction stops, mu (1 + e) v_n [m/s].
-        sticks: whether the contact stuck at any step of it.
+    Of each the `engine`, the `slip` before it [m/s], the largest slip that Coulomb friction stops,
+    mu (1 + e) v_n, as `bound` [m/s], and whether the `contact` sticks at any step of it.
     """
-
-    engine: str
-    slip: float
-    bound: float
-    sticks: bool
-
-
-def first_impacts(store: Store) -> list[FirstImpact]:
-    """Return the first impacts of traced runs; none unless at least three of them slip."""
-    impacts = list(_read_first_impacts(store))
-    slipping = [each for each in impacts if each.slip > 0]
+    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
+        return []
+    records = (record for record in store.records() if record.trace is not None)
+    impacts: Rows = []
+    for record in islice(records, _MOST_IMPACTS_READ):
+        for pair in store.trace(record).pairs[:1]:
+            impacts += _first_impact(pair, record)
+    slipping = [each for each in impacts if each["slip"] > 0]
     return impacts if len(slipping) >= _LEAST_IMPACTS else []
 
 
-def _read_first_impacts(store: Store) -> Iterator[FirstImpact]:
-    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
-        return
-    records = (record for record in store.records() if record.trace is not None)
-    for _, record in zip(range(_MOST_IMPACTS_READ), records, strict=False):
-        for pair in store.trace(record).pairs[:1]:
-            yield from _first_impact(pair, record)
-
-
-def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Iterator[FirstImpact]:
-    if not len(pair.points):
-        return
+def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
+    contact = record.pairs[pair.name]
+    if not len(pair.points) or contact.condim < 3:
+        return []
     velocity = pair.points[0, LINEAR_VELOCITY]
     normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))
-    contact = record.pairs[pair.name]
-    if normal < _LEAST_APPROACH or contact.condim < 3:
-        return
+    if normal < _LEAST_APPROACH:
+        return []
     restitution = restitution_of(damping_ratio(contact.solref))
     bound = float(sticking_speed(normal, restitution, contact.friction[0]))
     # The first touch only: after a flight another one follows.
     breaks = np.flatnonzero(np.diff(pair.steps) > 1)
     first = pair.mode[: breaks[0] + 1] if len(breaks) else pair.mode
-    yield FirstImpact(str(record.settings["engine"]), slip, bound, bool((first == STICK).any()))
+    outcome = _OUTCOMES[0] if (first == STICK).any() else _OUTCOMES[1]
+    engine = str(record.settings["engine"])
+    return [{"bound": bound, "slip": slip, "engine": engine, "contact": outcome}]
 
 
 def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
@@ -221,33 +209,25 @@ def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> alt.LayerChart | 
     return alt.layer(lines.encode(y, colour), points).properties(width=260, height=260, title=title)
 
 
-def cone_panel(impacts: Sequence[FirstImpact]) -> Spec:
+def cone_panel(impacts: Rows) -> Spec:
     """Return impacts in velocity space, with the boundary of Coulomb's cone."""
-    rows: Rows = [
-        {
-            "bound": each.bound,
-            "slip": each.slip,
-            "engine": each.engine,
-            "contact": "sticks" if each.sticks else "slides throughout",
-        }
-        for each in impacts
-    ]
-    most = max(each.bound for each in impacts) * 1.08
-    highest = max(each.slip for each in impacts) * 1.05
+    most = max(each["bound"] for each in impacts) * 1.08
+    highest = max(each["slip"] for each in impacts) * 1.05
     x = alt.X("bound:Q").scale(domain=[0, most], nice=False)
     y = alt.Y("slip:Q").scale(domain=[0, highest], nice=False)
     x = x.axis(title="μ (1 + e) · normal speed before the impact [m/s]")
     y = y.axis(title="tangential speed before the impact [m/s]")
-    names = ["sticks", "slides throughout"]
-    colour = alt.Color("contact:N").scale(domain=names, range=list(COLOURS[:2])).legend(title=None)
-    shape = alt.Shape("contact:N").scale(domain=names, range=["circle", "triangle-up"])
+    colour = (
+        alt.Color("contact:N").scale(domain=_OUTCOMES, range=list(COLOURS[:2])).legend(title=None)
+    )
+    shape = alt.Shape("contact:N").scale(domain=_OUTCOMES, range=["circle", "triangle-up"])
     end = min(most, highest)
-    rows += [
+    line_ends = [
         {"bound": value, "slip": value, "line": True, "engine": engine}
-        for engine in dict.fromkeys(each.engine for each in impacts)
+        for engine in dict.fromkeys(each["engine"] for each in impacts)
         for value in (0.0, end)
     ]
-    base = layer_of("impacts", rows)
+    base = layer_of("impacts", [*impacts, *line_ends])
     points = (
         base.transform_filter("!datum.line")
         .mark_point(size=60, filled=True, opacity=0.75)

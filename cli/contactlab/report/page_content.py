@@ -13,10 +13,11 @@ from contactlab.report.packing import pack, packed_integers, rounded_floats, run
 from contactlab.report.page_charts import MODE_NAMES, chart_templates
 from contactlab.report.report_columns import GridAxis
 from contactlab.report.report_data import PageRequest, ReportData
-from contactlab.report.run_series import RunSeries, run_series
+from contactlab.report.run_series import read_mode_bands, read_signals
 from contactlab.report.vega_rendering import Spec
 from contactlab.schema import EvidenceRecord, TradeoffReport
 from contactlab.store import Store, row_to_record
+from contactlab.store.mcap import StoredTrace
 from contactlab.tradeoff import (
     EQUALLY_FAST,
     SAFE_MARGIN,
@@ -63,7 +64,9 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
     is_aggregated = _size_of_runs(data) > request.most_bytes
     traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
     with_series = runs_with_series(data, traces)
-    rows = _selected_runs(data, with_series) if is_aggregated else _all_runs(data)
+    rows = (
+        _selected_runs(data, with_series) if is_aggregated else np.arange(data.store.columns.runs)
+    )
     positions = {row: position for position, row in enumerate(rows.tolist())}
     records = {positions[row]: record for row, record in _records(data.store, with_series).items()}
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
@@ -71,13 +74,22 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
     columns = _columns(data, axes, rows, table)
     if is_aggregated:
         columns |= aggregated_columns(axes, data.labels, data.quantities)
+    boundary = data.boundary
     tradeoff = _tradeoff(data.store, data.tradeoff, table) if data.tradeoff and table else None
     metadata = {
         "store": str(data.store.address),
         "runs": len(rows),
         "total": data.store.columns.runs,
         "aggregated": is_aggregated,
-        "axes": [_axis(each) for each in axes],
+        "axes": [
+            {
+                "name": each.name,
+                "title": each.title,
+                "ticks": each.ticks,
+                "binned": each.numbers is not None,
+            }
+            for each in axes
+        ],
         "labels": {
             "names": data.labels.names,
             "letters": data.labels.letters,
@@ -96,7 +108,8 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
             for each in data.quantities
         ],
         "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
-        "boundary": _boundary(data),
+        "boundary": boundary
+        and {"axis": boundary.axis.name, "tickValues": boundary.axis.tick_values.tolist()},
         "digits": 6 if len(rows) <= _FEW_RUNS else 3,
         "specs": chart_templates(data, chart),
         "tradeoff": tradeoff,
@@ -110,10 +123,6 @@ def _size_of_runs(data: ReportData) -> float:
     """Return about how much room all runs would take [B]."""
     width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
     return 4 / 3 * width * data.store.columns.runs
-
-
-def _all_runs(data: ReportData) -> NDArray[np.int64]:
-    return np.arange(data.store.columns.runs)
 
 
 def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.int64]:
@@ -155,23 +164,6 @@ def _by_interest(data: ReportData) -> Iterator[int]:
     if data.map_axes is not None:
         yield from np.sort(np.unique(data.map_axes.cells, return_index=True)[1]).tolist()
     yield from range(min(len(ids), _SERIES_OF_OTHERS))
-
-
-def _axis(axis: GridAxis) -> dict[str, Any]:
-    return {
-        "name": axis.name,
-        "title": axis.title,
-        "role": axis.role,
-        "ticks": axis.ticks,
-        "binned": axis.numbers is not None,
-    }
-
-
-def _boundary(data: ReportData) -> dict[str, Any] | None:
-    if data.boundary is None:
-        return None
-    axis = data.boundary.axis
-    return {"axis": axis.name, "tickValues": axis.tick_values.tolist()}
 
 
 def _columns(
@@ -273,30 +265,32 @@ def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str,
     descriptions: dict[int, Any] = {}
     columns: dict[str, np.ndarray] = {}
     for row, record in records.items():
-        series = _series(store, record)
-        if series is not None:
-            descriptions[row] = _description(row, series, columns)
+        trace = _trace(store, record)
+        if trace is not None:
+            descriptions[row] = _add_series(columns, row, trace)
     return {"runs": descriptions, "packed": pack(columns)}
 
 
-def _series(store: Store, record: EvidenceRecord) -> RunSeries | None:
+def _trace(store: Store, record: EvidenceRecord) -> StoredTrace | None:
     if record.trace is None or store.manifest.traces_left_out:
         return None
     try:
-        return run_series(store.trace(record))
+        return store.trace(record)
     except StoreError:
         # `contactlab verify` reports a damaged trace; the page shows the others.
         return None
 
 
-def _description(row: int, series: RunSeries, columns: dict[str, np.ndarray]) -> dict[str, Any]:
-    for index, signal in enumerate(series.signals):
+def _add_series(columns: dict[str, np.ndarray], row: int, trace: StoredTrace) -> dict[str, Any]:
+    """Add the series of a run to columns, and return their names."""
+    signals, bands = read_signals(trace), read_mode_bands(trace)
+    for index, signal in enumerate(signals):
         columns[f"{row}:t{index}"] = rounded_floats(signal.time, _SERIES_BITS)
         columns[f"{row}:v{index}"] = rounded_floats(signal.values, _SERIES_BITS)
-    for index, band in enumerate(series.bands):
+    for index, band in enumerate(bands):
         columns[f"{row}:s{index}"] = rounded_floats(band.starts, _SERIES_BITS)
         columns[f"{row}:m{index}"] = packed_integers(band.modes)
     return {
-        "signals": [[each.name, each.unit, each.panel] for each in series.signals],
-        "bands": [[each.pair, each.end] for each in series.bands],
+        "signals": [[each.name, each.unit, each.panel] for each in signals],
+        "bands": [[each.pair, each.end] for each in bands],
     }

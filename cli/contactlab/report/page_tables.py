@@ -1,9 +1,8 @@
 """The text of a page: what was run, tables, and the recommendation in words."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from contactlab.measure import METRICS
 from contactlab.report.knob_changes import KnobChange
@@ -28,32 +27,6 @@ _MOST_CONFIGURATIONS = 24
 _MOST_RATIOS = 5
 
 
-class HeaderLine(NamedTuple):
-    """One line of the page's header."""
-
-    name: str
-    text: str
-
-
-class UnexpectedRun(NamedTuple):
-    """A run that did not meet its expectation."""
-
-    run: str
-    label: str
-    reason: str
-
-
-class LabelRow(NamedTuple):
-    """One label: how it is drawn, how often it occurs, and what it means."""
-
-    letter: str
-    colour: str
-    name: str
-    runs: int
-    fraction: str
-    meaning: str
-
-
 class TextTable(NamedTuple):
     """A table; `more` rows are left out."""
 
@@ -62,60 +35,18 @@ class TextTable(NamedTuple):
     more: int = 0
 
 
-class MarginRow(NamedTuple):
-    """A tolerance, the worst run's value, and the margin between them."""
-
-    name: str
-    limit: float
-    worst: str
-    margin: str
-
-
-@dataclass(frozen=True)
-class RecommendationText:
-    """The recommendation in words.
-
-    Attributes:
-        values: knob and value; empty where no configuration is feasible.
-        error: the error with its unit.
-        time: CPU seconds per simulated second, and the real-time factor.
-        margins: of each tolerance.
-        mjcf: lines that set it in a model.
-        other: knobs without a line in MJCF.
-        robust: the cheapest configuration whose margins are all 1.25.
-        step: what the next step of cost buys.
-        notes: what to know before trusting it.
-        blockers: what keeps every configuration from being feasible; empty where one is.
-        command: the command that prints and writes the same.
-    """
-
-    values: list[tuple[str, str]]
-    error: str
-    time: str
-    margins: list[MarginRow]
-    mjcf: str
-    other: str
-    robust: str
-    step: str
-    notes: tuple[str, ...]
-    blockers: list[str]
-    command: str
-
-
-def header_lines(manifest: StoreManifest) -> Iterator[HeaderLine]:
-    """Yield what was run, by what, where and when."""
+def header_lines(manifest: StoreManifest) -> Iterator[tuple[str, str]]:
+    """Yield name and text of what was run, by what, where and when."""
     sweep, made = manifest.sweep, manifest.provenance
     revision = f", {made.git_revision[:12]}" if made.git_revision else ""
-    yield HeaderLine("scene", f"{sweep.scene} ({sweep.scene_hash})")
-    yield HeaderLine(
-        "runs", f"{manifest.runs:,} of {sweep.runs_asked:,}, {manifest.traces:,} traces"
-    )
-    yield HeaderLine("engine", f"{sweep.engine.name} {sweep.engine.version}")
-    yield HeaderLine("machine", f"{made.host.cpu_model}, {made.host.cores} cores, {made.host.os}")
-    yield HeaderLine("written by", f"contactlab {made.contactlab}{revision}, Python {made.python}")
-    yield HeaderLine("finished", manifest.finished[:16].replace("T", " ") + " UTC")
+    yield "scene", f"{sweep.scene} ({sweep.scene_hash})"
+    yield "runs", f"{manifest.runs:,} of {sweep.runs_asked:,}, {manifest.traces:,} traces"
+    yield "engine", f"{sweep.engine.name} {sweep.engine.version}"
+    yield "machine", f"{made.host.cpu_model}, {made.host.cores} cores, {made.host.os}"
+    yield "written by", f"contactlab {made.contactlab}{revision}, Python {made.python}"
+    yield "finished", manifest.finished[:16].replace("T", " ") + " UTC"
     if sweep.overrides:
-        yield HeaderLine("overrides", " ".join(sweep.overrides))
+        yield "overrides", " ".join(sweep.overrides)
 
 
 def expectation_summary(manifest: StoreManifest) -> tuple[str, str]:
@@ -147,24 +78,21 @@ def _bounds(name: str, low: float | None, high: float | None) -> str:
     return f"{name} ≥ {low:g}" if low is not None else f"{name} ≤ {high:g}"
 
 
-def unexpected_runs(store: Store) -> list[UnexpectedRun]:
-    """Return the first runs that are not as expected."""
+def unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
+    """Return id, label and unmet expectation of the first runs that are not as expected."""
     if not store.manifest.expectations.get("unmet", 0):
         return []
     columns = store.columns.to_pydict(["run_id", "label", "expectation_met", "expectation_reason"])
     rows = zip(*columns.values(), strict=True)
-    runs = (UnexpectedRun(run, label, why or "") for run, label, met, why in rows if met is False)
-    return list(islice(runs, _MOST_UNEXPECTED))
+    unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
+    return list(islice(unmet, _MOST_UNEXPECTED))
 
 
-def label_table(labels: RunLabels) -> list[LabelRow]:
-    """Return how often each label occurs, the worst first."""
-    total = max(1, sum(labels.counts))
-    columns = (labels.letters, labels.colours, labels.names, labels.counts)
-    return [
-        LabelRow(letter, colour, name, count, f"{count / total:.1%}", meaning)
-        for letter, colour, name, count, meaning in zip(*columns, labels.meanings, strict=True)
-    ]
+def label_table(labels: RunLabels) -> list[tuple[str, str, str, int, str, str]]:
+    """Return letter, colour, name, runs, fraction and meaning of each label, the worst first."""
+    fractions = [f"{count / max(1, sum(labels.counts)):.1%}" for count in labels.counts]
+    columns = (labels.letters, labels.colours, labels.names, labels.counts, fractions)
+    return list(zip(*columns, labels.meanings, strict=True))
 
 
 def map_table(data: ReportData) -> TextTable | None:
@@ -189,33 +117,36 @@ def _counts_text(counts: Sequence[int], names: Sequence[str]) -> str:
     return ", ".join(parts) or "no run"
 
 
-def recommendation_text(data: ReportData) -> RecommendationText | None:
-    """Return the recommendation in words; None without a trade-off."""
+def recommendation_texts(data: ReportData) -> dict[str, Any]:
+    """Return the recommendation in words, for the page's template; empty without a trade-off.
+
+    Where no configuration is feasible, `blockers` says why, and most others are empty.
+    """
     report = data.tradeoff
     if report is None:
-        return None
+        return {}
     chosen = report.recommendation
     varying = _varying_knobs(report)
-    return RecommendationText(
-        values=_values(data, chosen) if chosen else [],
-        error=number_with_unit(_number(chosen.error), report.error.unit) if chosen else "",
-        time=_time(chosen) if chosen else "",
-        margins=_margins(report, chosen),
-        mjcf="\n".join(chosen.mjcf) if chosen else "",
-        other=_settings_text(chosen.other, tuple(chosen.other)) if chosen and chosen.other else "",
-        robust=_robust(report, varying),
-        step=_next_step(report, varying),
-        notes=report.notes,
-        blockers=[] if chosen else _blockers(report),
-        command=f"contactlab tradeoff {data.store.address}",
-    )
+    return {
+        "settings": _settings(data, chosen) if chosen else [],
+        "error": number_with_unit(_number(chosen.error), report.error.unit) if chosen else "",
+        "time": _time(chosen) if chosen else "",
+        "margins": list(_margins(report, chosen)),
+        "mjcf": "\n".join(chosen.mjcf) if chosen else "",
+        "other": _settings_text(chosen.other, tuple(chosen.other)) if chosen else "",
+        "robust": _robust(report, varying),
+        "next_step": _next_step(report, varying),
+        "notes": report.notes,
+        "blockers": [] if chosen else _blockers(report),
+        "command": f"contactlab tradeoff {data.store.address}",
+    }
 
 
 def _time(chosen: Recommendation) -> str:
     return f"{chosen.time:.3g} CPU s per simulated s ({chosen.real_time_factor:,.0f} x real time)"
 
 
-def _values(data: ReportData, chosen: Recommendation) -> list[tuple[str, str]]:
+def _settings(data: ReportData, chosen: Recommendation) -> list[tuple[str, str]]:
     titles = {axis.name: axis.title for axis in data.axes}
     settings = chosen.configuration.items()
     return [(titles.get(name, name), _setting(value)) for name, value in settings]
@@ -227,21 +158,17 @@ def _varying_knobs(report: TradeoffReport) -> list[str]:
     return [name for name in report.knobs if len({each[name] for each in values}) > 1]
 
 
-def _margins(report: TradeoffReport, chosen: Recommendation | None) -> list[MarginRow]:
-    worst = _worst(report, chosen.configuration) if chosen else {}
-    return [
-        MarginRow(name, limit, _number(worst.get(name)), _margin(chosen, name))
-        for name, limit in report.tolerances.items()
-    ]
-
-
-def _worst(report: TradeoffReport, values: Settings) -> dict[str, float | None]:
-    return next(each.worst for each in report.configurations if each.configuration == values)
-
-
-def _margin(chosen: Recommendation | None, name: str) -> str:
-    margin = chosen.margins.get(name) if chosen else None
-    return "-" if margin is None else f"x {margin:.3g}"
+def _margins(
+    report: TradeoffReport, chosen: Recommendation | None
+) -> Iterator[tuple[str, float, str, str]]:
+    """Yield name, limit, worst value and margin of each tolerance."""
+    by_settings = ((each.configuration, each.worst) for each in report.configurations)
+    worst = next(
+        (each for values, each in by_settings if chosen and values == chosen.configuration), {}
+    )
+    for name, limit in report.tolerances.items():
+        margin = chosen.margins.get(name) if chosen else None
+        yield name, limit, _number(worst.get(name)), "-" if margin is None else f"x {margin:.3g}"
 
 
 def _robust(report: TradeoffReport, varying: Sequence[str]) -> str:

@@ -68,20 +68,14 @@ class ModeBand:
     end: float
 
 
-@dataclass(frozen=True)
-class RunSeries:
-    """What a page draws of one run."""
-
-    signals: tuple[Signal, ...]
-    bands: tuple[ModeBand, ...]
+def read_signals(trace: StoredTrace) -> list[Signal]:
+    """Return the motion, forces and depths of a run, in at most 400 points each."""
+    return [*_motion(trace), *(each for pair in trace.pairs for each in _contact(trace, pair))]
 
 
-def run_series(trace: StoredTrace) -> RunSeries:
-    """Return the motion, forces, depths and contact modes of a run, in at most 400 points each."""
-    signals = [*_motion(trace)]
-    for pair in trace.pairs:
-        signals += _contact(trace, pair)
-    return RunSeries(tuple(signals), tuple(_mode_band(trace, pair) for pair in trace.pairs))
+def read_mode_bands(trace: StoredTrace) -> list[ModeBand]:
+    """Return when each pair of a run stuck, slid, or was apart."""
+    return [_mode_band(trace, pair) for pair in trace.pairs]
 
 
 def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
