@@ -10,6 +10,8 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
+from importlib.metadata import version
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import mujoco
@@ -25,6 +27,10 @@ Watch = Callable[[], None]
 
 Proceed = Callable[[], bool]
 """Asked between runs; False leaves out the rest of them."""
+
+
+# Reading the metadata of a package takes milliseconds, and every record names the version.
+package_version = cache(version)
 
 
 def no_limit() -> None:

@@ -8,8 +8,6 @@ that step's row.
 
 import time
 from dataclasses import dataclass
-from functools import cache
-from importlib.metadata import version
 
 import mujoco
 import numpy as np
@@ -37,6 +35,7 @@ from contactlab.engines.engine import (
     SimulationEngine,
     Watch,
     no_limit,
+    package_version,
     proceed_always,
 )
 from contactlab.errors import SceneError
@@ -88,10 +87,6 @@ class _Step:
     impulse: Floats
 
 
-# Reading the metadata of a package takes milliseconds, and every record names the version.
-_installed_version = cache(version)
-
-
 class ImpulseEngine(SimulationEngine):
     """Newton's restitution and Coulomb friction, as impulses on one sphere above one plane."""
 
@@ -101,7 +96,7 @@ class ImpulseEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of contactlab."""
-        return _installed_version("contactlab")
+        return package_version("contactlab")
 
     def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:
         """Return why it cannot simulate a run: other geoms or joints, or external forces."""

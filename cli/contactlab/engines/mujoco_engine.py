@@ -2,38 +2,30 @@
 
 import time
 from dataclasses import replace
-from functools import cache
-from importlib.metadata import version
 
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats, SelfChecks, Trace
 from contactlab.engines.engine import (
     Buffers,
     PreparedRuns,
     Proceed,
     Rollout,
-    SampledStates,
-    Segments,
     SimulationEngine,
     Watch,
-    Work,
     no_limit,
+    package_version,
     proceed_always,
 )
 from contactlab.engines.integration import integrate_to
 from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.step_timing import count_work, time_segments, time_steps
-from contactlab.scene import MODEL_ENGINE, InitialStates
-
-# Reading the metadata of a package takes milliseconds, and every record names the version.
-_installed_version = cache(version)
+from contactlab.scene import MODEL_ENGINE
 
 
 class MujocoEngine(SimulationEngine):
-    """MuJoCo with native batches."""
+    """MuJoCo with native batches; it can repeat, refine and time its runs."""
 
     name = MODEL_ENGINE
     summary = "MuJoCo"
@@ -43,7 +35,7 @@ class MujocoEngine(SimulationEngine):
     @property
     def version(self) -> str:
         """The version of MuJoCo."""
-        return _installed_version("mujoco")
+        return package_version("mujoco")
 
     def roll_out(
         self,
@@ -59,38 +51,11 @@ class MujocoEngine(SimulationEngine):
         """Return how long a step takes [s], without what a batch takes around its steps."""
         return float(self.roll_out(runs, Buffers()).cost.mean()) / runs.steps
 
-    def check_runs(
-        self, runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always
-    ) -> SelfChecks:
-        """Return the self-checks of runs that completed."""
-        return run_checks(runs, trace, proceed)
-
-    def integrate_to(
-        self,
-        model: mujoco.MjModel,
-        start: InitialStates,
-        times: Floats,
-        *,
-        begin: float = 0.0,
-        state: Floats | None = None,
-        watch: Watch = no_limit,
-    ) -> SampledStates | None:
-        """Return a run's states at some times, or None if it does not complete."""
-        return integrate_to(model, start, times, begin=begin, state=state, watch=watch)
-
-    def count_work(
-        self, model: mujoco.MjModel, start: InitialStates, steps: int, watch: Watch = no_limit
-    ) -> Work | None:
-        """Simulate one run, untimed, and count; None if it does not complete."""
-        return count_work(model, start, steps, watch)
-
-    def time_segments(self, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
-        """Return the CPU time of stepping [s], and how many steps it took."""
-        return time_segments(segments, most, repeats)
-
-    def time_steps(self, segments: Segments, most: int) -> Floats:
-        """Return the CPU time of single steps [s], less what reading the clock takes."""
-        return time_steps(segments, most)
+    check_runs = staticmethod(run_checks)
+    integrate_to = staticmethod(integrate_to)
+    count_work = staticmethod(count_work)
+    time_segments = staticmethod(time_segments)
+    time_steps = staticmethod(time_steps)
 
 
 class OlderMujocoEngine(MujocoEngine):

@@ -42,6 +42,14 @@ else:
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _WARNINGS = int(mujoco.mjtWarning.mjNWARNING)
 _COUNT = 1
+_USER = int(mujoco.mjtSensor.mjSENS_USER)
+_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
+_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
+_ASLEEP, _AWAKE = 0, 1
+_LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
+# What changes sign when a contact is seen from its other geom: normal, tangent, third components.
+_FLIPPED = [11, 12, 13, 14, 15, 16, FORCE.stop - 1, TORQUE.stop - 1, 19, 22]
 
 
 class StepLoop:
@@ -58,7 +66,7 @@ class StepLoop:
         """Hold `nsim` runs of a model; a persistent loop keeps the data of each between calls."""
         assert nthread == 1
         self._models = [model] * nsim
-        self._kept: dict[int, mujoco.MjData] | None = {} if persistent else None
+        self._persistent: dict[int, mujoco.MjData] | None = {} if persistent else None
         self._errors = [""] * nsim
         self.state = np.zeros((nsim, mujoco.mj_stateSize(model, _INTEGRATION)))
         self.warning = np.zeros((nsim, _WARNINGS, 2), np.int32)
@@ -68,7 +76,7 @@ class StepLoop:
         self._models = list(models)
 
     def reset(self, stage: int) -> None:  # noqa: ARG002 - nothing is computed before a step
-        """Put every run where the first one's model starts."""
+        """Put every run at the initial state of the first one's model."""
         first = self._models[0]
         mujoco.mj_getState(first, mujoco.MjData(first), self.state[0], _INTEGRATION)
         self.state[1:] = self.state[0]
@@ -95,7 +103,7 @@ class StepLoop:
         ids: Sequence[int] | None = None,
         out: dict[Any, np.ndarray] | None = None,
     ) -> dict[Any, np.ndarray]:
-        """Make some steps and record after each; a run that warns stops and repeats its last row.
+        """Make steps and record after each; a run that warns stops, and its last row is repeated.
 
         Raises:
             SimulationError: MuJoCo raised an error; those runs keep the state they had.
@@ -122,7 +130,7 @@ class StepLoop:
         mujoco.mj_setState(model, data, self.state[run], _INTEGRATION)
         counts = data.warning.number
         before = counts.copy()
-        with _filling(contact_slots(model) if rows else None):
+        with _sensor_callback(ContactSlots.of(model) if rows else None):
             if rows or inputs is not None:
                 _record(model, data, steps, inputs, rows)
             else:
@@ -131,11 +139,11 @@ class StepLoop:
         mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
 
     def _data(self, run: int) -> mujoco.MjData:
-        if self._kept is None:
+        if self._persistent is None:
             return mujoco.MjData(self._models[run])
-        if run not in self._kept:
-            self._kept[run] = mujoco.MjData(self._models[run])
-        return self._kept[run]
+        if run not in self._persistent:
+            self._persistent[run] = mujoco.MjData(self._models[run])
+        return self._persistent[run]
 
     def _array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
         model = self._models[0]
@@ -153,7 +161,7 @@ def _record(
     rows: dict[Any, np.ndarray],
 ) -> None:
     """Step, and copy what is asked for into row k after step k."""
-    # A view: reading it afresh would take longer than many a step.
+    # A view, since reading the attribute takes longer than many a step.
     counts = data.warning.number
     before = counts.tobytes()
     states = [(item, array) for item, array in rows.items() if isinstance(item, int)]
@@ -177,102 +185,94 @@ def _component(name: str) -> int:
 
 
 @contextmanager
-def _filling(fill: "ContactSlots | None") -> Generator[None]:
-    """Fill contact slots within the engine's steps, where its own sensors do not."""
-    if fill is None:
+def _sensor_callback(slots: "ContactSlots | None") -> Generator[None]:
+    """Fill contact slots within MuJoCo's steps, if there are any to fill."""
+    if slots is None:
         yield
         return
-    mujoco.set_mjcb_sensor(fill)
+    mujoco.set_mjcb_sensor(slots)
     try:
         yield
     finally:
         mujoco.set_mjcb_sensor(None)
 
 
-_USER = int(mujoco.mjtSensor.mjSENS_USER)
-_GEOM = int(mujoco.mjtObj.mjOBJ_GEOM)
-_BODY = int(mujoco.mjtObj.mjOBJ_BODY)
-_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-_ASLEEP, _AWAKE = 0, 1
-_LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
-# What changes sign when a contact is seen from its other geom: normal, tangent, third components.
-_TURNING = [11, 12, 13, 14, 15, 16, FORCE.stop - 1, TORQUE.stop - 1, 19, 22]
-
-
-def contact_slots(model: mujoco.MjModel) -> "ContactSlots | None":
-    """Return what fills the sensors of a model that have only room; None if it has none."""
-    places = [
-        index
-        for index in range(model.nsensor)
-        if model.sensor_type[index] == _USER and model.sensor(index).name.startswith(PREFIX)
-    ]
-    return ContactSlots(places) if places else None
-
-
 class ContactSlots:
-    """Fills sensors of one run, as MuJoCo's sensor callback.
+    """Fills user sensors of one run, as MuJoCo's sensor callback.
 
-    It is called within a step, at the state before it, with the forces that act during it; with
+    MuJoCo calls it within a step, at the state before it, with the forces that act during it; with
     RK4, at its first stage.
+
+    Args:
+        sensors: indices of the sensors.
     """
 
-    def __init__(self, places: Sequence[int]) -> None:
-        self._places = places
+    def __init__(self, sensors: Sequence[int]) -> None:
+        self._sensors = sensors
         self._last: dict[int, Floats] = {}
 
+    @classmethod
+    def of(cls, model: mujoco.MjModel) -> "ContactSlots | None":
+        """Return what fills the user sensors of a model in place of contact sensors, if any."""
+        sensors = [
+            index
+            for index in range(model.nsensor)
+            if model.sensor_type[index] == _USER and model.sensor(index).name.startswith(PREFIX)
+        ]
+        return cls(sensors) if sensors else None
+
     def __call__(self, model: mujoco.MjModel, data: mujoco.MjData, stage: int) -> None:
-        """Fill the sensors once all that they measure is computed."""
+        """Fill the sensors once everything that they measure is computed."""
         if stage != _LAST_STAGE:
             return
-        measured = _measured(model, data) if data.ncon else None
-        for place in self._places:
-            begin = int(model.sensor_adr[place])
-            row = data.sensordata[begin : begin + int(model.sensor_dim[place])]
-            if _sleeps(model, data, place):
-                # The engine empties sensors that it leaves to a callback.
-                row[:] = self._last.get(place, 0.0)
+        measured = _measure(model, data) if data.ncon else None
+        for sensor in self._sensors:
+            begin = int(model.sensor_adr[sensor])
+            row = data.sensordata[begin : begin + int(model.sensor_dim[sensor])]
+            if _sleeps(model, data, sensor):
+                # MuJoCo zeroes sensors that it leaves to a callback.
+                row[:] = self._last.get(sensor, 0.0)
                 continue
             row[:] = 0
             if measured is not None:
-                _fill(model, data, place, measured, row)
-            self._last[place] = row.copy()
+                _fill(model, data, sensor, measured, row)
+            self._last[sensor] = row.copy()
 
 
 def _fill(
-    model: mujoco.MjModel, data: mujoco.MjData, place: int, measured: Floats, row: Floats
+    model: mujoco.MjModel, data: mujoco.MjData, sensor: int, measured: Floats, row: Floats
 ) -> None:
-    if model.sensor_objtype[place] in (_GEOM, _BODY):
-        _fill_pair(model, data, place, measured, row.reshape(-1, SLOT_WIDTH))
+    if model.sensor_objtype[sensor] in (_GEOM, _BODY):
+        _fill_pair(model, data, sensor, measured, row.reshape(-1, SLOT_WIDTH))
     else:
         row[:] = data.ncon, data.contact.dist.min()
 
 
 def _fill_pair(
-    model: mujoco.MjModel, data: mujoco.MjData, place: int, measured: Floats, slots: Floats
+    model: mujoco.MjModel, data: mujoco.MjData, sensor: int, measured: Floats, slots: Floats
 ) -> None:
     """Fill a pair's slots with its first contacts.
 
-    Where a contact's geoms are the other way round, its normal and tangent turn, the third axis
-    stays, and what acts on the other body is opposite: along two axes nothing changes, along the
-    third the sign does.
+    A contact whose geoms are in the other order has its normal and tangent flipped, not its third
+    axis, and the opposite force: components along two axes stay, along the third they change sign.
     """
-    sides = _sides(model, data, body=bool(model.sensor_objtype[place] == _BODY))
-    pair = np.array([model.sensor_objid[place], model.sensor_refid[place]])
-    turned = (sides == pair[::-1]).all(axis=1)
-    found = np.flatnonzero(turned | (sides == pair).all(axis=1))
-    kept = found[: len(slots)]
+    sides = _sides(model, data, body=bool(model.sensor_objtype[sensor] == _BODY))
+    pair = np.array([model.sensor_objid[sensor], model.sensor_refid[sensor]])
+    flipped = (sides == pair[::-1]).all(axis=1)
+    contacts = np.flatnonzero(flipped | (sides == pair).all(axis=1))
+    kept = contacts[: len(slots)]
     rows = measured[kept]
-    rows[:, FOUND] = len(found)
-    rows[np.ix_(turned[kept], _TURNING)] *= -1.0
+    rows[:, FOUND] = len(contacts)
+    rows[np.ix_(flipped[kept], _FLIPPED)] *= -1.0
     slots[: len(rows)] = rows
 
 
-def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, place: int) -> bool:
-    """Say whether a pair sleeps: its contacts are no longer found, and its slots stay."""
-    if not model.opt.enableflags & _SLEEP or model.sensor_objtype[place] not in (_GEOM, _BODY):
+def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
+    """Say whether a pair is asleep: its contacts are not computed, and its slots stay."""
+    if not model.opt.enableflags & _SLEEP or model.sensor_objtype[sensor] not in (_GEOM, _BODY):
         return False
-    pair = [int(model.sensor_objid[place]), int(model.sensor_refid[place])]
-    bodies = pair if model.sensor_objtype[place] == _BODY else model.geom_bodyid[pair]
+    pair = [int(model.sensor_objid[sensor]), int(model.sensor_refid[sensor])]
+    bodies = pair if model.sensor_objtype[sensor] == _BODY else model.geom_bodyid[pair]
     states = data.body_awake[bodies]
     return not (states == _AWAKE).any() and bool((states == _ASLEEP).any())
 
@@ -283,7 +283,7 @@ def _sides(model: mujoco.MjModel, data: mujoco.MjData, *, body: bool) -> np.ndar
     return np.where(geoms >= 0, model.geom_bodyid[geoms], -1) if body else geoms
 
 
-def _measured(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+def _measure(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     """Return (ncon, 23) a slot for each contact, seen from its own first geom."""
     contact = data.contact
     slots, force = np.zeros((data.ncon, SLOT_WIDTH)), np.empty(6)
@@ -308,11 +308,11 @@ def _velocity(
     offset = points - data.subtree_com[model.body_rootid[bodies]]
     x, y, z = (offset[:, axis] for axis in range(3))
     p, q, r = (spatial[:, axis] for axis in range(3))
-    turning = np.stack((y * r - z * q, z * p - x * r, x * q - y * p), axis=1)
-    return spatial[:, 3:] - turning, spatial[:, :3]
+    rotational = np.stack((y * r - z * q, z * p - x * r, x * q - y * p), axis=1)
+    return spatial[:, 3:] - rotational, spatial[:, :3]
 
 
 def _in_frame(frame: Floats, vectors: Floats) -> Floats:
-    """Return vectors' components, summed in the engine's order; a matrix product may fuse."""
+    """Return vectors' components, summed in MuJoCo's order; a matrix product may fuse them."""
     x, y, z = (vectors[:, axis, None] for axis in range(3))
     return frame[:, :, 0] * x + frame[:, :, 1] * y + frame[:, :, 2] * z
