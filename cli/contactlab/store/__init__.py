@@ -5,6 +5,7 @@ from contactlab.store.backend_protocol import SCENES, TRACES
 from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store, open  # noqa: A004 - read as store.open
 from contactlab.store.run_columns import MeasuredColumn, NumberColumn, RunColumns, StringColumn
+from contactlab.store.store_access import TraceSink, local_scene
 from contactlab.store.store_address import (
     SCHEMES,
     Address,
@@ -25,7 +26,6 @@ from contactlab.store.table_layout import (
     struct_column,
 )
 from contactlab.store.verify_store import verify
-from contactlab.store.worker_access import TraceSink, local_scene
 
 __all__ = [
     "RESERVED_COLUMNS",

@@ -14,9 +14,9 @@ from contactlab.errors import StoreError, did_you_mean
 from contactlab.schema import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
 from contactlab.store.mcap import StoredTrace, read_trace
-from contactlab.store.open_backend import backend_at
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import read_table, shared_fields
+from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
 from contactlab.store.store_manifest import parse_manifest
 from contactlab.store.table_layout import row_to_record

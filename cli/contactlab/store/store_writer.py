@@ -24,7 +24,6 @@ from contactlab.store.backend_protocol import (
     Backend,
     WriteSession,
 )
-from contactlab.store.open_backend import backend_at
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
     Journal,
@@ -42,6 +41,7 @@ from contactlab.store.runs_table import (
     read_table,
     write_table,
 )
+from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_manifest import check_same_sweep, parse_identity, parse_manifest
 from contactlab.store.table_layout import Column

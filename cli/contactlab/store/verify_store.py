@@ -13,8 +13,8 @@ from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, TABLE, Backend
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap import check_trace
-from contactlab.store.open_backend import backend_at
 from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, read_table
+from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_manifest import parse_identity
 

@@ -11,14 +11,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.resources import schemas
-from contactlab.store.mcap.message_layout import HEADER_SIZE, contacts_record, state_record
-from contactlab.store.mcap.trace_schema import (
+from contactlab.store.mcap.trace_messages import (
     CONTACTS,
+    HEADER_SIZE,
     STATE,
     MessageType,
+    contacts_record,
     contacts_topic,
     file_descriptor_set,
     pair_of_topic,
+    state_record,
     tag,
     varint,
 )

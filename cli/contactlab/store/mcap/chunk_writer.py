@@ -1,4 +1,4 @@
-"""Messages interleaved in time order, cut into chunks and indexed, without a loop over messages.
+"""Interleave messages in order of time, split them into chunks and index them, by NumPy.
 
 Source of the record layouts: https://mcap.dev/spec
 """
@@ -22,7 +22,7 @@ _COMPRESSION = "zstd"
 
 CHUNK_HEAD = struct.Struct(f"<BQQQQII{len(_COMPRESSION)}sQ")
 INDEX_HEAD = struct.Struct("<BQHI")
-# The content's checksum is zstd's own, which takes a tenth of the time and is in every decoder.
+# The content's checksum is zstd's own, which takes a tenth of the time and which decoders verify.
 _NO_CRC = 0
 _FRAME_SIZE = 9
 _ENTRY_SIZE = 16
@@ -30,12 +30,12 @@ _ENTRY_SIZE = 16
 
 @dataclass(frozen=True)
 class MessageStream:
-    """Messages of a whole run, interleaved.
+    """The messages of a whole run, interleaved.
 
     Attributes:
         data: (bytes,) Message records, ordered by state row, then by channel.
         offsets: (rows, channels) where each record starts.
-        sizes: (rows, channels) its length; 0 where a channel says nothing.
+        sizes: (rows, channels) its length; 0 where a channel has no message.
         times: (rows,) log time [ns].
     """
 
@@ -47,7 +47,7 @@ class MessageStream:
     def cuts(self) -> list[int]:
         """Return the rows at which chunks start, and the number of rows.
 
-        Records of one row stay together; the row that crosses a multiple of CHUNK_SIZE ends its
+        Records of one row stay together; a row that crosses a multiple of CHUNK_SIZE ends its
         chunk.
         """
         block = self.offsets[:, 0] // CHUNK_SIZE
@@ -55,7 +55,7 @@ class MessageStream:
 
 
 def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> MessageStream:
-    """Return the records of all groups in one buffer, which holds until the next call."""
+    """Return the records of all groups in one buffer, valid until the next call."""
     sizes = np.zeros((len(times), channels), np.int64)
     for group in groups:
         sizes[group.span, group.channel - 1] = group.layout.size
@@ -63,8 +63,8 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     offsets = ends.reshape(sizes.shape) - sizes
     data = SCRATCH.take("stream", int(ends[-1]))
     for group in groups:
-        places = overlapping(data, group.layout.size)
-        places[offsets[group.span, group.channel - 1]] = _records(group, times)
+        records = overlapping(data, group.layout.size)
+        records[offsets[group.span, group.channel - 1]] = _records(group, times)
     return MessageStream(data, offsets, sizes, times)
 
 
@@ -136,16 +136,16 @@ def _chunk(stream: MessageStream, rows: slice) -> tuple[list[bytes], int, int]:
 
 
 def _message_indexes(stream: MessageStream, rows: slice) -> Iterator[tuple[int, bytes]]:
-    """Yield each channel that speaks in these rows, with its MessageIndex record."""
+    """Yield each channel with messages in these rows, and its MessageIndex record."""
     times, sizes = stream.times[rows], stream.sizes[rows]
     offsets = stream.offsets[rows] - stream.offsets[rows.start, 0]
     for column in range(sizes.shape[1]):
-        spoken = np.flatnonzero(sizes[:, column])
-        if len(spoken):
-            entries = np.empty((len(spoken), 2), "<u8")
-            entries[:, 0] = times[spoken]
-            entries[:, 1] = offsets[spoken, column]
-            length = len(spoken) * _ENTRY_SIZE
+        used = np.flatnonzero(sizes[:, column])
+        if len(used):
+            entries = np.empty((len(used), 2), "<u8")
+            entries[:, 0] = times[used]
+            entries[:, 1] = offsets[used, column]
+            length = len(used) * _ENTRY_SIZE
             channel = column + 1
             head = INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length)
             yield channel, head + entries.tobytes()

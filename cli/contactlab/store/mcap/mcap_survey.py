@@ -1,87 +1,66 @@
-"""A file's records as they lie in it, for the check; nothing here is shared with the writer."""
+"""The records of an MCAP file with their offsets, for its check; independent of the writer."""
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from io import BytesIO
 
 import zstandard
-from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    Chunk,
-    ChunkIndex,
-    Footer,
-    McapRecord,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
+from mcap.records import Chunk, McapRecord, MessageIndex
+from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
-_MAGIC_SIZE = 8
-_FOOTER_SIZE = 29
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQ")
-
-_READERS: dict[int, Callable[[ReadDataStream], McapRecord]] = {
-    Opcode.FOOTER: Footer.read,
-    Opcode.SCHEMA: Schema.read,
-    Opcode.CHANNEL: Channel.read,
-    Opcode.CHUNK: Chunk.read,
-    Opcode.MESSAGE_INDEX: MessageIndex.read,
-    Opcode.CHUNK_INDEX: ChunkIndex.read,
-    Opcode.ATTACHMENT: Attachment.read,
-    Opcode.ATTACHMENT_INDEX: AttachmentIndex.read,
-    Opcode.STATISTICS: Statistics.read,
-    Opcode.METADATA: Metadata.read,
-    Opcode.METADATA_INDEX: MetadataIndex.read,
-    Opcode.SUMMARY_OFFSET: SummaryOffset.read,
-}
+_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = struct.Struct("<BQI")
+_MIN_SIZE = 2 * len(MCAP0_MAGIC) + _DATA_END.size + _FOOTER.size
+_CRC_SIZE = 4
 
 
 @dataclass(frozen=True)
 class RawRecord:
-    """One record: where it starts, its kind and its content."""
+    """A record as it is in the file.
+
+    Attributes:
+        offset: where it starts, in the file or the chunk.
+        opcode: its kind.
+        data: its bytes, opcode and length included.
+    """
 
     offset: int
     opcode: int
-    body: bytes
+    data: bytes
 
     @property
-    def length(self) -> int:
-        """Length in the file, opcode and length included."""
-        return _FRAME.size + len(self.body)
+    def body(self) -> bytes:
+        """The bytes after opcode and length."""
+        return self.data[_FRAME.size :]
 
-    @property
-    def record(self) -> McapRecord | None:
-        """The decoded record, or None where its kind has no reader."""
-        read = _READERS.get(self.opcode)
-        return read(ReadDataStream(BytesIO(self.body))) if read else None
+    @cached_property
+    def record(self) -> McapRecord:
+        """The decoded record."""
+        return next(StreamReader(BytesIO(self.data), skip_magic=True, emit_chunks=True).records)
 
 
 @dataclass(frozen=True)
 class ChunkRecords:
-    """A chunk with what is in it and the message indexes that follow it.
+    """A chunk with its messages and the message indexes that follow it.
 
     Attributes:
-        frame: the Chunk record in the file.
+        raw: the Chunk record in the file.
         chunk: the same, decoded.
-        sound: whether its content matches its checksum.
-        messages: (log time, channel, offset in the content) of each message, as they lie.
+        intact: whether its content matches its checksum.
+        messages: (log time, channel, offset in the content) of each message, in file order.
         indexes: each message index and its offset in the file.
     """
 
-    frame: RawRecord
+    raw: RawRecord
     chunk: Chunk
-    sound: bool
+    intact: bool
     messages: Sequence[tuple[int, int, int]]
     indexes: list[tuple[int, MessageIndex]] = field(default_factory=list[tuple[int, MessageIndex]])
 
@@ -91,9 +70,9 @@ class FileRecords:
     """All records of a file.
 
     Attributes:
-        chunks: the chunks, as they lie.
-        data: records of the data section other than chunks and message indexes, also those within
-            chunks other than messages.
+        chunks: the chunks, in file order.
+        data: other records of the data section but message indexes, also those within chunks
+            other than messages.
         summary: records of the summary.
     """
 
@@ -102,90 +81,29 @@ class FileRecords:
     summary: Sequence[RawRecord]
 
 
-def read_records(file: bytes) -> FileRecords:
-    """Return the records of a file whose frame and checksums are in order.
-
-    Raises:
-        ValueError: a record runs over the end of what it lies in.
-        Exception: of many classes, where a record's content is not as its kind demands.
-    """
-    chunks: list[ChunkRecords] = []
-    data: list[RawRecord] = []
-    [footer] = raw_records(file, len(file) - _MAGIC_SIZE - _FOOTER_SIZE, len(file) - _MAGIC_SIZE)
-    summary_start = struct.unpack_from("<Q", footer.body)[0]
-    for frame in raw_records(file, _MAGIC_SIZE, summary_start):
-        record = frame.record
-        if isinstance(record, Chunk):
-            chunk, others = _chunk(frame, record)
-            chunks.append(chunk)
-            data += others
-        elif isinstance(record, MessageIndex) and chunks:
-            chunks[-1].indexes.append((frame.offset, record))
-        else:
-            data.append(frame)
-    return FileRecords(chunks, data, list(raw_records(file, summary_start, footer.offset)))
-
-
-def raw_records(data: bytes, start: int, stop: int) -> Iterator[RawRecord]:
-    """Yield the records that lie one after the other from `start` to `stop`."""
-    while start < stop:
-        opcode, length = _FRAME.unpack_from(data, start)
-        body = data[start + _FRAME.size : min(start + _FRAME.size + length, stop)]
-        if len(body) != length:
-            raise ValueError(f"the record at byte {start} runs over the end of its section")
-        yield RawRecord(start, opcode, body)
-        start += _FRAME.size + length
-
-
-def _chunk(frame: RawRecord, chunk: Chunk) -> tuple[ChunkRecords, list[RawRecord]]:
-    content = chunk.data
-    if chunk.compression == "zstd":
-        content = zstandard.decompress(content, chunk.uncompressed_size)
-    elif chunk.compression:
-        raise ValueError(f"compression '{chunk.compression}' is not one that is read here")
-    messages: list[tuple[int, int, int]] = []
-    others: list[RawRecord] = []
-    for each in raw_records(content, 0, len(content)):
-        if each.opcode == Opcode.MESSAGE:
-            channel, _, log_time = _MESSAGE.unpack_from(each.body)
-            messages.append((log_time, channel, each.offset))
-        else:
-            others.append(each)
-    same = len(content) == chunk.uncompressed_size
-    # Without a CRC, the compression's own checksum has been held against the content.
-    sound = same and chunk.uncompressed_crc in (0, zlib.crc32(content))
-    return ChunkRecords(frame, chunk, sound, messages), others
-
-
-_FOOTER = struct.Struct("<BQQQI")
-_DATA_END = struct.Struct("<BQI")
-_SHORTEST = 2 * len(MCAP0_MAGIC) + _DATA_END.size + _FOOTER.size
-_CRC_SIZE = 4
-
-
 def find_damage(data: bytes) -> str | None:
-    """Return what is wrong with a file's frame or checksums, in words; None if nothing is.
+    """Return what is wrong with a file's magic bytes or checksums; None if nothing is.
 
     The two checksums cover all bytes, so any flipped byte is found.
     """
-    if len(data) < _SHORTEST or not data.startswith(MCAP0_MAGIC):
+    if len(data) < _MIN_SIZE or not data.startswith(MCAP0_MAGIC):
         return "this is no MCAP file"
     if not data.endswith(MCAP0_MAGIC):
-        return "the file is cut short, or its end is damaged"
+        return "the file is truncated, or its end is damaged"
     end = len(data) - len(MCAP0_MAGIC)
     opcode, length, summary_start, _, summary_crc = _FOOTER.unpack_from(data, end - _FOOTER.size)
-    if (opcode, length) != (Opcode.FOOTER, 20):
+    if (opcode, length) != (Opcode.FOOTER, _FOOTER.size - _FRAME.size):
         return "the footer is damaged"
     if summary_start == 0:
         return "the summary is missing"
-    return _data_damage(data, summary_start) or _summary_damage(
-        data[summary_start : end - _CRC_SIZE], summary_crc
-    )
+    if summary_crc != zlib.crc32(data[summary_start : end - _CRC_SIZE]):
+        return "the summary does not match its checksum"
+    return _find_data_damage(data, summary_start)
 
 
-def _data_damage(data: bytes, summary_start: int) -> str | None:
+def _find_data_damage(data: bytes, summary_start: int) -> str | None:
     data_end = summary_start - _DATA_END.size
-    if not 0 <= data_end <= len(data) - _SHORTEST + len(MCAP0_MAGIC):
+    if not 0 <= data_end <= len(data) - _MIN_SIZE + len(MCAP0_MAGIC):
         return "the footer points outside the file"
     opcode, length, crc = _DATA_END.unpack_from(data, data_end)
     if (opcode, length) != (Opcode.DATA_END, _CRC_SIZE):
@@ -195,5 +113,57 @@ def _data_damage(data: bytes, summary_start: int) -> str | None:
     return None
 
 
-def _summary_damage(summary: bytes, crc: int) -> str | None:
-    return None if crc == zlib.crc32(summary) else "the summary does not match its checksum"
+def read_records(data: bytes) -> FileRecords:
+    """Return the records of a file in which `find_damage` finds none.
+
+    Raises:
+        ValueError: a record exceeds the section that it is in.
+        Exception: of many classes; a record's content is not what its kind requires.
+    """
+    chunks: list[ChunkRecords] = []
+    others: list[RawRecord] = []
+    footer = len(data) - len(MCAP0_MAGIC) - _FOOTER.size
+    summary_start = _FOOTER.unpack_from(data, footer)[2]
+    for raw in raw_records(data, len(MCAP0_MAGIC), summary_start):
+        record = raw.record
+        if isinstance(record, Chunk):
+            chunk, within = _read_chunk(raw, record)
+            chunks.append(chunk)
+            others += within
+        elif isinstance(record, MessageIndex) and chunks:
+            chunks[-1].indexes.append((raw.offset, record))
+        else:
+            others.append(raw)
+    return FileRecords(chunks, others, list(raw_records(data, summary_start, footer)))
+
+
+def raw_records(data: bytes, start: int, stop: int) -> Iterator[RawRecord]:
+    """Yield the records from `start` to `stop`."""
+    while start < stop:
+        opcode, length = _FRAME.unpack_from(data, start)
+        end = start + _FRAME.size + length
+        if end > stop:
+            raise ValueError(f"the record at byte {start} exceeds its section")
+        yield RawRecord(start, opcode, data[start:end])
+        start = end
+
+
+def _read_chunk(raw: RawRecord, chunk: Chunk) -> tuple[ChunkRecords, list[RawRecord]]:
+    content = chunk.data
+    if chunk.compression == "zstd":
+        content = zstandard.decompress(content, chunk.uncompressed_size)
+    elif chunk.compression:
+        raise ValueError(f"compression '{chunk.compression}' is not supported")
+    messages: list[tuple[int, int, int]] = []
+    others: list[RawRecord] = []
+    for each in raw_records(content, 0, len(content)):
+        if each.opcode == Opcode.MESSAGE:
+            channel, _, log_time = _MESSAGE.unpack_from(each.body)
+            messages.append((log_time, channel, each.offset))
+        else:
+            others.append(each)
+    # Without a CRC, decompression has checked the content by the compression's own checksum.
+    intact = chunk.uncompressed_crc in (0, zlib.crc32(content))
+    return ChunkRecords(
+        raw, chunk, intact and len(content) == chunk.uncompressed_size, messages
+    ), others

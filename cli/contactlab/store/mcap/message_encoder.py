@@ -1,8 +1,4 @@
-"""Memory that is reused from run to run.
-
-The system hands out fresh memory page by page, which takes longer than to fill a page; without
-reuse a file costs one and a half times as much.
-"""
+"""The arrays of one run as groups of Message records, each of one channel and one length."""
 
 import threading
 from collections.abc import Callable, Iterator
@@ -29,7 +25,7 @@ from contactlab.contact import (
     PairTrace,
     Trace,
 )
-from contactlab.store.mcap.message_layout import (
+from contactlab.store.mcap.trace_messages import (
     MessageLayout,
     contacts_record,
     last_state_record,
@@ -37,8 +33,8 @@ from contactlab.store.mcap.message_layout import (
     state_record,
 )
 
-# Matches of six bytes or more, by a table that fits the first cache: of level -3 it takes 0.7 (one
-# body) to 0.85 (a stack) of the time for files of the same size. The window is a chunk's length.
+# Matches of at least six bytes, found by a table that fits the L1 cache: files of the same size as
+# at level -3 in 0.7 (one body) to 0.85 (a stack) of the time. The window is a chunk's length.
 _FAST = zstandard.ZstdCompressionParameters(
     strategy=zstandard.STRATEGY_FAST,
     window_log=20,
@@ -52,14 +48,18 @@ _FAST = zstandard.ZstdCompressionParameters(
 
 
 class Scratch(threading.local):
-    """Buffers and a compressor, each thread its own."""
+    """Buffers and a compressor that a thread reuses from run to run.
+
+    The system hands out fresh memory page by page, which takes longer than filling the page;
+    without reuse, encoding a file takes one and a half times as long.
+    """
 
     def __init__(self) -> None:
         self._buffers: dict[str, NDArray[np.uint8]] = {}
         self.compressor = zstandard.ZstdCompressor(compression_params=_FAST)
 
     def take(self, name: str, size: int) -> NDArray[np.uint8]:
-        """Return `size` bytes of any content; they hold until the name is taken again."""
+        """Return `size` bytes of arbitrary content, valid until the name is taken again."""
         buffer = self._buffers.get(name)
         if buffer is None or len(buffer) < size:
             buffer = self._buffers[name] = np.empty(size, np.uint8)
@@ -67,7 +67,6 @@ class Scratch(threading.local):
 
 
 SCRATCH = Scratch()
-
 
 Rows = NDArray[np.intp]
 Items = NDArray[np.void]
@@ -90,7 +89,7 @@ _SINGLE = np.dtype("<f4")
 
 @cache
 def _blocks(point: np.dtype[np.void]) -> np.dtype[np.void]:
-    """Return a point's fields as blocks of bytes, which NumPy copies faster than numbers."""
+    """Return a point's fields as opaque blocks, which NumPy copies faster than numbers."""
     places = list(point.fields.values()) if point.fields else []
     return np.dtype(
         {
@@ -103,7 +102,7 @@ def _blocks(point: np.dtype[np.void]) -> np.dtype[np.void]:
 
 
 def _slot_blocks() -> np.dtype[np.void]:
-    """Return the same of a contact slot in single precision."""
+    """Return the same fields of a contact slot in single precision."""
     size = _SINGLE.itemsize
     spans = [
         range(SLOT_WIDTH)[each] if isinstance(each, slice) else range(each, each + 1)
@@ -128,8 +127,8 @@ class MessageGroup:
 
     Attributes:
         channel: the channel's id.
-        rows: (m,) state row of each, ascending; at most one record a channel and row.
-        layout: how each record lies in memory.
+        rows: (m,) state row of each record, ascending; at most one record a channel and row.
+        layout: layout of a record.
         fill: writes the values into (m,) records that hold the layout's template.
     """
 
@@ -140,17 +139,17 @@ class MessageGroup:
 
     @property
     def span(self) -> Rows | slice:
-        """The rows, as a slice where they follow one another, which indexes without a copy."""
+        """The rows; as a slice where they are consecutive, which indexes without a copy."""
         return _span(self.rows)
 
 
 def _span(rows: Rows) -> Rows | slice:
-    follow = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
-    return slice(int(rows[0]), int(rows[-1]) + 1) if follow else rows
+    consecutive = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
+    return slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
 
 
 def state_groups(trace: Trace, run: int) -> Iterator[MessageGroup]:
-    """Yield the states before each step with what the step measured, then the last state."""
+    """Yield the state before each step with the step's quantities, then the last state."""
     nq, nv = trace.qpos.shape[2], trace.qvel.shape[2]
     momentum = 0 if trace.momentum is None else 3
     rows = np.arange(trace.steps + 1)
@@ -186,7 +185,7 @@ def _fill_step(trace: Trace, run: int, step: Items) -> None:
 def contact_groups(
     channel: int, pair: PairTrace, series: PairSeries, run: int, timestep: float
 ) -> Iterator[MessageGroup]:
-    """Yield the steps in which a pair touches, those with equally many points together."""
+    """Yield the steps in which a pair touches, grouped by their number of contact points."""
     counts, slots = series.contacts[run], pair.slots[run]
     for count in np.flatnonzero(np.bincount(counts)).tolist():
         if count == 0:
@@ -215,7 +214,7 @@ def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: 
 
 
 def _fill_points(slots: Floats, items: Items) -> None:
-    """Write contact slots (m, count, 23) into as many points of each record."""
+    """Write contact slots (m, count, 23) as the points of m records."""
     memory = SCRATCH.take("points", slots.size * _SINGLE.itemsize)
     single = memory.view(_SINGLE).reshape(slots.shape)
     with np.errstate(over="ignore"):
@@ -227,7 +226,7 @@ def _fill_points(slots: Floats, items: Items) -> None:
 
 
 def single_message_group(channel: int, row: int, content: bytes) -> MessageGroup:
-    """Return one message of ready bytes."""
+    """Return a group of one message, already encoded."""
     return MessageGroup(
         channel, np.array([row]), message_record(MessageLayout(content)), lambda _: None
     )

@@ -1,4 +1,4 @@
-"""Message records back into arrays."""
+"""Read a trace file, all messages of a channel at once."""
 
 import struct
 from collections.abc import Mapping
@@ -19,201 +19,91 @@ from contactlab.errors import StoreError
 from contactlab.store.mcap.chunk_writer import CHUNK_HEAD, INDEX_HEAD, overlapping
 from contactlab.store.mcap.mcap_survey import find_damage
 from contactlab.store.mcap.message_encoder import POINT_FIELDS
-from contactlab.store.mcap.message_layout import (
-    HEADER_SIZE,
-    MessageLayout,
-    contacts_record,
-    last_state_record,
-    state_record,
-)
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
-from contactlab.store.mcap.trace_schema import (
+from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
+    HEADER_SIZE,
     STATE,
     STATE_TOPIC,
+    MessageLayout,
+    contacts_record,
     file_descriptor_set,
+    last_state_record,
     pair_of_topic,
+    state_record,
 )
 
-Offsets = NDArray[np.int64]
-
-
-@dataclass(frozen=True)
-class ChannelMessages:
-    """Message records of one channel, scattered over a buffer.
-
-    Attributes:
-        data: (bytes,) the content of all chunks.
-        offsets: (M,) where each record starts, in time order.
-    """
-
-    data: NDArray[np.uint8]
-    offsets: Offsets
-
-    @property
-    def sizes(self) -> NDArray[np.int64]:
-        """(M,) length of each record, its nine bytes of opcode and length included."""
-        lengths = overlapping(self.data, 8)[self.offsets + 1].view("<u8")
-        return lengths.astype(np.int64) + 9
-
-    def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
-        """Return the chosen records, which must all have this layout."""
-        items = overlapping(self.data, layout.size)[self.offsets[chosen]]
-        return items.view(layout.dtype)
-
-    def blob(self) -> bytes:
-        """Return the content of the one message."""
-        [start], [size] = self.offsets.tolist(), self.sizes.tolist()
-        return self.data[start + HEADER_SIZE : start + size].tobytes()
-
-
-def state_arrays(
-    messages: ChannelMessages, nq: int, nv: int
-) -> tuple[Mapping[str, Any], NDArray[Any]]:
-    """Return the arrays of all states and steps by their names in a trace, and the log times."""
-    sizes = messages.sizes
-    fitting = [m for m in (0, 3) if np.all(sizes[:-1] == state_record(nq, nv, m).size)]
-    if not fitting or sizes[-1] != last_state_record(nq, nv).size:
-        raise ValueError(f"a state message does not hold {nq} positions and {nv} velocities")
-    stepped = messages.pick(slice(None, -1), state_record(nq, nv, fitting[0]))
-    last = messages.pick(slice(-1, None), last_state_record(nq, nv))
-    names = ("time", "qpos", "qvel")
-    states = {name: np.concatenate((stepped[name], last[name])) for name in names}
-    times = np.concatenate((stepped["log_time"], last["log_time"]))
-    return states | _step_arrays(stepped["step"], momentum=fitting[0] > 0), times
-
-
-def _step_arrays(step: NDArray[np.void], *, momentum: bool) -> dict[str, Any]:
-    return {
-        "kinetic": step["kinetic_energy"].copy(),
-        "potential": step["potential_energy"].copy(),
-        "contacts": step["contacts"].astype(np.int32),
-        "least_distance": step["least_distance"].copy(),
-        "iterations": step["solver_iterations"].astype(np.int32),
-        "iterations_most": step["solver_iterations_most"].astype(np.int32),
-        "momentum": step["linear_momentum"].copy() if momentum else None,
-        "angular_momentum": step["angular_momentum"].copy() if momentum else None,
-    }
-
-
-def stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
-    """Return a pair's contacts.
-
-    Args:
-        name: the pair's name.
-        messages: its messages.
-        times: (N + 1,) log time of the states.
-    """
-    counts = _counts(messages.sizes)
-    net = np.empty(len(counts), _NET)
-    points = np.zeros((counts.sum(), SLOT_WIDTH))
-    starts = np.cumsum(counts) - counts
-    for count in np.unique(counts).tolist():
-        chosen = counts == count
-        items = messages.pick(chosen, contacts_record(count))
-        for field in _NET.names or ():
-            net[field][chosen] = items[field]
-        rows = starts[chosen][:, None] + np.arange(count)
-        points[rows] = _slots(items)
-    steps = np.searchsorted(times, net["log_time"])
-    if not np.array_equal(times[steps], net["log_time"]):
-        raise ValueError(f"a contact of '{name}' has no state of its time")
-    return StoredPair(
-        name=name,
-        steps=steps.astype(np.int32),
-        contacts=counts.astype(np.int32),
-        found=net["found"].astype(np.int32),
-        mode=net["mode"].astype(np.int8),
-        normal=net["normal_force"].copy(),
-        tangential=net["tangential_force"].copy(),
-        usage=net["friction_usage"].copy(),
-        slip=net["slip_speed"].copy(),
-        distance=net["distance"].copy(),
-        points=points,
-    )
-
-
-def _counts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """Return the contact points of messages by their length."""
-    none = contacts_record(0).size
-    counts, rest = np.divmod(sizes - none, contacts_record(1).size - none)
-    if np.any(rest) or np.any(counts < 1):
-        raise ValueError("a contact message has another layout")
-    return counts
-
-
-def _slots(items: NDArray[np.void]) -> Floats:
-    """(m, count, 23) contact slots of messages with `count` points each."""
-    points = items["points"]
-    slots = np.empty((*points.shape, SLOT_WIDTH))
-    slots[..., FOUND] = items["found"][:, None]
-    for name, columns in POINT_FIELDS.items():
-        slots[..., columns] = points[name]
-    return slots
-
-
-_NET = np.dtype(
-    [
-        ("log_time", "u8"),
-        ("found", "u4"),
-        ("mode", "u1"),
-        ("normal_force", "f8"),
-        ("tangential_force", "f8"),
-        ("friction_usage", "f8"),
-        ("slip_speed", "f8"),
-        ("distance", "f8"),
-    ]
-)
-
-
-# What the bytes of a whole but foreign file can raise.
+# What a file that is sound but not ours can raise.
 _FOREIGN = (McapError, struct.error, zstandard.ZstdError, ValueError, LookupError)
+_FRAME_SIZE = 9
+
+_STEP_ARRAYS = {
+    "kinetic": ("kinetic_energy", np.float64),
+    "potential": ("potential_energy", np.float64),
+    "contacts": ("contacts", np.int32),
+    "least_distance": ("least_distance", np.float64),
+    "iterations": ("solver_iterations", np.int32),
+    "iterations_most": ("solver_iterations_most", np.int32),
+}
+"""Field and type of each array of steps."""
+_MOMENTUM_ARRAYS = {"momentum": "linear_momentum", "angular_momentum": "angular_momentum"}
+_PAIR_ARRAYS = {
+    "found": ("found", np.int32),
+    "mode": ("mode", np.int8),
+    "normal": ("normal_force", np.float64),
+    "tangential": ("tangential_force", np.float64),
+    "usage": ("friction_usage", np.float64),
+    "slip": ("slip_speed", np.float64),
+    "distance": ("distance", np.float64),
+}
+"""Field and type of each array of a pair."""
 
 
-def read_trace(path: Path, named: object = None) -> StoredTrace:
+def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
     """Return the run that a trace file holds.
 
     Args:
         path: the file.
-        named: what messages call it, if it is not that file.
+        shown_path: its path for error messages, if that is another one.
 
     Raises:
         StoreError: the file is missing, damaged, or not a trace of this version.
     """
-    named = named or path
+    shown_path = shown_path or path
     try:
         data = path.read_bytes()
     except OSError as error:
-        raise StoreError(f"cannot read {named}: {error.strerror}") from error
-    if problem := find_damage(data):
-        raise StoreError(f"{named}: {problem}; the run has to be repeated")
+        raise StoreError(f"cannot read {shown_path}: {error.strerror}") from error
+    if damage := find_damage(data):
+        raise StoreError(f"{shown_path}: {damage}; the run has to be repeated")
     try:
         return _decode(data)
     except _FOREIGN as error:
         raise StoreError(
-            f"{named} is no trace that this version of contactlab can read: {error}"
+            f"{shown_path} is no trace that this version of contactlab can read: {error}"
         ) from error
 
 
 def _decode(data: bytes) -> StoredTrace:
     reader = SeekingReader(BytesIO(data))
     summary = reader.get_summary()
-    assert summary is not None, "damage() finds a missing summary"
+    assert summary is not None, "find_damage() finds a missing summary"
     _check_schemas(summary)
-    messages = channel_messages(data, summary)
-    channels = {channel.topic: channel for channel in summary.channels.values()}
-    sizes = channels[STATE_TOPIC].metadata
-    state = messages[channels[STATE_TOPIC].id]
-    arrays, times = state_arrays(state, int(sizes["nq"]), int(sizes["nv"]))
-    pairs = {name: topic for topic in channels if (name := pair_of_topic(topic)) is not None}
+    by_id = channel_messages(data, summary)
+    messages = {channel.topic: by_id[channel.id] for channel in summary.channels.values()}
+    [state] = [each for each in summary.channels.values() if each.topic == STATE_TOPIC]
+    sizes = int(state.metadata["nq"]), int(state.metadata["nv"])
+    arrays, times = _state_arrays(messages[STATE_TOPIC], *sizes)
     [metadata], [model] = reader.iter_metadata(), reader.iter_attachments()
     return StoredTrace(
         **arrays,
         pairs=tuple(
-            stored_pair(name, messages[channels[topic].id], times) for name, topic in pairs.items()
+            _stored_pair(pair, each, times)
+            for topic, each in messages.items()
+            if (pair := pair_of_topic(topic)) is not None
         ),
-        record_json=messages[channels[EVIDENCE_TOPIC].id].blob(),
+        record_json=messages[EVIDENCE_TOPIC].content(),
         metadata=metadata.metadata,
         model_xml=model.data,
     )
@@ -223,12 +113,41 @@ def _check_schemas(summary: Summary) -> None:
     stored = {schema.data for schema in summary.schemas.values()}
     for message in (STATE, CONTACTS):
         if file_descriptor_set(message) not in stored:
-            raise ValueError(f"its schema of {message.name} is another one")
+            raise ValueError(f"it has another schema of {message.name}")
+
+
+@dataclass(frozen=True)
+class ChannelMessages:
+    """The Message records of one channel, scattered over a buffer.
+
+    Attributes:
+        data: (bytes,) the content of all chunks.
+        offsets: (M,) where each record starts, in time order.
+    """
+
+    data: NDArray[np.uint8]
+    offsets: NDArray[np.int64]
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """(M,) length of each record, opcode and length included."""
+        lengths = overlapping(self.data, 8)[self.offsets + 1].view("<u8")
+        return lengths.astype(np.int64) + _FRAME_SIZE
+
+    def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
+        """Return the chosen records, all of which must have this layout."""
+        items = overlapping(self.data, layout.size)[self.offsets[chosen]]
+        return items.view(layout.dtype)
+
+    def content(self) -> bytes:
+        """Return the content of the one message."""
+        [start], [size] = self.offsets.tolist(), self.sizes.tolist()
+        return self.data[start + HEADER_SIZE : start + size].tobytes()
 
 
 def channel_messages(data: bytes, summary: Summary) -> dict[int, ChannelMessages]:
-    """Return the messages by channel id, in the order of the chunks, which is that of time."""
-    offsets: dict[int, list[Offsets]] = {channel: [] for channel in summary.channels}
+    """Return the messages by channel id, in order of time."""
+    offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
     contents: list[bytes] = []
     base = 0
     for chunk in summary.chunk_indexes:
@@ -246,3 +165,77 @@ def channel_messages(data: bytes, summary: Summary) -> dict[int, ChannelMessages
         channel: ChannelMessages(stream, np.concatenate((none, *parts)))
         for channel, parts in offsets.items()
     }
+
+
+def _state_arrays(
+    messages: ChannelMessages, nq: int, nv: int
+) -> tuple[Mapping[str, Any], NDArray[Any]]:
+    """Return the arrays of all states and steps by their names in a trace, and the log times."""
+    sizes = messages.sizes
+    fitting = [m for m in (0, 3) if np.all(sizes[:-1] == state_record(nq, nv, m).size)]
+    if not fitting or sizes[-1] != last_state_record(nq, nv).size:
+        raise ValueError(f"a state message does not hold {nq} positions and {nv} velocities")
+    momentum = fitting[0]
+    before = messages.pick(slice(None, -1), state_record(nq, nv, momentum))
+    last = messages.pick(slice(-1, None), last_state_record(nq, nv))
+    step = before["step"]
+    arrays: dict[str, Any] = {
+        name: np.concatenate((before[name], last[name])) for name in ("time", "qpos", "qvel")
+    }
+    arrays |= {name: step[field].astype(kind) for name, (field, kind) in _STEP_ARRAYS.items()}
+    for name, field in _MOMENTUM_ARRAYS.items():
+        arrays[name] = step[field].copy() if momentum else None
+    return arrays, np.concatenate((before["log_time"], last["log_time"]))
+
+
+def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
+    """Return a pair's contacts.
+
+    Args:
+        name: the pair's name.
+        messages: its messages.
+        times: (N + 1,) log time of the states.
+    """
+    counts = _point_counts(messages.sizes)
+    log_times = np.empty(len(counts), np.uint64)
+    arrays: dict[str, NDArray[Any]] = {
+        array: np.empty(len(counts), kind) for array, (_, kind) in _PAIR_ARRAYS.items()
+    }
+    points = np.zeros((counts.sum(), SLOT_WIDTH))
+    starts = np.cumsum(counts) - counts
+    for count in np.unique(counts).tolist():
+        chosen = counts == count
+        items = messages.pick(chosen, contacts_record(count))
+        log_times[chosen] = items["log_time"]
+        for array, (field, _) in _PAIR_ARRAYS.items():
+            arrays[array][chosen] = items[field]
+        points[starts[chosen][:, None] + np.arange(count)] = _slots(items)
+    steps = np.searchsorted(times, log_times)
+    if not np.array_equal(times[steps], log_times):
+        raise ValueError(f"a contact of '{name}' has no state of its time")
+    return StoredPair(
+        name=name,
+        steps=steps.astype(np.int32),
+        contacts=counts.astype(np.int32),
+        points=points,
+        **arrays,
+    )
+
+
+def _point_counts(sizes: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return the number of contact points of messages, by their length."""
+    none = contacts_record(0).size
+    counts, rest = np.divmod(sizes - none, contacts_record(1).size - none)
+    if np.any(rest) or np.any(counts < 1):
+        raise ValueError("a contact message has another layout")
+    return counts
+
+
+def _slots(items: NDArray[np.void]) -> Floats:
+    """(m, count, 23) contact slots of messages with `count` points each."""
+    points = items["points"]
+    slots = np.empty((*points.shape, SLOT_WIDTH))
+    slots[..., FOUND] = items["found"][:, None]
+    for name, columns in POINT_FIELDS.items():
+        slots[..., columns] = points[name]
+    return slots

@@ -1,4 +1,4 @@
-"""One run encoded as one MCAP file.
+"""Encode one run as one MCAP file, and add channels to a file.
 
 Log time is simulated time from zero and nothing of the machine is added, so equal runs give equal
 files.
@@ -9,15 +9,23 @@ import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
+from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, ChunkIndex, Schema
 
 from contactlab.contact import Floats, PairSeries, PairTrace, Trace
 from contactlab.errors import OutputError
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.chunk_writer import MessageStream, Times, chunk_records, interleave
+from contactlab.store.mcap.chunk_writer import (
+    MessageStream,
+    Times,
+    chunk_records,
+    interleave,
+    overlapping,
+)
 from contactlab.store.mcap.mcap_summary import (
     FileHead,
     FilePrefix,
@@ -27,20 +35,26 @@ from contactlab.store.mcap.mcap_summary import (
 )
 from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
+    Items,
     MessageGroup,
+    Rows,
     contact_groups,
     single_message_group,
     state_groups,
 )
-from contactlab.store.mcap.trace_schema import (
+from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     EVIDENCE_TOPIC,
+    HEADER_SIZE,
     PACKAGE,
     STATE,
     STATE_TOPIC,
+    MessageLayout,
     contacts_topic,
     file_descriptor_set,
+    message_record,
 )
+from contactlab.store.mcap.trace_reader import ChannelMessages, channel_messages
 
 _METADATA_NAME = "contactlab.run"
 _MODEL_NAME = "model.xml"
@@ -203,3 +217,98 @@ def _parts(head: FileHead, stream: MessageStream, counts: Sequence[int]) -> Iter
             crc = zlib.crc32(part, crc)
         chunks.append(chunk)
     yield file_tail(head, chunks, counts, crc)
+
+
+@dataclass(frozen=True)
+class AddedChannel:
+    """A channel of Protobuf messages to be added to a trace.
+
+    Attributes:
+        topic: its topic.
+        schema_name: full name of the message type; channels of one type share its schema.
+        descriptors: serialized FileDescriptorSet that defines the type.
+        messages: (state row, serialized message), rows ascending, at most one message a row.
+    """
+
+    topic: str
+    schema_name: str
+    descriptors: bytes
+    messages: Sequence[tuple[int, bytes]]
+
+
+def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
+    """Write a trace file again with further channels; its own messages keep their bytes.
+
+    Args:
+        source: a sound trace file.
+        target: the file to make or replace.
+        added: the channels to add, and their messages.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    data = source.read_bytes()
+    reader = SeekingReader(BytesIO(data))
+    summary = reader.get_summary()
+    assert summary is not None, "a sound file has a summary"
+    messages = channel_messages(data, summary)
+    channels = list(summary.channels.values())
+    [state] = [each.id for each in channels if each.topic == STATE_TOPIC]
+    times = _stored_times(messages[state])
+    head = _file_head(reader, list(summary.schemas.values()), channels, added)
+    groups = [*_copied(messages, times), *_added(added, len(channels) + 1)]
+    encode_messages(head, groups, times).write(target)
+
+
+def _file_head(
+    reader: SeekingReader,
+    schemas: Sequence[Schema],
+    channels: Sequence[Channel],
+    added: Sequence[AddedChannel],
+) -> FileHead:
+    """Return the start of the source with the added schemas and channels."""
+    types = {each.schema_name: each.descriptors for each in added}
+    more_schemas = [
+        Schema(number, definition, "protobuf", name)
+        for number, (name, definition) in enumerate(types.items(), start=len(schemas) + 1)
+    ]
+    ids = {schema.name: schema.id for schema in more_schemas}
+    more_channels = [
+        Channel(number, each.topic, "protobuf", {}, ids[each.schema_name])
+        for number, each in enumerate(added, start=len(channels) + 1)
+    ]
+    [attachment], [metadata] = reader.iter_attachments(), reader.iter_metadata()
+    assert isinstance(attachment, Attachment)
+    prefix = file_prefix([*schemas, *more_schemas], [*channels, *more_channels], attachment)
+    return file_head(prefix, metadata.name, metadata.metadata)
+
+
+def _stored_times(messages: ChannelMessages) -> Times:
+    return messages.pick(slice(None), message_record(MessageLayout(b"")))["log_time"].copy()
+
+
+def _copied(messages: Mapping[int, ChannelMessages], times: Times) -> Iterator[MessageGroup]:
+    """Yield the source's messages, those of one channel and length together."""
+    for channel, each in messages.items():
+        rows = np.searchsorted(times, _stored_times(each))
+        sizes = each.sizes
+        for size in np.unique(sizes).tolist():
+            chosen = sizes == size
+            records = overlapping(each.data, size)[each.offsets[chosen]]
+            yield _unchanged(channel, rows[chosen], records)
+
+
+def _unchanged(channel: int, rows: Rows, records: Items) -> MessageGroup:
+    size = records.dtype.itemsize
+
+    def fill(items: Items) -> None:
+        items.view(records.dtype)[:] = records
+
+    layout = message_record(MessageLayout(bytes(size - HEADER_SIZE)))
+    return MessageGroup(channel, rows, layout, fill)
+
+
+def _added(added: Sequence[AddedChannel], first: int) -> Iterator[MessageGroup]:
+    for channel, each in enumerate(added, start=first):
+        for row, content in each.messages:
+            yield single_message_group(channel, row, content)

@@ -1,15 +1,33 @@
-"""What workers need of a store: its scene, and a place for their traces."""
+"""Access to a store: the backend of its address, and what workers need."""
 
 from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab.contact import PairSeries, Trace
-from contactlab.errors import OutputError
+from contactlab.errors import ContactlabError, OutputError, optional
 from contactlab.schema import TraceFile
-from contactlab.store.backend_protocol import SCENES, TRACES
+from contactlab.store.backend_protocol import SCENES, TRACES, Backend
+from contactlab.store.folder_backend import FolderBackend
 from contactlab.store.mcap import TraceExtras, encode_trace
-from contactlab.store.open_backend import backend_at
 from contactlab.store.store_address import Address
+
+
+def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
+    """Return the backend of a store; make it in the process that uses it.
+
+    Args:
+        address: the store's address.
+        error: class of the errors that reading raises.
+
+    Raises:
+        OutputError: the library for object storage is not installed.
+        ContactlabError: of the given class; the object storage cannot be used.
+    """
+    if isinstance(address, Path):
+        return FolderBackend(address, error)
+    with optional("objects", f"a store at {address.scheme}://"):
+        from contactlab.store.object_backend import ObjectBackend  # noqa: PLC0415 - an extra
+    return ObjectBackend(address, error)
 
 
 class TraceSink:

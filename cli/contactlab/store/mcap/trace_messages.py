@@ -1,0 +1,282 @@
+"""The messages of a trace: their Protobuf types, schemas and topics, and their layout in memory.
+
+Every field has a fixed width once its count is known, so that NumPy can write a whole run at once:
+constant bytes are in a template, values go into the columns of a structured type. A repeated field
+of known count is packed, also when it is empty, so messages of one layout have the same length.
+
+Sources: https://protobuf.dev/programming-guides/encoding/, google/protobuf/descriptor.proto for
+the numbers in schemas, https://mcap.dev/spec for Message records.
+"""
+
+import struct
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
+from functools import cache, cached_property
+from urllib.parse import quote, unquote
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import DTypeLike, NDArray
+
+PACKAGE = "contactlab"
+STATE_TOPIC = "/state"
+EVIDENCE_TOPIC = "/evidence"
+_CONTACTS_TOPIC = "/contacts/"
+
+_VARINT, _LENGTH_DELIMITED = 0, 2
+_OPTIONAL, _REPEATED = 1, 3
+_TYPE_MESSAGE, _TYPE_ENUM = 11, 14
+
+_FRAME = struct.Struct("<BQ")
+_HEADER = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
+HEADER_SIZE = 31
+"""Length of a Message record before its content."""
+
+
+def contacts_topic(pair: str) -> str:
+    """Return a pair's topic: bytes other than letters, digits and `_.-~` become %XX."""
+    return _CONTACTS_TOPIC + quote(pair, safe="")
+
+
+def pair_of_topic(topic: str) -> str | None:
+    """Return the pair whose contacts a topic holds, or None for another topic."""
+    if not topic.startswith(_CONTACTS_TOPIC):
+        return None
+    return unquote(topic.removeprefix(_CONTACTS_TOPIC))
+
+
+class Scalar(Enum):
+    """A scalar kind: its number in descriptor.proto, its wire type, its NumPy format."""
+
+    DOUBLE = (1, 1, "<f8")
+    FLOAT = (2, 5, "<f4")
+    FIXED32 = (7, 5, "<u4")
+
+
+@dataclass(frozen=True)
+class EnumType:
+    """A Protobuf enum; its values must be in 0..127, one byte on the wire."""
+
+    name: str
+    values: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MessageField:
+    """A field of a message; repeated scalars are packed."""
+
+    number: int
+    name: str
+    kind: "Scalar | EnumType | MessageType"
+    repeated: bool = False
+
+
+@dataclass(frozen=True)
+class MessageType:
+    """A Protobuf message."""
+
+    name: str
+    fields: tuple[MessageField, ...]
+
+
+# As in `schemas/contactlab.proto`.
+STEP = MessageType(
+    "Step",
+    (
+        MessageField(1, "kinetic_energy", Scalar.DOUBLE),
+        MessageField(2, "potential_energy", Scalar.DOUBLE),
+        MessageField(3, "contacts", Scalar.FIXED32),
+        MessageField(4, "least_distance", Scalar.DOUBLE),
+        MessageField(5, "solver_iterations", Scalar.FIXED32),
+        MessageField(6, "solver_iterations_most", Scalar.FIXED32),
+        MessageField(7, "linear_momentum", Scalar.DOUBLE, repeated=True),
+        MessageField(8, "angular_momentum", Scalar.DOUBLE, repeated=True),
+    ),
+)
+_STATE_FIELDS = (
+    MessageField(1, "time", Scalar.DOUBLE),
+    MessageField(2, "qpos", Scalar.DOUBLE, repeated=True),
+    MessageField(3, "qvel", Scalar.DOUBLE, repeated=True),
+)
+STATE = MessageType("State", (*_STATE_FIELDS, MessageField(4, "step", STEP)))
+LAST_STATE = MessageType("State", _STATE_FIELDS)
+MODE = EnumType("Mode", ("NO_CONTACT", "STICK", "SLIDE"))
+POINT = MessageType(
+    "ContactPoint",
+    (
+        MessageField(1, "position", Scalar.FLOAT, repeated=True),
+        MessageField(2, "normal", Scalar.FLOAT, repeated=True),
+        MessageField(3, "tangent", Scalar.FLOAT, repeated=True),
+        MessageField(4, "distance", Scalar.FLOAT),
+        MessageField(5, "force", Scalar.FLOAT, repeated=True),
+        MessageField(6, "torque", Scalar.FLOAT, repeated=True),
+        MessageField(7, "linear_velocity", Scalar.FLOAT, repeated=True),
+        MessageField(8, "angular_velocity", Scalar.FLOAT, repeated=True),
+    ),
+)
+CONTACTS = MessageType(
+    "Contacts",
+    (
+        MessageField(1, "count", Scalar.FIXED32),
+        MessageField(2, "found", Scalar.FIXED32),
+        MessageField(3, "mode", MODE),
+        MessageField(4, "normal_force", Scalar.DOUBLE),
+        MessageField(5, "tangential_force", Scalar.DOUBLE),
+        MessageField(6, "friction_usage", Scalar.DOUBLE),
+        MessageField(7, "normal_impulse", Scalar.DOUBLE),
+        MessageField(8, "tangential_impulse", Scalar.DOUBLE),
+        MessageField(9, "slip_speed", Scalar.DOUBLE),
+        MessageField(10, "distance", Scalar.DOUBLE),
+        MessageField(11, "penetration", Scalar.DOUBLE),
+        MessageField(12, "points", POINT, repeated=True),
+    ),
+)
+
+
+@cache
+def file_descriptor_set(message: MessageType) -> bytes:
+    """Return a serialized FileDescriptorSet that defines a message and all that it uses."""
+    types = list(dict.fromkeys(_types(message)))
+    file = _delimited(1, f"{PACKAGE}/{message.name}.proto".encode())
+    file += _delimited(2, PACKAGE.encode())
+    for kind in types:
+        if isinstance(kind, MessageType):
+            fields = b"".join(_delimited(2, _field_descriptor(field)) for field in kind.fields)
+            file += _delimited(4, _delimited(1, kind.name.encode()) + fields)
+    for kind in types:
+        if isinstance(kind, EnumType):
+            values = b"".join(
+                _delimited(2, _delimited(1, name.encode()) + _number(2, number))
+                for number, name in enumerate(kind.values)
+            )
+            file += _delimited(5, _delimited(1, kind.name.encode()) + values)
+    return _delimited(1, file + _delimited(12, b"proto3"))
+
+
+def _types(kind: MessageType | EnumType) -> Iterator[MessageType | EnumType]:
+    yield kind
+    if isinstance(kind, MessageType):
+        for field in kind.fields:
+            if isinstance(field.kind, MessageType | EnumType):
+                yield from _types(field.kind)
+
+
+def _field_descriptor(field: MessageField) -> bytes:
+    label = _REPEATED if field.repeated else _OPTIONAL
+    head = _delimited(1, field.name.encode()) + _number(3, field.number) + _number(4, label)
+    if isinstance(field.kind, Scalar):
+        return head + _number(5, field.kind.value[0])
+    number = _TYPE_MESSAGE if isinstance(field.kind, MessageType) else _TYPE_ENUM
+    return head + _number(5, number) + _delimited(6, f".{PACKAGE}.{field.kind.name}".encode())
+
+
+@dataclass(frozen=True)
+class MessageLayout:
+    """Constant bytes, and columns (name, NumPy format, offset) for the values."""
+
+    template: bytes
+    columns: tuple[tuple[str, DTypeLike, int], ...] = ()
+
+    @property
+    def size(self) -> int:
+        """Length in bytes."""
+        return len(self.template)
+
+    @cached_property
+    def dtype(self) -> np.dtype[np.void]:
+        """The structured type of an item with this layout."""
+        names, formats, offsets = zip(*self.columns, strict=True) if self.columns else ((), (), ())
+        return np.dtype(
+            {"names": names, "formats": formats, "offsets": offsets, "itemsize": self.size}
+        )
+
+    def after(self, head: bytes) -> "MessageLayout":
+        """Return this layout with constant bytes before it."""
+        moved = tuple((name, form, offset + len(head)) for name, form, offset in self.columns)
+        return MessageLayout(head + self.template, moved)
+
+    def fill(self, memory: NDArray[np.uint8]) -> NDArray[np.void]:
+        """Return memory as items that hold the template, their columns still to be filled."""
+        form = f"V{self.size}"
+        memory.view(form)[:] = np.frombuffer(self.template, form)
+        return memory.view(self.dtype)
+
+
+def message_record(body: MessageLayout) -> MessageLayout:
+    """Return the layout of the Message record around a message; its sequence number is zero."""
+    head = _FRAME.pack(Opcode.MESSAGE, HEADER_SIZE - _FRAME.size + body.size)
+    framed = body.after(head.ljust(HEADER_SIZE, b"\0"))
+    return MessageLayout(framed.template, (*_HEADER, *framed.columns))
+
+
+@cache
+def state_record(nq: int, nv: int, momentum: int) -> MessageLayout:
+    """Return the record of a state and the step that starts there; `momentum` is 3 or 0."""
+    vectors = {"linear_momentum": momentum, "angular_momentum": momentum}
+    return message_record(_message_layout(STATE, {"qpos": nq, "qvel": nv, **vectors}))
+
+
+@cache
+def last_state_record(nq: int, nv: int) -> MessageLayout:
+    """Return the record of the last state, which has no step."""
+    return message_record(_message_layout(LAST_STATE, {"qpos": nq, "qvel": nv}))
+
+
+@cache
+def contacts_record(points: int) -> MessageLayout:
+    """Return the record of one pair's contacts in one step."""
+    vectors = (field.name for field in POINT.fields if field.repeated)
+    return message_record(_message_layout(CONTACTS, dict.fromkeys(vectors, 3) | {"points": points}))
+
+
+def _message_layout(message: MessageType, counts: Mapping[str, int]) -> MessageLayout:
+    layout = MessageLayout(b"")
+    for field in message.fields:
+        part = _field_layout(field, counts).after(layout.template)
+        layout = MessageLayout(part.template, (*layout.columns, *part.columns))
+    return layout
+
+
+def _field_layout(field: MessageField, counts: Mapping[str, int]) -> MessageLayout:
+    if isinstance(field.kind, MessageType):
+        inner = _message_layout(field.kind, counts)
+        head = tag(field.number, _LENGTH_DELIMITED) + varint(inner.size)
+        if not field.repeated:
+            return MessageLayout(inner.template, ((field.name, inner.dtype, 0),)).after(head)
+        item, count = inner.after(head), counts[field.name]
+        return MessageLayout(item.template * count, ((field.name, (item.dtype, (count,)), 0),))
+    if isinstance(field.kind, EnumType):
+        return MessageLayout(b"\0", ((field.name, "u1", 0),)).after(tag(field.number, _VARINT))
+    _, wire_type, form = field.kind.value
+    width = np.dtype(form).itemsize
+    if not field.repeated:
+        scalar = MessageLayout(bytes(width), ((field.name, form, 0),))
+        return scalar.after(tag(field.number, wire_type))
+    count = counts[field.name]
+    head = tag(field.number, _LENGTH_DELIMITED) + varint(width * count)
+    return MessageLayout(bytes(width * count), ((field.name, (form, (count,)), 0),)).after(head)
+
+
+def varint(value: int) -> bytes:
+    """Return a non-negative integer as a base-128 varint."""
+    groups = bytearray()
+    while value > 127:
+        groups.append(value & 127 | 128)
+        value >>= 7
+    groups.append(value)
+    return bytes(groups)
+
+
+def tag(number: int, wire_type: int) -> bytes:
+    """Return the bytes that announce a field."""
+    return varint(number << 3 | wire_type)
+
+
+def _number(field: int, value: int) -> bytes:
+    return tag(field, _VARINT) + varint(value)
+
+
+def _delimited(number: int, content: bytes) -> bytes:
+    """Return a length-delimited field: a string, bytes, a message or packed values."""
+    return tag(number, _LENGTH_DELIMITED) + varint(len(content)) + content
