@@ -78,7 +78,7 @@ class InitialStates(NamedTuple):
         qvel: (n, nv) velocity.
         ctrl: (n, nu) control at the start.
         applied: (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
-        driven: (n, P) ingenerators, among the inputs, of those that are driven.
+        driven: (n, P) indices, among the inputs, of those that are driven.
         knots: (n, P, K) times of their knots [s], non-decreasing.
         levels: (n, P, K) their values at the knots.
         act: (n, na) actuator activations at the start.
@@ -136,9 +136,9 @@ class InitialStateRule:
     Attributes:
         state: qpos, qvel, ctrl, xfrc_applied and act, of a keyframe or of `QPOS0`.
         ends: where each of them ends.
-        formulas: expressions over the initial values, with the ingenerators that each sets.
+        formulas: expressions over the initial values, with the indices that each sets.
         profiles: what inputs do over time.
-        perturbed: ingenerators that a seed perturbs, by at most `scale`.
+        perturbed: indices that a seed perturbs, by at most `scale`.
         scale: size of the perturbation [m, rad, m/s or rad/s].
         quaternions: where unit quaternions start.
     """
@@ -179,8 +179,8 @@ def initial_states(
     """Return the initial states for each run's initial values and seed."""
     states = np.tile(rule.state, (len(runs), 1))
     for row, (initial, seed) in zip(states, runs, strict=True):
-        for formula, ingenerators in rule.formulas:
-            row[list(ingenerators)] = computed(formula, initial)
+        for formula, indices in rule.formulas:
+            row[list(indices)] = computed(formula, initial)
         if rule.perturbed:
             offsets = np.random.default_rng(seed).uniform(-1, 1, len(rule.perturbed))
             row[list(rule.perturbed)] += rule.scale * offsets
@@ -228,7 +228,7 @@ def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialSt
 
 
 def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
-    """Return the ingenerators in qpos where a unit quaternion starts."""
+    """Return the indices in qpos where a unit quaternion starts."""
     kinds: list[int] = model.jnt_type.tolist()
     return tuple(
         int(model.jnt_qposadr[joint]) + _ROTATIONS[kind]
@@ -265,10 +265,10 @@ def _formulas(
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
             expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
-            ingenerators = tuple(
+            indices = tuple(
                 offset[each.field] + each.index for each in match_coordinates(model, pattern)
             )
-            formulas.append((expression, ingenerators))
+            formulas.append((expression, indices))
     return formulas
 
 
@@ -297,11 +297,11 @@ def _perturbed_coordinates(
 
 
 def _unconstrained(model: mujoco.MjModel) -> list[int]:
-    ingenerators: list[int] = []
+    indices: list[int] = []
     for joint in range(model.njnt):
         address, kind = int(model.jnt_qposadr[joint]), model.jnt_type[joint]
         if kind == mujoco.mjtJoint.mjJNT_FREE:
-            ingenerators += [address, address + 1]
+            indices += [address, address + 1]
         elif kind != mujoco.mjtJoint.mjJNT_BALL:
-            ingenerators.append(address)
-    return ingenerators
+            indices.append(address)
+    return indices
