@@ -12,8 +12,8 @@ from contactlab.scene import Scene
 MakeScene = Callable[..., Scene]
 HEAD = "version: 1\ntitle: t\ndescription: d\nduration: 0.1\n"
 
-# Unequal geoms of different priorities, one explicit pair, and a bystander that is not graded; all
-# overlap a little at the start.
+# Unequal geoms of different priorities, one explicit pair, and a bystander that is not monitored;
+# all overlap a little at the start.
 UNEQUAL = """
 <mujoco>
   <worldbody>
@@ -41,7 +41,7 @@ UNEQUAL = """
   </contact>
 </mujoco>
 """
-GRADED = (
+MONITORED = (
     "pairs: [{geoms: [floor, low]}, {geoms: [low, top]}, {geoms: [floor, side]}]\nsubject: low\n"
 )
 
@@ -68,7 +68,7 @@ def make_scene(tmp_path_factory: pytest.TempPathFactory) -> MakeScene:
 @pytest.fixture(scope="session")
 def unequal(make_scene: MakeScene) -> Scene:
     """Return the scene of unequal geoms."""
-    return make_scene(UNEQUAL, GRADED)
+    return make_scene(UNEQUAL, MONITORED)
 
 
 def _numbers(thing: object) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""A contact setting is what the graded pairs then have, and nobody else."""
+"""A contact setting is what the monitored pairs then have, and nobody else."""
 
 from typing import Any
 
@@ -26,7 +26,7 @@ CONTACT_FIELDS = {
     "solref": "solref",
     "solimp": "solimp",
 }
-GRADED = {frozenset(pair) for pair in (("floor", "low"), ("low", "top"), ("floor", "side"))}
+MONITORED = {frozenset(pair) for pair in (("floor", "low"), ("low", "top"), ("floor", "side"))}
 
 
 def contacts(model: mujoco.MjModel, qpos: np.ndarray | None = None) -> dict[frozenset[str], Any]:
@@ -57,8 +57,8 @@ def test_every_graded_pair_gets_the_value(name: str, unequal: Scene) -> None:
     prepared = unequal.base({}).prepare(run.edits())
     setting = PARAMETERS[name].sets
     touching = contacts(prepared.model)
-    assert touching.keys() == GRADED | {frozenset(("floor", "bystander"))}
-    for pair in GRADED:
+    assert touching.keys() == MONITORED | {frozenset(("floor", "bystander"))}
+    for pair in MONITORED:
         assert_has(touching[pair], setting, run.settings[setting])
     for record in prepared.pairs.values():
         asked = np.ravel(np.asarray(run.settings[setting]))

@@ -16,6 +16,11 @@ from contactlab.scene.model_references import find_resource, is_resource, parse,
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.written_inertia import written_inertia_faults
 
+_MAX_LISTED = 3
+_FOLDER_HINT = {
+    False: '<compiler meshdir="FOLDER"/>, relative to the model',
+    True: '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco> within <robot>',
+}
 _BRACES = re.compile(r"\{([^{}]*)\}")
 
 
@@ -85,8 +90,8 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
 
 def _find_packages(spec: mujoco.MjSpec, folder: Path) -> None:
     for mesh in spec.meshes:
-        if is_resource(mesh.file) and (found := find_resource(mesh.file, folder)).is_file():
-            mesh.file = str(found.absolute())
+        if is_resource(mesh.file) and (resource := find_resource(mesh.file, folder)).is_file():
+            mesh.file = str(resource.absolute())
 
 
 def _name_geoms(spec: mujoco.MjSpec) -> None:
@@ -98,43 +103,34 @@ def _name_geoms(spec: mujoco.MjSpec) -> None:
         geom.name = name
 
 
-_MAX_LISTED = 3
-
-
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     """Return the error for a model that does not compile, with what to write instead.
 
     Args:
         model: its file, for the message.
         tried: the file that was compiled, which may be a copy.
-        error: MuJoCo's.
+        error: what MuJoCo raised.
     """
-    said = str(error).strip().replace(str(tried), str(model)).splitlines()
-    lines = [*said, *_missing_file(said[0], model), *_impossible_inertias(said[0], tried)]
-    return SceneError("\n  ".join([f"{model}: does not compile", *lines]))
+    lines = str(error).strip().replace(str(tried), str(model)).splitlines()
+    hints = [*_missing_file(lines[0], model), *_impossible_inertias(lines[0], tried)]
+    return SceneError("\n  ".join([f"{model}: does not compile", *lines, *hints]))
 
 
-def _impossible_inertias(said: str, tried: Path) -> Iterator[str]:
+def _impossible_inertias(message: str, tried: Path) -> Iterator[str]:
     """Yield the inertias that no real body has."""
-    if "inertia" in said:
+    if "inertia" in message:
         # MuJoCo gives no access to a specification that it failed to compile.
         spec = mujoco.MjSpec.from_file(str(tried))
         for fault in written_inertia_faults(spec)[:_MAX_LISTED]:
             yield f"body '{fault.body}': {fault.reason}"
 
 
-def _missing_file(said: str, model: Path) -> Iterator[str]:
+def _missing_file(message: str, model: Path) -> Iterator[str]:
     """Yield where MuJoCo looked for a file that it cannot open."""
-    if "opening file" not in said:
+    if "opening file" not in message:
         return
     for path in references(model):
-        if not path.is_file() and f"{path.name}'" in said:
+        if not path.is_file() and f"{path.name}'" in message:
             yield f"it was expected at {path}; put it there, or say where it is:"
             yield _FOLDER_HINT[model.suffix == ".urdf"]
             return
-
-
-_FOLDER_HINT = {
-    False: '<compiler meshdir="FOLDER"/>, relative to the model',
-    True: '<mujoco><compiler meshdir="FOLDER" strippath="true"/></mujoco> within <robot>',
-}

@@ -289,8 +289,8 @@ def _perturbed_coordinates(
     """
     if manifest and manifest.perturb:
         patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
-        found = [each for pattern in patterns for each in match_coordinates(model, pattern)]
-        return [(each.field, each.index) for each in found], scale
+        coordinates = [each for pattern in patterns for each in match_coordinates(model, pattern)]
+        return [(each.field, each.index) for each in coordinates], scale
     if manifest:
         return [], 0.0
     return [("qpos", index) for index in _unconstrained(model)], _SEED_SCALE

@@ -39,8 +39,8 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     Raises:
         ValueError: it has that form, but names no such field, object or index.
     """
-    found = _NAME.fullmatch(name)
-    if found is None:
+    parts = _NAME.fullmatch(name)
+    if parts is None:
         return None
     _locate(model, name)
     text = "MuJoCo's model field"
@@ -70,9 +70,9 @@ def write_field(model: mujoco.MjModel, name: str, value: object) -> bool:
 
 def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]]:
     """Return the field's array and the index of the named object's row or element."""
-    found = _NAME.fullmatch(name)
-    assert found is not None
-    field, item, place = found["field"], found["object"], found["place"]
+    parts = _NAME.fullmatch(name)
+    assert parts is not None
+    field, item, place = parts["field"], parts["object"], parts["place"]
     kind = _KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
     if kind is None or not isinstance(array, np.ndarray) or _is_fixed(field):

@@ -47,10 +47,10 @@ def match_coordinates(model: mujoco.MjModel, pattern: str) -> list[StateCoordina
         SceneError: nothing matches.
     """
     known = coordinates(model)
-    found = [known[name] for name in known if fnmatch.fnmatchcase(name, pattern)]
-    if not found:
+    matching = [known[name] for name in known if fnmatch.fnmatchcase(name, pattern)]
+    if not matching:
         raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")
-    return found
+    return matching
 
 
 def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:

@@ -117,9 +117,9 @@ def find_resource(name: str, folder: Path) -> Path:
 
 
 def _places(name: str, folder: Path) -> Iterator[Path]:
-    found = _RESOURCE.fullmatch(name)
-    assert found is not None
-    package, rest = found.groups()
+    resource = _RESOURCE.fullmatch(name)
+    assert resource is not None
+    package, rest = resource.groups()
     above = (folder, *folder.parents)
     named = next((each for each in above if each.name == package), None)
     if named is not None:

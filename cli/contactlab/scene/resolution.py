@@ -79,9 +79,9 @@ class ResolvedRun:
         # Gravity is a setting, though there is a flag of that name too.
         flagged = sorted(self.changed & set(FLAGS) - set(self.settings))
         edits |= {name: self.flags[name] for name in flagged}
-        asked = self.effect_request.asked
-        other = sorted(asked.keys() & self.changed - set(FLAGS) - self.without)
-        return edits | {name: asked[name] for name in other}
+        requested = self.effect_request.requested
+        other = sorted(requested.keys() & self.changed - set(FLAGS) - self.without)
+        return edits | {name: requested[name] for name in other}
 
 
 def steps_of(duration: float, timestep: float) -> int:
@@ -158,18 +158,18 @@ class RunResolver:
         base = self.compiled(structure)
         settings, flags = Settings(base.settings), dict(base.flags)
         changed: set[str] = set()
-        asked: dict[str, bool] = {}
+        requested: dict[str, bool] = {}
         axes = [name for name in given if name not in structure and name not in initial]
         for axis in application_order(axes):
             if axis in EFFECTS and axis not in PARAMETERS:
-                asked[axis] = bool(given[axis])
+                requested[axis] = bool(given[axis])
                 if axis in FLAGS:
-                    flags[axis] = asked[axis]
+                    flags[axis] = requested[axis]
             written = write_axis(settings, axis, given[axis])
             changed.update(settings_of(axis) if written else {axis})
         engine = self.engines.get(settings.word("engine"))
         auto = self.auto and (engine is None or engine.omits_unused_effects)
-        request = EffectRequest(asked, frozenset(changed), auto)
+        request = EffectRequest(requested, frozenset(changed), auto)
         return ResolvedRun(
             structure=structure,
             settings=settings,
@@ -198,13 +198,13 @@ def switched_by(manifest: SceneManifest | None, catalogue: SceneCatalogue) -> di
     Raises:
         SceneError: there is no such effect, or it cannot be switched that way.
     """
-    found: dict[str, object] = {}
+    switched: dict[str, object] = {}
     for name, value in switches(manifest.effects if manifest else {}).items():
         axis = catalogue.find(name) if name in EFFECTS else None
         if axis is None:
             raise SceneError(f"effects: no effect '{name}'{did_you_mean(name, EFFECTS)}")
         try:
-            found[name] = axis.parse(value)
+            switched[name] = axis.parse(value)
         except ValueError as error:
             raise SceneError(f"effects: {name}: {error}") from error
-    return found
+    return switched

@@ -93,14 +93,14 @@ class _Setting:
     def part(self, base: CompiledScene, values: Values) -> Part:
         """Return its value in a row."""
         key = self.pick(values)
-        found = self.known.get(key)
-        if found is None:
+        part = self.known.get(key)
+        if part is None:
             value = self._value(base, values)
-            found = Part(value, id_entry(base, self.name, value))
+            part = Part(value, id_entry(base, self.name, value))
             # 0.0 and -0.0 are equal keys, but different values.
             if len(self.known) < _MAX_CACHED and not _has_zero(key):
-                self.known[key] = found
-        return found
+                self.known[key] = part
+        return part
 
     def _value(self, base: CompiledScene, values: Values) -> object:
         if self.initial:

@@ -97,10 +97,10 @@ def other_effects(base: CompiledScene, run: ResolvedRun) -> dict[str, bool]:
     What is left out because it provably changes nothing is not part of a run's identity.
     """
     written = RunState(base.model, base.facts, straight=False)
-    names = run.effect_request.asked.keys() & run.changed - set(FLAGS) - run.settings.keys()
+    names = run.effect_request.requested.keys() & run.changed - set(FLAGS) - run.settings.keys()
     return {
-        name: run.effect_request.asked[name]
+        name: run.effect_request.requested[name]
         for name in sorted(names)
         if "condim" in run.changed
-        or EFFECTS[name].switch.is_on(written) != run.effect_request.asked[name]
+        or EFFECTS[name].switch.is_on(written) != run.effect_request.requested[name]
     }

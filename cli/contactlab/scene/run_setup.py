@@ -36,7 +36,7 @@ def make_setup(
     """
     bodies = _free_bodies(models)
     values = [run.values for run in runs]
-    asked = manifest.modes if manifest else None
+    modes = manifest.modes if manifest else None
     oracle = manifest.oracle if manifest else None
     return Setup(
         settings={name: [each[name] for each in values] for name in values[0]},
@@ -51,8 +51,8 @@ def make_setup(
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
-        first_mode=asked.first if asked else None,
-        last_mode=asked.last if asked else None,
+        first_mode=modes.first if modes else None,
+        last_mode=modes.last if modes else None,
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},

@@ -57,8 +57,8 @@ def collect_files(model: Path, beside: Path | None = None) -> SceneFiles:
     """
     model = _plain(model)
     try:
-        found = {model, *(_plain(path) for path in references(model))}
-        files = {path for path in found if path.is_file()} | ({_plain(beside)} if beside else set())
+        paths = {model, *(_plain(path) for path in references(model))}
+        files = {path for path in paths if path.is_file()} | ({_plain(beside)} if beside else set())
         root = _common_folder(files)
         names = sorted(path.relative_to(root) for path in files)
         return SceneFiles(root, model.relative_to(root), tuple(names), _digest(root, names))
@@ -115,13 +115,13 @@ def menagerie_model(reference: str) -> Path:
     """
     package = _package(reference)
     robot, _, entry = reference.removeprefix(_SCHEME).partition("/")
-    found = _robot(package, robot)
-    known = found.entry_names
+    known_robot = _robot(package, robot)
+    known = known_robot.entry_names
     if entry and entry not in known:
         hint = did_you_mean(entry, known) or f"; write one of {', '.join(known)}"
         raise SceneError(f"{robot} of MuJoCo Menagerie has no entry '{entry}'{hint}")
     try:
-        path = Path(found.xml(entry or None))
+        path = Path(known_robot.xml(entry or None))
     except (package.MenagerieError, OSError) as error:
         raise SceneError(
             f"cannot get {robot}: {error}\n"

@@ -90,16 +90,16 @@ def read_control(
     """
     if manifest is None:
         return ()
-    found = [_profile(model, manifest, name) for name in manifest.control]
+    profiles = [_profile(model, manifest, name) for name in manifest.control]
     taken: dict[int, str] = _set_at_start(model, manifest)
-    for profile in found:
+    for profile in profiles:
         for place in profile.inputs:
             if place in taken:
                 raise SceneError(
                     f"control {profile.name}: {taken[place]} sets the same input; keep one of them"
                 )
             taken[place] = f"control {profile.name}"
-    return tuple(found)
+    return tuple(profiles)
 
 
 def control_knots(
@@ -136,10 +136,10 @@ def _profile(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> Contr
 
 def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
     offsets = {"ctrl": 0, "xfrc_applied": model.nu}
-    found = match_coordinates(model, pattern)
-    if any(each.field not in offsets for each in found):
+    coordinates = match_coordinates(model, pattern)
+    if any(each.field not in offsets for each in coordinates):
         raise SceneError(f"control '{pattern}' is part of the state, not an input; write {_INPUTS}")
-    return tuple(offsets[each.field] + each.index for each in found)
+    return tuple(offsets[each.field] + each.index for each in coordinates)
 
 
 def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:

@@ -70,12 +70,12 @@ class EffectRequest:
     """The effects that a run requests.
 
     Attributes:
-        asked: effects that the sweep or the scene switches by name.
+        requested: effects that the sweep or the scene switches by name.
         changed: settings that the sweep sets; no effect is left out that would overwrite them.
         auto: whether to leave out what provably changes nothing.
     """
 
-    asked: Mapping[str, bool]
+    requested: Mapping[str, bool]
     changed: frozenset[str]
     auto: bool
 

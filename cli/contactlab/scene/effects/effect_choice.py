@@ -33,10 +33,10 @@ def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
 
 def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:
     on = effect.switch.is_on(run)
-    if effect.name in request.asked:
+    if effect.name in request.requested:
         # A tendon that is left out may still be in the model, idle.
-        asked = request.asked[effect.name] or effect.name not in _COMPILED
-        return EffectState(on and asked, "as asked")
+        requested = request.requested[effect.name] or effect.name not in _COMPILED
+        return EffectState(on and requested, "as asked")
     if not on:
         return EffectState(on=False, reason=NOT_IN_MODEL)
     if not request.auto:
@@ -54,16 +54,16 @@ def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]
         facts: of the whole model.
         request: the effects that the run requests.
     """
-    asked, default = request.asked, not request.auto
+    requested, default = request.requested, not request.auto
     out: set[str] = set()
-    if facts.sensors and not asked.get("sensor", default):
+    if facts.sensors and not requested.get("sensor", default):
         out.add("sensor")
     read = facts.sensors and "sensor" not in out
     named = any(name.startswith("tendon_") for name in request.changed)
     spare = facts.tendons and facts.idle_tendons and not read and not named
-    if spare and not asked.get("tendon", default):
+    if spare and not requested.get("tendon", default):
         out.add("tendon")
-    if not asked.get("energy", True):
+    if not requested.get("energy", True):
         out.add("energy")
     return frozenset(out)
 

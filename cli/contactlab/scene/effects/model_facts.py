@@ -66,9 +66,9 @@ def _touching(model: mujoco.MjModel) -> np.ndarray | None:
     weld = np.asarray(model.body_weldid)[model.geom_bodyid]
     bits = (kind[:, None] & affinity[None, :]) | (kind[None, :] & affinity[:, None])
     possible = (bits != 0) & (weld[:, None] != weld[None, :])
-    found = np.argwhere(np.triu(possible, 1))
+    filtered = np.argwhere(np.triu(possible, 1))
     listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
-    return np.concatenate([found, listed]).astype(np.intp)
+    return np.concatenate([filtered, listed]).astype(np.intp)
 
 
 def _kinds(model: mujoco.MjModel, touch: np.ndarray | None) -> frozenset[tuple[int, int]] | None:

@@ -50,7 +50,7 @@ def zero(reason: str, *fields: str) -> Proof:
 
 def no_damping(run: RunState) -> str | None:
     """No joint, tendon or flex is damped, and no other passive force needs the computation."""
-    found = zero(
+    reason = zero(
         "no joint or tendon is damped",
         "dof_damping",
         "dof_dampingpoly",
@@ -59,12 +59,12 @@ def no_damping(run: RunState) -> str | None:
         "flex_damping",
         "flex_edgedamping",
     )(run)
-    return None if _has_other_forces(run.model) else found
+    return None if _has_other_forces(run.model) else reason
 
 
 def no_spring(run: RunState) -> str | None:
     """No joint, tendon or flex is a spring, and no other passive force needs the computation."""
-    found = zero(
+    reason = zero(
         "no joint or tendon is a spring",
         "jnt_stiffness",
         "jnt_stiffnesspoly",
@@ -73,7 +73,7 @@ def no_spring(run: RunState) -> str | None:
         "flex_stiffness",
         "flex_edgestiffness",
     )(run)
-    return None if run.model.nflex or _has_other_forces(run.model) else found
+    return None if run.model.nflex or _has_other_forces(run.model) else reason
 
 
 def _has_other_forces(model: mujoco.MjModel) -> bool:
@@ -100,8 +100,8 @@ def no_air(run: RunState) -> str | None:
 
 def no_friction(run: RunState) -> str | None:
     """No contact has friction, and no joint or tendon has friction loss."""
-    if found := no_contact(run):
-        return found
+    if reason := no_contact(run):
+        return reason
     return None if has_friction(run.model) else "no contact has friction"
 
 
@@ -134,8 +134,8 @@ def straight_drop(run: RunState) -> str | None:
     separately; of pyramids, only those with a coefficient of 1 in three dimensions add up to the
     same normal force.
     """
-    if found := no_contact(run):
-        return found
+    if reason := no_contact(run):
+        return reason
     gravity = np.asarray(run.model.opt.gravity)
     if not run.straight or not run.facts.level or gravity[:2].any() or no_air(run) is None:
         return None
@@ -146,8 +146,8 @@ def straight_drop(run: RunState) -> str | None:
 
 def no_turning(run: RunState) -> str | None:
     """Bodies that touch cannot turn, and an elliptic cone treats every direction separately."""
-    if found := no_contact(run):
-        return found
+    if reason := no_contact(run):
+        return reason
     if not run.facts.turning and _is_elliptic(run.model):
         return "no body that can touch another can turn"
     return straight_drop(run)
@@ -164,8 +164,8 @@ def _is_unit_pyramid(model: mujoco.MjModel) -> bool:
 
 def no_general_collision(run: RunState) -> str | None:
     """Every pair of shapes has its own collision function; speculative contacts do not."""
-    if found := no_contact(run):
-        return found
+    if reason := no_contact(run):
+        return reason
     if run.model.opt.enableflags & _SPECULATIVE:
         return None
     if run.facts.kinds is None or not run.facts.kinds <= _DIRECT:

@@ -1,4 +1,4 @@
-"""The graded pairs of a bare model: every pair of geoms that MuJoCo ever puts in contact."""
+"""The monitored pairs of a bare model: every pair of geoms that MuJoCo ever puts in contact."""
 
 from collections.abc import Callable
 
@@ -19,7 +19,7 @@ SHAPES = {
     "ellipsoid": "size='.1 .08 .06'",
 }
 POSES = 12
-# With more, not all of their pairs are graded.
+# With more, not all of their pairs are monitored.
 MOST_GEOMS = 11
 Make = Callable[..., Scene]
 
@@ -106,12 +106,12 @@ def test_no_contact_is_ungraded_in_many_models(text: str, seed: int) -> None:
 
 def assert_graded(text: str, seed: int) -> None:
     model = compiled(text)
-    graded = {
+    monitored = {
         frozenset((each.geoms[0][0], each.geoms[1][0])): each for each in detected_pairs(model)
     }
     for both, count in touching(model, seed).items():
-        assert both in graded
-        assert count <= graded[both].slots
+        assert both in monitored
+        assert count <= monitored[both].slots
 
 
 @pytest.mark.skipif(
