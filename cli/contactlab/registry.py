@@ -1,11 +1,13 @@
 """Tables that this package fills, and that plug-ins may add to."""
 
-from collections.abc import Iterator, Mapping
-from typing import Generic, Protocol, TypeVar
+from collections.abc import Generator, Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
 from contactlab.errors import PluginError
 
 
+@runtime_checkable
 class Named(Protocol):
     """What a registry holds."""
 
@@ -28,6 +30,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def __init__(self, kind: str) -> None:
         self.kind = kind
         self._entries: dict[str, Entry] = {}
+        REGISTRIES.setdefault(kind, self)
 
     def add(self, entry: Entry) -> Entry:
         """Add an entry and return it; adding the same object twice changes nothing.
@@ -47,3 +50,23 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def __len__(self) -> int:
         return len(self._entries)
+
+    def restore(self, entries: Mapping[str, Entry]) -> None:
+        """Have these entries and no others."""
+        self._entries = dict(entries)
+
+
+REGISTRIES: dict[str, Registry[Any]] = {}
+"""The registries of this process, by the kind of their entries; of a kind, the first one."""
+
+
+@contextmanager
+def transaction() -> Generator[None]:
+    """Take back what is added to any registry if an exception leaves the context."""
+    before = [(registry, dict(registry)) for registry in REGISTRIES.values()]
+    try:
+        yield
+    except BaseException:
+        for registry, entries in before:
+            registry.restore(entries)
+        raise

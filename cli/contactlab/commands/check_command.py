@@ -42,11 +42,13 @@ def check(
     ] = None,
     kind: Annotated[Task, typer.Option(help="Task that the timestep has to suit.")] = Task.auto,
     workers: opt.WorkersOption = None,
+    plugin: opt.PluginOption = None,
     output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
     from contactlab.studies.check import CheckRequest, run
 
+    opt.load_plugins(plugin)
     request = CheckRequest(
         model=model,
         assign=[*(assign or ()), *([f"keyframe={keyframe}"] if keyframe else [])],

@@ -27,12 +27,14 @@ def effects(
     ] = 6,
     figure: opt.FigureOption = None,
     workers: opt.WorkersOption = None,
+    plugin: opt.PluginOption = None,
     output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.studies.effects import EffectsRequest, run
     from contactlab.tradeoff import check_figure
 
+    opt.load_plugins(plugin)
     if figure is not None:
         check_figure(figure)
     request = EffectsRequest(source, assign or (), seeds)

@@ -4,7 +4,7 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption
+from contactlab.commands.options import Format, FormatOption, PluginOption, load_plugins
 from contactlab.commands.terminal import print_rows
 
 
@@ -62,10 +62,11 @@ def sweeps(output: FormatOption = Format.text) -> None:
     print_rows(keys, rows, as_json=output is Format.json)
 
 
-def metrics(output: FormatOption = Format.text) -> None:
+def metrics(plugin: PluginOption = None, output: FormatOption = Format.text) -> None:
     """List every metric: unit, direction, version and definition."""
     from contactlab.measure import METRICS
 
+    load_plugins(plugin)
     keys = ("metric", "unit", "better", "version", "definition")
     rows = [
         (each.name, each.unit, each.better, each.version, each.definition)
@@ -74,10 +75,11 @@ def metrics(output: FormatOption = Format.text) -> None:
     print_rows(keys, rows, as_json=output is Format.json)
 
 
-def labels(output: FormatOption = Format.text) -> None:
+def labels(plugin: PluginOption = None, output: FormatOption = Format.text) -> None:
     """List every label, worst first: its meaning and the thresholds that it depends on."""
     from contactlab.measure import LABELS
 
+    load_plugins(plugin)
     rows = [
         (each.name, each.meaning, ", ".join(limit.name for limit in each.thresholds))
         for each in LABELS.values()
@@ -85,10 +87,11 @@ def labels(output: FormatOption = Format.text) -> None:
     print_rows(("label", "meaning", "thresholds"), rows, as_json=output is Format.json)
 
 
-def thresholds(output: FormatOption = Format.text) -> None:
+def thresholds(plugin: PluginOption = None, output: FormatOption = Format.text) -> None:
     """List every threshold that a scene or a sweep may set: its default, unit and source."""
     from contactlab.measure import THRESHOLDS
 
+    load_plugins(plugin)
     rows = [(each.name, each.default, each.unit, each.source) for each in THRESHOLDS.values()]
     keys = ("threshold", "default", "unit", "source")
     print_rows(keys, rows, as_json=output is Format.json)

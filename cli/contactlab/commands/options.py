@@ -15,6 +15,7 @@ from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
+    from contactlab.schema import PluginInfo
     from contactlab.store import Address
     from contactlab.tradeoff import Criteria
 else:
@@ -103,6 +104,14 @@ MujocoOption = Annotated[
         help="Run with another MuJoCo: a version, or the path of a Python that has one.",
     ),
 ]
+PluginOption = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--plugin",
+        metavar="FILE",
+        help="Python file that adds metrics, labels, oracles or engines; may be repeated.",
+    ),
+]
 ErrorOption = Annotated[
     str | None,
     typer.Option(
@@ -129,6 +138,24 @@ def worker_count(workers: int | None) -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+def load_plugins(files: Sequence[Path] | None) -> None:
+    """Load installed plug-ins and those of `--plugin`.
+
+    Raises:
+        PluginError: one cannot be loaded.
+    """
+    from contactlab import plugins
+
+    plugins.load_plugins(files or ())
+
+
+def mention_plugins(store: "Address", plugins: "Sequence[PluginInfo]") -> None:
+    """Say which plug-ins a store was made with, where the store is only read."""
+    if plugins:
+        names = "; ".join(map(str, plugins))
+        say(f"{store} was made with plug-ins, not loaded here: {names}; their values are as stored")
 
 
 def rerun_with_mujoco(version: str | None, store: Path | None) -> None:

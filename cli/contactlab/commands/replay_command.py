@@ -21,6 +21,7 @@ def replay(
     view: Annotated[
         bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
     ] = False,
+    plugin: opt.PluginOption = None,
     output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Simulate a stored run again and check that every state is bitwise equal."""
@@ -28,6 +29,7 @@ def replay(
     from contactlab.run import replay as run_again
     from contactlab.store import Store
 
+    opt.load_plugins(plugin)
     opened = Store.open(store)
     if view:
         from contactlab.view import open_viewer

@@ -25,6 +25,7 @@ def stability(
     folder: opt.StudyFolderOption = None,
     workers: opt.WorkersOption = None,
     mujoco: opt.MujocoOption = None,
+    plugin: opt.PluginOption = None,
     output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
@@ -32,6 +33,7 @@ def stability(
 
     target = folder or opt.RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
+    opt.load_plugins(plugin)
     with study_session(target, workers, _THEN) as session:
         report = run(StabilityRequest(names or ()), session)
     cases = report.cases

@@ -52,6 +52,7 @@ def sweep(
         typer.Option(metavar="HOST:PORT|auto", help="Ray cluster to join; by default starts one."),
     ] = None,
     mujoco: opt.MujocoOption = None,
+    plugin: opt.PluginOption = None,
     plan: Annotated[
         bool, typer.Option("--plan", help="Print runs, time and disk space; run nothing.")
     ] = False,
@@ -72,6 +73,7 @@ def sweep(
     path = resources.find_sweep(name)
     target = store or opt.RESULTS / path.stem
     opt.rerun_with_mujoco(mujoco, None if store else opt.RESULTS / path.stem)
+    opt.load_plugins(plugin)
     request = read_request(
         path,
         path.stem,

@@ -45,11 +45,13 @@ def tradeoff(
     ] = None,
     store: opt.SweepStoreOption = None,
     workers: opt.WorkersOption = None,
+    plugin: opt.PluginOption = None,
     output: opt.FormatOption = opt.Format.text,
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
     from contactlab.tradeoff import draw
 
+    opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
     report = _analyse_store(name, store, criteria) or _run(name, store, workers, criteria)

@@ -2,7 +2,7 @@
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, StoreArgument
+from contactlab.commands.options import Format, FormatOption, StoreArgument, mention_plugins
 from contactlab.commands.terminal import print_json
 from contactlab.errors import StoreError
 
@@ -17,6 +17,7 @@ def verify(
 
     problems = find_problems(store)
     manifest = Store.open(store).manifest
+    mention_plugins(store, manifest.sweep.plugins)
     if output is Format.json:
         print_json({"sound": not problems, "problems": problems, "runs": manifest.runs})
     elif not problems:

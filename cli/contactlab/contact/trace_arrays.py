@@ -217,6 +217,9 @@ class PairSeries:
     mode: NDArray[np.int8]
 
 
+_BY_RUN = ("residual", "jacobian", "overlap", "apart", "repeats")
+
+
 @dataclass(frozen=True)
 class SelfChecks:
     """Self-checks of n runs, of N steps; those that do not apply to a run are NaN.
@@ -245,6 +248,12 @@ class SelfChecks:
     def runs(self) -> int:
         """Number of runs that were checked."""
         return len(self.repeats)
+
+    def pick(self, run: int) -> "SelfChecks":
+        """Return the checks of one of the runs."""
+        row = slice(run, run + 1)
+        arrays = {name: getattr(self, name)[row] for name in _BY_RUN}
+        return replace(self, **arrays)
 
 
 class Invariants(NamedTuple):

@@ -55,6 +55,11 @@ class Context:
         """Return (n,) NaN: the metric does not apply."""
         return np.full(self.trace.runs, np.nan)
 
+    def pick(self, run: int) -> "Context":
+        """Return the context of one of the runs."""
+        checks = None if self.checks is None else self.checks.pick(run)
+        return context_of(self.trace.pick([run]), self.setup.pick([run]), checks)
+
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""

@@ -217,6 +217,12 @@ class _WorstFirst(Registry[Label]):
     def __iter__(self) -> Iterator[str]:
         return iter(sorted(super().__iter__(), key=lambda name: -self[name].severity))
 
+    def add(self, entry: Label) -> Label:
+        """Add a label and its thresholds."""
+        for threshold in entry.thresholds:
+            THRESHOLDS.add(threshold)
+        return super().add(entry)
+
 
 METRICS: Registry[Metric] = Registry("metric")
 """Every metric, in the order of the table's columns."""
@@ -297,8 +303,6 @@ def label(
 
 def add_label(entry: Label) -> Label:
     """Register a label with its thresholds."""
-    for threshold in entry.thresholds:
-        THRESHOLDS.add(threshold)
     return LABELS.add(entry)
 
 

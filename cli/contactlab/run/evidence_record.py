@@ -5,7 +5,7 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
@@ -17,6 +17,7 @@ import numpy as np
 
 from contactlab.engines import engine_of
 from contactlab.measure import METRICS, Assessment
+from contactlab.plugins import Plugin
 from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.scene import EffectState, InitialStates, PreparedModel, ResolvedRun
@@ -27,6 +28,7 @@ from contactlab.schema import (
     Host,
     InitialState,
     LabelEntry,
+    PluginInfo,
     Provenance,
 )
 
@@ -39,6 +41,11 @@ def metric_units() -> dict[str, str]:
 def metric_versions() -> dict[str, int]:
     """Return the version of every metric's definition, of plug-ins too."""
     return {name: metric.version for name, metric in METRICS.items()}
+
+
+def plugin_infos(plugins: Iterable[Plugin]) -> tuple[PluginInfo, ...]:
+    """Return what records state of plug-ins."""
+    return tuple(PluginInfo(name=p.name, version=p.version, sha256=p.sha256) for p in plugins)
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,7 @@ class RecordMaker:
     def __init__(self, task: Task, scene_hash: str) -> None:
         self._task = task
         self._scene_hash = scene_hash
+        self._plugins = plugin_infos(task.plugins)
 
     def now(self) -> str:
         """Return the time (UTC) as it is written in records."""
@@ -171,6 +179,7 @@ class RecordMaker:
             expectation_reason=verdict.reason,
             tolerances_met=within_tolerances(sweep.tolerances, metrics),
             provenance=self._task.provenance,
+            plugins=self._plugins,
             **rest,
         )
 

@@ -18,7 +18,7 @@ from tempfile import gettempdir, mkdtemp
 from contactlab.run.tasks import Result, Stop, Task
 from contactlab.run.worker_pool import PersistentWorker
 
-_SCENE = "scene"
+_SCENE, _PLUGINS = "scene", "plugins"
 # By the token of its sweep; one at most.
 _workers: dict[str, PersistentWorker] = {}
 
@@ -26,25 +26,29 @@ _workers: dict[str, PersistentWorker] = {}
 def pack_bundle(task: Task) -> bytes:
     """Return a task as it is sent to nodes.
 
-    A store that is no folder has no copy of the scene that nodes could read, so the scene's files
-    are in the bundle.
+    Plug-in files are in the bundle. So are the scene's files if the store is no folder, and has no
+    copy of the scene that nodes could read.
     """
-    folder = task.scene_folder
-    files = {} if isinstance(task.store, Path) else _read(folder)
+    scene = {} if isinstance(task.store, Path) else _read(task.scene_folder)
+    files = {f"{_SCENE}/{name}": data for name, data in scene.items()}
+    files |= {f"{_PLUGINS}/{p.file.name}": p.file.read_bytes() for p in task.plugins if p.file}
     return pickle.dumps((task, files))
 
 
 def unpack_bundle(bundle: bytes, folder: Path) -> Task:
     """Return the task of a bundle, after writing the bundle's files into a folder."""
     task, files = pickle.loads(bundle)  # noqa: S301 - our own
-    if not files:
-        return task
-    scene = folder / _SCENE
-    shutil.rmtree(scene, ignore_errors=True)
+    for part in (_SCENE, _PLUGINS):
+        shutil.rmtree(folder / part, ignore_errors=True)
     for name, data in files.items():
-        (scene / name).parent.mkdir(parents=True, exist_ok=True)
-        (scene / name).write_bytes(data)
-    return replace(task, scene_folder=scene)
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(data)
+    plugins = tuple(
+        replace(each, file=folder / _PLUGINS / each.file.name) if each.file else each
+        for each in task.plugins
+    )
+    scene = task.scene_folder if isinstance(task.store, Path) else folder / _SCENE
+    return replace(task, scene_folder=scene, plugins=plugins)
 
 
 def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result | Exception:

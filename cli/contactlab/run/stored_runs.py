@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, find_engine, trajectory_hash
-from contactlab.errors import StoreError
+from contactlab.errors import ContactlabError, PluginError, StoreError
+from contactlab.plugins import loaded_plugins
 from contactlab.scene import (
     CompiledScene,
     InitialStates,
@@ -84,8 +85,26 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
     Raises:
         StoreError: there is no such run, or its settings do not give its id.
         EngineError: the engine that computed it is not here.
+        PluginError: it cannot be prepared, and a plug-in that it was run with is not loaded.
     """
     record = store.record(run)
+    missing = [str(each) for each in record.plugins if each.name not in _loaded_names()]
+    try:
+        return record, *_prepared(store, record)
+    except ContactlabError as error:
+        if not missing:
+            raise
+        raise PluginError(
+            f"run {record.run_id} was run with plug-in {', '.join(missing)}, not loaded here; "
+            f"install it or name its file with --plugin: {error}"
+        ) from error
+
+
+def _loaded_names() -> set[str]:
+    return {each.name for each in loaded_plugins()}
+
+
+def _prepared(store: Store, record: EvidenceRecord) -> tuple[Scene, ResolvedRun]:
     find_engine(record.engine.name)
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
@@ -97,7 +116,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
             f"run {record.run_id}: the stored scene and settings give another id, "
             f"{scene.run_id(resolved)}; the store or this version's defaults changed"
         )
-    return record, scene, resolved
+    return scene, resolved
 
 
 def replay(store: Store, run: str) -> ReplayResult:

@@ -6,11 +6,13 @@ from typing import Any
 from contactlab.engines import engine_of
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, Metric
+from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import (
     as_written,
     engine,
     metric_units,
     metric_versions,
+    plugin_infos,
     provenance,
 )
 from contactlab.run.passes import SweepSession, run_passes
@@ -32,6 +34,7 @@ from contactlab.run.worker_pool import LocalPool
 from contactlab.scene import EFFECTS, Scene
 from contactlab.schema import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
 from contactlab.store import (
+    PLUGINS_COLUMN,
     Column,
     StoreWriter,
     absolute_address,
@@ -114,6 +117,7 @@ def _task(request: SweepRequest, store: StoreWriter, runs: int) -> Task:
         scene_model=request.scene.source.content.model.as_posix(),
         engine=engine(),
         provenance=provenance(),
+        plugins=loaded_plugins(),
     )
 
 
@@ -132,6 +136,7 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         runs_asked=len(index),
         lacking=_null_fields(index, driven=bool(manifest and manifest.control)),
         plan_hash=index.hash,
+        plugins=plugin_infos(loaded_plugins()),
     )
 
 
@@ -165,7 +170,8 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
     axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
     metrics = [_metric_column(metric) for metric in METRICS.values()]
     effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
-    return [*axes, *metrics, struct_column("settings", settings), effects]
+    plugins = [PLUGINS_COLUMN] if loaded_plugins() else []
+    return [*axes, *metrics, struct_column("settings", settings), effects, *plugins]
 
 
 def _metric_column(metric: Metric) -> Column:

@@ -14,6 +14,7 @@ from typing import Literal, Protocol
 from contactlab.accuracy import Note
 from contactlab.errors import StoppedError
 from contactlab.plan import Match
+from contactlab.plugins import Plugin
 from contactlab.schema import Engine, Expectation, Provenance, Sweep
 from contactlab.store import Address
 
@@ -77,6 +78,7 @@ class Task:
         scene_model: the model file, relative to it.
         engine: MuJoCo and its version.
         provenance: versions and machine that write the records.
+        plugins: what workers load before their first job.
         purpose: what is done with the runs: they are recorded, compared with a reference, or their
             work is counted; times are taken by the process of the sweep itself.
     """
@@ -91,6 +93,7 @@ class Task:
     scene_model: str
     engine: Engine
     provenance: Provenance
+    plugins: tuple[Plugin, ...] = ()
     purpose: Purpose = "record"
 
 

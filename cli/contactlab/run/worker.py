@@ -21,6 +21,7 @@ from contactlab.engines import (
     trajectory_hash,
 )
 from contactlab.measure import Assessment, assess
+from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
 from contactlab.run.run_preparation import AbandonedError, Preparer, Proceed, always
 from contactlab.run.run_verdicts import missing_effects
@@ -115,9 +116,14 @@ def _without_momentum(trace: Trace, setup: Setup) -> Trace:
 
 
 class Worker:
-    """Runs jobs of one sweep, keeping models and memory between them."""
+    """Runs jobs of one sweep, keeping models and memory between them.
+
+    Raises:
+        PluginError: a plug-in of the sweep is not here.
+    """
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
+        require_plugins(task.plugins)
         self._task = task
         self._proceed = proceed
         self._preparer = Preparer(task, marker, proceed)

@@ -11,6 +11,7 @@ import threading
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from contactlab.errors import ContactlabError
 from contactlab.run.tasks import Crashed, Job, Result, Task
 from contactlab.run.worker import Worker
 
@@ -37,8 +38,13 @@ def serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str
         Path("/proc/self/oom_score_adj").write_text("1000", encoding="utf-8")
     poll = select.poll()
     poll.register(pipe, select.POLLIN)
-    worker = Worker(task, marker, lambda: not poll.poll(0))
     with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        try:
+            worker = Worker(task, marker, lambda: not poll.poll(0))
+        except ContactlabError as error:
+            pipe.recv()
+            pipe.send(error)
+            return
         while (job := pipe.recv()) is not None:
             pipe.send(run_job(worker, job))
 

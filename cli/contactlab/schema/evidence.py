@@ -1,6 +1,6 @@
 """What a store holds: the record of each run, its accuracy and times, and the manifest."""
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -159,6 +159,28 @@ class Provenance(Model):
     host: Host
 
 
+class PluginInfo(Model):
+    """A plug-in that was loaded."""
+
+    name: str
+    version: str = Field(description="Empty if it states none.")
+    sha256: str = Field(description="Of the file, or of all files of the installed packages.")
+
+    def __str__(self) -> str:
+        """Return name, version and the start of the hash."""
+        return f"{self.name} {self.version or '(no version)'}, sha256 {self.sha256[:12]}"
+
+
+def _is_empty(plugins: tuple[PluginInfo, ...]) -> bool:
+    return not plugins
+
+
+PluginInfos = Annotated[
+    tuple[PluginInfo, ...],
+    Field(exclude_if=_is_empty, description="Plug-ins that were loaded; left out without any."),
+]
+
+
 class EvidenceRecord(Model):
     """Everything known about one run, except its trace. Units are SI; `units` names them."""
 
@@ -205,6 +227,7 @@ class EvidenceRecord(Model):
         default=None, description="Whether a start 1e-6 away gives another label; null if unasked."
     )
     provenance: Provenance
+    plugins: PluginInfos = ()
     cost: Cost | None = None
     accuracy: Accuracy | None = Field(default=None, description="Null if the sweep asks for none.")
     timing: Timing | None = Field(default=None, description="Null if the sweep asks for none.")
@@ -235,6 +258,7 @@ class SweepIdentity(Model):
         description="What this version of the engine cannot give, and so is null, with the reason.",
     )
     plan_hash: str = Field(description="Hash of every run id in plan order.")
+    plugins: PluginInfos = ()
 
 
 class StoreManifest(Model):

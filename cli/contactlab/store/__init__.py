@@ -15,6 +15,7 @@ from contactlab.store.store_address import (
 )
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
+    PLUGINS_COLUMN,
     RESERVED_COLUMNS,
     SHARED_FIELDS,
     Column,
@@ -28,6 +29,7 @@ from contactlab.store.table_layout import (
 from contactlab.store.verify_store import verify
 
 __all__ = [
+    "PLUGINS_COLUMN",
     "RESERVED_COLUMNS",
     "SCENES",
     "SCHEMES",

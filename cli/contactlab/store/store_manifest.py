@@ -43,12 +43,22 @@ def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIden
         StoreError: it belongs to another sweep, or to other versions of engine or metrics.
     """
     ours, theirs = requested.model_dump(), stored.model_dump()
-    differing = [name for name in ours if ours[name] != theirs[name] and name != "source"]
+    names = [*ours, *(name for name in theirs if name not in ours)]
+    differing = [each for each in names if ours.get(each) != theirs.get(each) and each != "source"]
     if differing:
         raise StoreError(
-            f"{store} holds another sweep (other {', '.join(differing)}); "
+            f"{store} holds another sweep (other {', '.join(differing)}"
+            f"{_other_plugins(stored, requested)}); "
             "write elsewhere with -o, or replace it with --fresh"
         )
+
+
+def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:
+    """Return which plug-ins differ, in words; nothing if none do."""
+    if stored.plugins == requested.plugins:
+        return ""
+    old, new = (", ".join(map(str, each.plugins)) or "none" for each in (stored, requested))
+    return f": it was begun with {old}; loaded now: {new}"
 
 
 def _parse(data: bytes, kind: type[_Document], path: Address) -> _Document:

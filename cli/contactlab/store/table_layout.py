@@ -116,7 +116,9 @@ FIXED_COLUMNS = (
     Column("provenance", _TEXT, "", "tool, host and versions, as JSON"),
     Column("axis_names", pa.list_(_TEXT), "", "names of the run's axis columns"),
 )
-RESERVED_COLUMNS = frozenset(column.name for column in FIXED_COLUMNS)
+PLUGINS_COLUMN = Column("plugins", _TEXT, "", "plug-ins that were loaded, as JSON")
+"""Only in tables of sweeps with plug-ins."""
+RESERVED_COLUMNS = frozenset(column.name for column in (*FIXED_COLUMNS, PLUGINS_COLUMN))
 
 
 def table_schema(own: Sequence[Column]) -> pa.Schema:
@@ -241,6 +243,8 @@ def record_to_row(record: EvidenceRecord) -> Row:
     row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
     row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
     row["axis_names"] = tuple(record.axes)
+    if record.plugins:
+        row["plugins"] = _encoded(record.plugins)
     return row | record.axes | record.metrics
 
 
@@ -269,6 +273,8 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     if row["trace_file"] is not None:
         data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
         data["trace"]["messages"] = json.loads(row["trace_messages"])
+    if PLUGINS_COLUMN.name in row:
+        data["plugins"] = json.loads(row["plugins"])
     data["axes"] = {name: row[name] for name in row["axis_names"]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)

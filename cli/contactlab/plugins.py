@@ -1,0 +1,207 @@
+"""Plug-ins: installed packages and single files that add metrics, labels, oracles and engines.
+
+A plug-in adds entries to registries when it is imported, most simply by the decorators of
+`contactlab.measure` and by `ENGINES.add` of `contactlab.engines`. An installed package names its
+modules, or single entries, in the entry-point groups of `GROUPS`.
+
+Plug-ins are loaded because the user installs them or names a file, never because a store or a
+scene names one.
+"""
+
+import hashlib
+import sys
+import traceback
+from collections.abc import Generator, Iterable, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import Distribution, EntryPoint, distributions
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+
+from contactlab.errors import PluginError
+from contactlab.registry import REGISTRIES, Named, transaction
+
+GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "engine")}
+"""Entry-point groups, with the kind of entry that each adds."""
+
+
+@dataclass(frozen=True)
+class Plugin:
+    """A plug-in that is loaded in this process.
+
+    Attributes:
+        name: the distribution's name, or that of the file without its suffix.
+        version: the distribution's version, or the file's `__version__`; empty if it has none.
+        sha256: of the file, or of all files of the packages that the entry points name.
+        file: the file; None for an installed package.
+    """
+
+    name: str
+    version: str
+    sha256: str
+    file: Path | None = None
+
+    def __str__(self) -> str:
+        """Return name, version and the start of the hash."""
+        return f"{self.name} {self.version or '(no version)'}, sha256 {self.sha256[:12]}"
+
+
+_loaded: dict[str, Plugin] = {}
+
+
+def loaded_plugins() -> tuple[Plugin, ...]:
+    """Return the plug-ins that are loaded in this process, in the order of loading."""
+    return tuple(_loaded.values())
+
+
+def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
+    """Load installed plug-ins, then files; what is loaded already is not loaded again.
+
+    Args:
+        files: Python files.
+
+    Returns:
+        All plug-ins that are loaded now.
+
+    Raises:
+        PluginError: one cannot be loaded; nothing of it is left.
+    """
+    for distribution in sorted(_distributions(), key=lambda each: each.name):
+        _load(_describe(distribution), distribution)
+    for file in files:
+        _load_file(file)
+    return loaded_plugins()
+
+
+def require_plugins(plugins: Iterable[Plugin]) -> None:
+    """Load the plug-ins of another process in this one.
+
+    Raises:
+        PluginError: one is not here, or is not the same.
+    """
+    for plugin in plugins:
+        here = _load_file(plugin.file) if plugin.file else _load_installed(plugin.name)
+        if here.sha256 != plugin.sha256:
+            raise PluginError(f"this sweep began with plug-in {plugin}, but here is {here}")
+
+
+def _load_installed(name: str) -> Plugin:
+    for distribution in _distributions():
+        if distribution.name == name:
+            return _load(_describe(distribution), distribution)
+    raise PluginError(f"plug-in {name} is not installed here; install it on every node")
+
+
+def _distributions() -> list[Distribution]:
+    return [each for each in distributions() if _entry_points(each)]
+
+
+def _entry_points(distribution: Distribution) -> list[EntryPoint]:
+    points = distribution.entry_points
+    return sorted(each for each in points if each.group in GROUPS)
+
+
+def _describe(distribution: Distribution) -> Plugin:
+    names = {entry.module.partition(".")[0] for entry in _entry_points(distribution)}
+    digest = hashlib.sha256()
+    for name in sorted(names):
+        for label, path in _files(name):
+            data = path.read_bytes()
+            digest.update(f"{label}\0{len(data)}\0".encode() + data)
+    return Plugin(distribution.name, distribution.version, digest.hexdigest())
+
+
+def _files(package: str) -> list[tuple[str, Path]]:
+    """Return the files of a top-level package or module, by name; nothing if it is missing."""
+    spec = find_spec(package)
+    if spec is None:
+        return []
+    if not spec.submodule_search_locations:
+        return [(package, Path(spec.origin))] if spec.origin else []
+    return sorted(
+        (path.relative_to(folder).as_posix(), path)
+        for folder in spec.submodule_search_locations
+        for path in Path(folder).rglob("*")
+        if path.is_file() and path.suffix != ".pyc"
+    )
+
+
+def _load(plugin: Plugin, distribution: Distribution) -> Plugin:
+    if plugin.name in _loaded:
+        return _unchanged(plugin)
+    with _adding(plugin.name):
+        for entry in _entry_points(distribution):
+            _add(GROUPS[entry.group], entry.load())
+    _loaded[plugin.name] = plugin
+    return plugin
+
+
+def _add(kind: str, entry: object) -> None:
+    """Add an entry that was not registered when its module was imported."""
+    registry = REGISTRIES[kind]
+    if isinstance(entry, type):
+        if not any(type(each) is entry for each in registry.values()):
+            registry.add(entry())
+    elif isinstance(entry, Named) and not isinstance(entry, ModuleType):
+        registry.add(entry)
+
+
+def _load_file(file: Path) -> Plugin:
+    path = file.expanduser().absolute()
+    try:
+        source = path.read_bytes()
+    except OSError as error:
+        raise PluginError(f"cannot read plug-in {file}: {error.strerror}") from error
+    sha256 = hashlib.sha256(source).hexdigest()
+    if path.stem in _loaded:
+        return _unchanged(Plugin(path.stem, _loaded[path.stem].version, sha256, path))
+    module = ModuleType(f"contactlab_plugin_{path.stem}")
+    module.__file__ = str(path)
+    with _adding(str(file)):
+        before = _entries()
+        # What runs is what was hashed. Classes of the module can be pickled once it is listed.
+        sys.modules[module.__name__] = module
+        exec(compile(source, path, "exec"), module.__dict__)  # noqa: S102 - the user names it
+        if _entries() == before:
+            raise PluginError("it adds no metric, label, oracle or engine")
+    version = str(getattr(module, "__version__", ""))
+    return _loaded.setdefault(path.stem, Plugin(path.stem, version, sha256, path))
+
+
+def _unchanged(plugin: Plugin) -> Plugin:
+    known = _loaded[plugin.name]
+    if known.sha256 != plugin.sha256:
+        raise PluginError(
+            f"another plug-in named {plugin.name} is loaded already, or it changed since; "
+            "rename one, or start Python again"
+        )
+    return known
+
+
+@contextmanager
+def _adding(name: str) -> Generator[None]:
+    """Turn what goes wrong into a PluginError, and leave nothing of a plug-in that fails."""
+    try:
+        with transaction():
+            yield
+    except PluginError as error:
+        raise PluginError(f"plug-in {name}: {error}") from error
+    except (Exception, SystemExit) as error:
+        raise PluginError(f"plug-in {name}: {_where(error)}{_what(error)}") from error
+
+
+def _entries() -> int:
+    return sum(len(REGISTRIES[kind]) for kind in GROUPS.values() if kind in REGISTRIES)
+
+
+def _where(error: BaseException) -> str:
+    """Return the line of the plug-in that raised an error; syntax errors say theirs."""
+    if isinstance(error, SyntaxError):
+        return ""
+    *_, last = traceback.extract_tb(error.__traceback__)
+    return f"line {last.lineno} of {Path(last.filename).name}: "
+
+
+def _what(error: BaseException) -> str:
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
