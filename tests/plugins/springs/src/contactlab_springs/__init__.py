@@ -1,0 +1,1 @@
+"""A plug-in: one metric with its label, one oracle, one engine."""
