@@ -23,7 +23,7 @@ axes:
 """
 RUNS = 18
 CULPRIT = 7
-LOST = "error: 1 of 18 runs crashed or ran out of time\n"
+LOST = "error: 1 of 18 runs crashed or timed out\n"
 # The innermost frame of what hung comes first.
 HUNG = r"over 1 s: Stack \(most recent call first\): / File \"\S+injected_faults.py\", line \d+ in "
 

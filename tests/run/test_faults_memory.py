@@ -47,7 +47,7 @@ def test_only_runs_that_do_not_fit_are_lost(
     (tmp_path / "small.yaml").write_text(SWEEP)
     sweep = ("sweep", "small.yaml", "-o", "store", "--workers", "2", "--format", "json")
     code, out, err = command.run(*sweep, first=inject({}, spare))
-    assert (code, err) == (4, "error: 4 of 16 runs crashed or ran out of time\n")
+    assert (code, err) == (4, "error: 4 of 16 runs crashed or timed out\n")
     assert json.loads(out)["statuses"] == {"ok": 12, "crashed": 4}
     table, _ = sweeper.outcome()
     for place in LARGE:
@@ -66,7 +66,7 @@ def test_workers_that_can_have_no_memory_end_the_sweep(
     (tmp_path / "small.yaml").write_text(SWEEP)
     sweep = ("sweep", "small.yaml", "-o", "store", "--workers", "1", "--format", "json")
     code, out, err = command.run(*sweep, "--limit", "3", first=inject({}, 0))
-    assert (code, err) == (4, "error: 3 of 3 runs crashed or ran out of time\n")
+    assert (code, err) == (4, "error: 3 of 3 runs crashed or timed out\n")
     assert json.loads(out)["statuses"] == {"crashed": 3}
     shown = json.loads(command.run("show", "store", "--format", "json")[1])
     assert shown

@@ -72,7 +72,7 @@ def test_only_the_culprit_is_labelled(
         *("sweep", "small.yaml", "-o", "store", "--workers", "1", "--format", "json"),
         first=tmp_path,
     )
-    assert (code, err) == (4, "error: 1 of 18 runs crashed or ran out of time\n")
+    assert (code, err) == (4, "error: 1 of 18 runs crashed or timed out\n")
     assert json.loads(out)["statuses"] == {"ok": 17, "crashed": 1}
     found, found_traces = sweeper.outcome()
     assert found["label"] == [*expected["label"][:7], "crashed", *expected["label"][8:]]
@@ -94,7 +94,7 @@ def test_a_slow_run_times_out(command: Any, stack: str, tmp_path: Path) -> None:
     code, out, err = command.run(
         *("sweep", "slow.yaml", "-o", "store", "--workers", "1", "--format", "json", *only)
     )
-    assert (code, err) == (4, "error: 1 of 1 runs crashed or ran out of time\n")
+    assert (code, err) == (4, "error: 1 of 1 runs crashed or timed out\n")
     summary = json.loads(out)
     assert summary["labels"] == summary["statuses"] == {"timeout": 1}
     (run_id,) = (json.loads(command.run("show", "store", "", "--format", "json")[1])["run_id"],)

@@ -196,7 +196,7 @@ def test_culprits_are_labelled_as_on_one_machine(
     code, out, err = command.run(
         "sweep", "small.yaml", "-o", "store", *nodes.options, "--format", "json"
     )
-    assert (code, err.splitlines()[-1]) == (4, "error: 2 of 18 runs crashed or ran out of time")
+    assert (code, err.splitlines()[-1]) == (4, "error: 2 of 18 runs crashed or timed out")
     assert json.loads(out)["statuses"] == {"ok": 16, "crashed": 1, "timeout": 1}
     here = ("-o", "here", "--workers", "2")
     assert command.run("sweep", "small.yaml", *here, first=nodes.folder)[0] == 4

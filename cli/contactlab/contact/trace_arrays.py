@@ -249,7 +249,7 @@ class SelfChecks:
         """Number of runs that were checked."""
         return len(self.repeats)
 
-    def pick(self, run: int) -> "SelfChecks":
+    def only(self, run: int) -> "SelfChecks":
         """Return the checks of one of the runs."""
         row = slice(run, run + 1)
         arrays = {name: getattr(self, name)[row] for name in _BY_RUN}

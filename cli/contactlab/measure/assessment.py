@@ -67,7 +67,7 @@ def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
     values = context.undefined()
     for run in range(context.trace.runs):
         alone: Failures = {}
-        values[run] = _values(metric, context.pick(run), alone)[0]
+        values[run] = _values(metric, context.only(run), alone)[0]
         if alone:
             failures.setdefault(run, []).extend(alone[0])
     return values
@@ -111,7 +111,7 @@ def _findings(label: Label, runs: MeasuredRuns, failures: Failures) -> Findings:
     for run in range(count):
         alone: Failures = {}
         metrics = {name: values[run : run + 1] for name, values in runs.metrics.items()}
-        single = _findings(label, MeasuredRuns(runs.context.pick(run), metrics), alone)
+        single = _findings(label, MeasuredRuns(runs.context.only(run), metrics), alone)
         if single:
             found[run] = single[0]
         if alone:

@@ -55,10 +55,10 @@ class Context:
         """Return (n,) NaN: the metric does not apply."""
         return np.full(self.trace.runs, np.nan)
 
-    def pick(self, run: int) -> "Context":
+    def only(self, run: int) -> "Context":
         """Return the context of one of the runs."""
-        checks = None if self.checks is None else self.checks.pick(run)
-        return context_of(self.trace.pick([run]), self.setup.pick([run]), checks)
+        checks = None if self.checks is None else self.checks.only(run)
+        return context_of(self.trace.select([run]), self.setup.select([run]), checks)
 
 
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
