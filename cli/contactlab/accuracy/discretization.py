@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.accuracy.reference import PlannedModel, Reference, ReferenceSolver
+from contactlab.accuracy.reference import PlannedModel, ReferenceSolution, ReferenceSolver
 from contactlab.accuracy.reference_numerics import with_reference_numerics
 from contactlab.accuracy.refsafe import is_clamped, solref_rules
 from contactlab.contact import Floats
@@ -129,7 +129,7 @@ def _spread(first: int, last: int, most: int) -> Floats:
     return np.unique(numbers.round())
 
 
-def _compare(reference: Reference, run: PlannedModel, times: _Times, watch: Watch) -> Note:
+def _compare(reference: ReferenceSolution, run: PlannedModel, times: _Times, watch: Watch) -> Note:
     """Compare a whole run with its reference, by trajectory and by invariants."""
     engine = reference.engine
     sampled = engine.integrate_to(run.prepared.model, run.start, times.ends, watch=watch)
@@ -143,7 +143,9 @@ def _compare(reference: Reference, run: PlannedModel, times: _Times, watch: Watc
     }
 
 
-def _compare_locally(reference: Reference, run: PlannedModel, times: _Times, watch: Watch) -> Note:
+def _compare_locally(
+    reference: ReferenceSolution, run: PlannedModel, times: _Times, watch: Watch
+) -> Note:
     """Compare a run's model with its reference, restarted from many of the reference's states."""
     engine = reference.engine
     whole = engine.integrate_to(run.prepared.model, run.start, times.ends[-1:], watch=watch)
@@ -166,7 +168,7 @@ def _error(error: Discrepancy, own: Discrepancy) -> dict[str, float]:
 
 
 def _is_chaotic(
-    reference: Reference, divergence: float | None, notes: Sequence[Note]
+    reference: ReferenceSolution, divergence: float | None, notes: Sequence[Note]
 ) -> bool | None:
     errors = [note["trajectory"] for note in notes if note]
     if divergence is None or not errors:

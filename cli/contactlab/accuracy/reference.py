@@ -58,7 +58,7 @@ class Solution:
 
 
 @dataclass(frozen=True)
-class Reference:
+class ReferenceSolution:
     """Two solutions of one model, at timesteps that differ by a factor of 2.
 
     Attributes:
@@ -153,7 +153,7 @@ class ReferenceSolver:
         assert isinstance(engine, SolvesReferences)
         self._engine = engine
 
-    def reference(self, times: Floats) -> Reference | None:
+    def reference(self, times: Floats) -> ReferenceSolution | None:
         """Return the family's reference, or None if no integrator completes it.
 
         Args:
@@ -164,7 +164,7 @@ class ReferenceSolver:
             fine = self._solve(integrator, self._timestep / 2, times, start)
             coarse = fine and self._solve(integrator, self._timestep, times, start)
             if fine and coarse:
-                return Reference(
+                return ReferenceSolution(
                     start=start,
                     integrator=integrator,
                     timestep=self._timestep / 2,
@@ -177,7 +177,7 @@ class ReferenceSolver:
                 )
         return None
 
-    def divergence(self, reference: Reference) -> float | None:
+    def divergence(self, reference: ReferenceSolution) -> float | None:
         """Return how far a start perturbed by 1e-8 gets from the coarse solution [m].
 
         It is solved at the timestep of the coarse solution, not at those of the runs: there any

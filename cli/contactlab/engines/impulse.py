@@ -50,13 +50,13 @@ _NEEDS = (
 
 
 @dataclass(frozen=True)
-class _Mass:
+class _PointMass:
     """The point mass of a model and the plane below it.
 
     Attributes:
         axes: (3, nv) velocity of the body for each unit joint velocity.
-        origin: (3,) place of the body where its coordinates are 0 [m].
-        weight: mass [kg].
+        origin: (3,) position of the sphere at zero coordinates [m].
+        mass: [kg].
         radius: of the sphere [m].
         point: (3,) a point of the plane [m].
         normal: (3,) of the plane.
@@ -68,7 +68,7 @@ class _Mass:
 
     axes: Floats
     origin: Floats
-    weight: float
+    mass: float
     radius: float
     point: Floats
     normal: Floats
@@ -80,9 +80,9 @@ class _Mass:
 
 @dataclass(frozen=True)
 class _Step:
-    """Where a step ends: place [m] and velocity [m/s], and the impulse within it [N s], if any."""
+    """Position [m] and velocity [m/s] at the end of a step, and the impulse within it [N s]."""
 
-    place: Floats
+    position: Floats
     velocity: Floats
     impulse: Floats
 
@@ -103,7 +103,7 @@ class ImpulseEngine(SimulationEngine):
         base = scene.base_of(run)
         try:
             _require_gravity_alone(scene.starts([run]))
-            _mass_of(base, base.prepare(run.edits()))
+            _point_mass(base, base.prepare(run.edits()))
         except SceneError as error:
             return str(error)
         return None
@@ -127,8 +127,8 @@ class ImpulseEngine(SimulationEngine):
                 break
             watch()
             begin = time.thread_time()
-            mass = _mass_of(runs.base, runs.prepared[run])
-            _fly(runs.base, mass, runs.starts.pick(run), arrays, run)
+            ball = _point_mass(runs.base, runs.prepared[run])
+            _simulate(runs.base, ball, runs.starts.pick(run), arrays, run)
             cost[run] = time.thread_time() - begin
         return Rollout(
             state=arrays.state[:count],
@@ -146,68 +146,67 @@ def _require_gravity_alone(starts: InitialStates) -> None:
         raise SceneError(_NO_FORCES)
 
 
-def _fly(
-    base: CompiledScene, mass: _Mass, start: InitialStates, arrays: RolloutArrays, run: int
+def _simulate(
+    base: CompiledScene, ball: _PointMass, start: InitialStates, arrays: RolloutArrays, run: int
 ) -> None:
-    """Step one run and record it."""
+    """Simulate one run and record it."""
     state, sensors = arrays.state[run], arrays.sensors[run]
-    timestep = mass.timestep
-    count = mass.axes.shape[1]
-    velocity = 1 + base.model.nq
-    place, speed = mass.axes @ start.qpos[0, :count], mass.axes @ start.qvel[0, :count]
-    now = _Step(place, speed, np.zeros(3))
-    state[:, 1:velocity] = start.qpos[0]
-    for step in range(len(sensors)):
-        state[step, 0] = step * timestep
-        state[step, 1 : 1 + count] = mass.axes.T @ now.place
-        state[step, velocity : velocity + count] = mass.axes.T @ now.velocity
-        then = _step(mass, now, timestep)
-        _record(base, mass, sensors[step], now, then)
-        now = then
-    state[-1, 0] = len(sensors) * timestep
-    state[-1, 1 : 1 + count] = mass.axes.T @ now.place
-    state[-1, velocity : velocity + count] = mass.axes.T @ now.velocity
+    count = ball.axes.shape[1]
+    first = 1 + base.model.nq
+    position, velocity = ball.axes @ start.qpos[0, :count], ball.axes @ start.qvel[0, :count]
+    now = _Step(position, velocity, np.zeros(3))
+    state[:, 1:first] = start.qpos[0]
+    for step in range(len(state)):
+        state[step, 0] = step * ball.timestep
+        state[step, 1 : 1 + count] = ball.axes.T @ now.position
+        state[step, first : first + count] = ball.axes.T @ now.velocity
+        if step < len(sensors):
+            then = _step(ball, now)
+            _record(base, ball, sensors[step], now, then)
+            now = then
 
 
-def _step(mass: _Mass, now: _Step, timestep: float) -> _Step:
-    """Move for one step; where the gap closes within it, the impulse acts at that moment."""
-    place, speed = now.place, now.velocity + timestep * mass.gravity
-    gap = (mass.origin + place - mass.point) @ mass.normal - mass.radius
-    approach = speed @ mass.normal
+def _step(ball: _PointMass, now: _Step) -> _Step:
+    """Make one step; if the gap closes within it, the impulse acts at that moment."""
+    timestep, position = ball.timestep, now.position
+    velocity = now.velocity + timestep * ball.gravity
+    gap = (ball.origin + position - ball.point) @ ball.normal - ball.radius
+    approach = velocity @ ball.normal
     if approach >= 0 or gap + timestep * approach >= 0:
-        return _Step(place + timestep * speed, speed, np.zeros(3))
+        return _Step(position + timestep * velocity, velocity, np.zeros(3))
     before = min(max(-gap / approach, 0.0), timestep)
-    impact = resolve_impact(mass.weight, speed, mass.normal, mass.restitution, mass.friction)
+    impact = resolve_impact(ball.mass, velocity, ball.normal, ball.restitution, ball.friction)
     after = impact.velocity[0]
-    return _Step(place + before * speed + (timestep - before) * after, after, impact.impulse[0])
+    position = position + before * velocity + (timestep - before) * after
+    return _Step(position, after, impact.impulse[0])
 
 
-def _record(base: CompiledScene, mass: _Mass, row: Floats, now: _Step, step: _Step) -> None:
+def _record(base: CompiledScene, ball: _PointMass, row: Floats, now: _Step, step: _Step) -> None:
     """Fill a sensor row: the state before a step, and the impulse within it."""
     layout = base.layout
     if layout.kinetic is not None:
-        row[layout.kinetic] = 0.5 * mass.weight * now.velocity @ now.velocity
+        row[layout.kinetic] = 0.5 * ball.mass * now.velocity @ now.velocity
     if layout.potential is not None:
-        row[layout.potential] = -mass.weight * mass.gravity @ (mass.origin + now.place)
+        row[layout.potential] = -ball.mass * ball.gravity @ (ball.origin + now.position)
     if not step.impulse.any():
         return
-    tangent = _tangent(mass.normal)
-    frame = np.stack([mass.normal, tangent, np.cross(mass.normal, tangent)])
+    tangent = _tangent(ball.normal)
+    frame = np.stack([ball.normal, tangent, np.cross(ball.normal, tangent)])
     slot = row[layout.pairs[0] : layout.pairs[0] + SLOT_WIDTH]
     slot[FOUND] = row[layout.contacts] = 1
-    slot[FORCE] = frame @ step.impulse / mass.timestep
+    slot[FORCE] = frame @ step.impulse / ball.timestep
     slot[DISTANCE] = 0.0
-    slot[POSITION] = mass.origin + now.place - mass.radius * mass.normal
-    slot[NORMAL], slot[TANGENT] = mass.normal, tangent
+    slot[POSITION] = ball.origin + now.position - ball.radius * ball.normal
+    slot[NORMAL], slot[TANGENT] = ball.normal, tangent
     slot[LINEAR_VELOCITY] = frame @ now.velocity
 
 
 def _tangent(normal: Floats) -> Floats:
-    across = np.asarray(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]), np.float64)
-    return across / np.linalg.norm(across)
+    tangent = np.asarray(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]), np.float64)
+    return tangent / np.linalg.norm(tangent)
 
 
-def _mass_of(base: CompiledScene, prepared: PreparedModel) -> _Mass:
+def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     model = prepared.model
     plane, sphere = _plane_and_sphere(base, model)
     data = mujoco.MjData(model)
@@ -217,10 +216,10 @@ def _mass_of(base: CompiledScene, prepared: PreparedModel) -> _Mass:
         data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
     record = next(iter(prepared.pairs.values()))
-    return _Mass(
+    return _PointMass(
         axes=axes,
         origin=np.array(data.geom_xpos[sphere]),
-        weight=float(model.body_mass[model.geom_bodyid[sphere]]),
+        mass=float(model.body_mass[model.geom_bodyid[sphere]]),
         radius=float(model.geom_size[sphere, 0]),
         point=np.array(data.geom_xpos[plane]),
         normal=np.array(data.geom_xmat[plane]).reshape(3, 3)[:, 2],
@@ -243,7 +242,7 @@ def _plane_and_sphere(base: CompiledScene, model: mujoco.MjModel) -> tuple[int, 
 
 
 def _axes(model: mujoco.MjModel, body: int) -> Floats:
-    """Return how the body moves with its joints, which must be its only ones."""
+    """Return the velocity of the body for each unit velocity of its joints, the only ones."""
     joints = list(range(model.njnt))
     if model.body_parentid[body] != 0 or any(model.jnt_bodyid[joint] != body for joint in joints):
         raise SceneError(_NEEDS)

@@ -23,7 +23,7 @@ _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 
 
 class _Repetition(NamedTuple):
-    """A second rollout: states after each step, forward against inverse, constraint forces."""
+    """A second rollout: states after each step, fwdinv residuals, constraint forces."""
 
     state: Floats
     gap: Floats
@@ -76,9 +76,9 @@ def _repeat(model: mujoco.MjModel, start: InitialStates, steps: int) -> _Repetit
 
 
 def _residual(model: mujoco.MjModel, again: _Repetition) -> Floats:
-    """Return (N,) the contradiction between forward and inverse dynamics.
+    """Return (N,) how far forward and inverse dynamics disagree, as a share of the forces.
 
-    Noslip changes forces after the solver on purpose, so that there is nothing to compare.
+    NaN with noslip, which changes forces after the solver on purpose.
     """
     gap = again.gap[:, 1]
     if model.opt.noslip_iterations:
@@ -90,12 +90,12 @@ def _residual(model: mujoco.MjModel, again: _Repetition) -> Floats:
 def _jacobian(
     model: mujoco.MjModel, trace: Trace, starts: InitialStates, run: int, steps: NDArray[np.intp]
 ) -> Floats:
-    """Return (K,) how far the accelerations of a dense and a sparse Jacobian differ."""
+    """Return (K,) how far accelerations with a dense and a sparse Jacobian differ, as ratios."""
     dense, sparse = (
         _accelerations(model, kind, trace, starts, run, steps) for kind in (_DENSE, _SPARSE)
     )
     size = np.abs(dense).max(axis=(1, 2), initial=0)
-    # Near rest, or without gravity, what is left of an acceleration may be rounding alone.
+    # Near rest, or without gravity, an acceleration may be rounding alone.
     scale = np.maximum(size, max(_LEAST_SHARE * size.max(initial=0), np.finfo(float).tiny))
     return np.abs(dense[:, 0] - sparse[:, 0]).max(axis=1, initial=0) / scale
 
@@ -114,7 +114,7 @@ def _accelerations(
     model.opt.tolerance = _TIGHT
     model.opt.iterations = _MOST_ITERATIONS
     data = mujoco.MjData(model)
-    found: list[Floats] = []
+    accelerations: list[Floats] = []
     acting = starts.inputs(run, model.opt.timestep, steps)
     for step, inputs in zip(steps, acting, strict=True):
         data.ctrl[:] = inputs[: model.nu]
@@ -122,18 +122,18 @@ def _accelerations(
         data.qpos[:], data.qvel[:] = trace.qpos[run, step], trace.qvel[run, step]
         data.qacc_warmstart[:] = 0
         mujoco.mj_forward(model, data)
-        found.append(np.stack((data.qacc, data.qacc_smooth)))
-    return np.array(found)
+        accelerations.append(np.stack((data.qacc, data.qacc_smooth)))
+    return np.array(accelerations)
 
 
 def _geometry(
     base: CompiledScene, model: mujoco.MjModel, trace: Trace, run: int, steps: NDArray[np.intp]
 ) -> tuple[Floats, Floats]:
-    """Return (L,) overlaps without contact, and distances beyond what contacts say."""
+    """Return (L,) overlaps without contact [m], and distances beyond those of contacts [m]."""
     data = mujoco.MjData(model)
     overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
     speculative = _is_speculative(model)
-    graded = [
+    monitored = [
         (pair, recorded)
         for pair, recorded in zip(base.pairs, trace.pairs, strict=True)
         if can_collide(model, pair)
@@ -141,7 +141,7 @@ def _geometry(
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
-        for pair, recorded in graded:
+        for pair, recorded in monitored:
             distance = _distance(model, data, pair)
             slots = recorded.slots[run, step]
             touching = slots[:, 0] > 0
@@ -153,7 +153,7 @@ def _geometry(
 
 
 def _distance(model: mujoco.MjModel, data: mujoco.MjData, pair: MonitoredPair) -> float:
-    """Return the signed distance of a pair by a route that shares nothing with its contacts."""
+    """Return the signed distance of a pair by a function that shares nothing with contacts."""
     return min(
         mujoco.mj_geomDistance(model, data, first, second, 1.0, None)
         for first in pair.geoms[0]
