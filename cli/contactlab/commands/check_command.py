@@ -1,5 +1,6 @@
 """`contactlab check`: whether a model can be trusted, and what to change where it cannot."""
 
+from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -12,7 +13,7 @@ from contactlab.commands.terminal import print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.schema import Change, CheckReport, CheckResult
+    from contactlab.schema import Change, CheckReport
 
 
 class Task(StrEnum):
@@ -79,20 +80,15 @@ def _print(report: "CheckReport", folder: Path) -> None:
         [(each.name, each.verdict, each.reason) for each in report.checks],
     )
     for each in report.checks:
-        _print_advice(each)
+        for note in each.notes:
+            typer.echo(f"{each.name}: {note}")
+        for change in each.changes:
+            typer.echo("\n".join(_change(each.name, change)))
     verdict = "passes" if report.passed else "fails"
     typer.echo(f"{report.model} {verdict}; all numbers and evidence are in {folder / 'check.md'}")
 
 
-def _print_advice(check: "CheckResult") -> None:
-    for note in check.notes:
-        typer.echo(f"{check.name}: {note}")
-    for change in check.changes:
-        _print_change(check.name, change)
-
-
-def _print_change(name: str, change: "Change") -> None:
+def _change(check: str, change: "Change") -> Iterator[str]:
     headings = {True: "this fixes it", False: "this does not fix it", None: "change"}
-    typer.echo(f"{name}, {headings[change.cures]}: {change.shown}")
-    for line in change.lines:
-        typer.echo(f"    {line}")
+    yield f"{check}, {headings[change.cures]}: {change.shown}"
+    yield from (f"    {line}" for line in change.lines)

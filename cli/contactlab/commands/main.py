@@ -29,26 +29,10 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-for command in (
-    sweep,
-    stability,
-    effects,
-    check,
-    tradeoff,
-    show,
-    replay,
-    render,
-    verify,
-    compare,
-    report,
-    scenes,
-    sweeps,
-    metrics,
-    labels,
-    thresholds,
-    init,
-    schema,
-):
+_RUN = (sweep, stability, effects, check, tradeoff)
+_READ = (show, replay, render, verify, compare, report)
+_LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
+for command in (*_RUN, *_READ, *_LIST):
     app.command()(command)
 app.add_typer(baseline, name="baseline")
 
@@ -66,12 +50,7 @@ def contactlab(
     *,
     version: Annotated[
         bool,
-        typer.Option(
-            "--version",
-            callback=_print_version,
-            is_eager=True,
-            help="Print the version and exit.",
-        ),
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
     ] = False,
 ) -> None:
     """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""

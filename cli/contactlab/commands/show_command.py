@@ -2,8 +2,8 @@
 
 import json
 from collections import Counter
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, Annotated, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -103,7 +103,7 @@ def print_summary(path: "Address", manifest: "StoreManifest", output: Format) ->
         return
     columns = store.columns
     if manifest.runs <= _MOST_ROWS:
-        _print_runs(store.table.to_pylist())
+        _print_runs(columns.axis_names, store.table.to_pylist())
     else:
         _print_values(columns)
     print_table(("label", "runs"), Counter(manifest.labels).most_common())
@@ -124,10 +124,9 @@ def _print_missing_effects(columns: "RunColumns") -> None:
         typer.echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
 
 
-def _print_runs(rows: list[dict[str, Any]]) -> None:
+def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> None:
     from contactlab.measure import METRICS
 
-    axes: list[str] = rows[0]["axis_names"]
     headed = [(each.name, each.heading) for each in METRICS.values() if each.heading]
     shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
     headings = [heading for name, heading in headed if name in shown]
@@ -154,17 +153,12 @@ def _print_values(columns: "RunColumns") -> None:
 def _value_row(axis: str, value: object, labels: Counter[str]) -> tuple[object, ...]:
     others = Counter({label: count for label, count in labels.items() if label != "stable"})
     most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
-    return (
-        axis,
-        format_value(value),
-        labels.total(),
-        f"{labels['stable'] / labels.total():.0%}",
-        most,
-    )
+    stable = f"{labels['stable'] / labels.total():.0%}"
+    return axis, format_value(value), labels.total(), stable, most
 
 
-def _short_id(run_id: str) -> str:
-    return run_id[:_ID_DIGITS]
+def _short_id(run_id: object) -> str:
+    return str(run_id)[:_ID_DIGITS]
 
 
 def _expectations(manifest: "StoreManifest") -> str:

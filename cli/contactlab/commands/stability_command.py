@@ -46,16 +46,7 @@ def stability(
 
 
 def _print(done: "Sequence[StabilityResult]") -> None:
-    header = (
-        "case",
-        "runs",
-        "as expected",
-        "controls",
-        "labels",
-        "oracle error",
-        "step",
-        "seconds",
-    )
+    header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
     print_table(
         header,
         [

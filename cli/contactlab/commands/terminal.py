@@ -9,6 +9,7 @@ import time
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,6 +22,13 @@ from rich.text import Text
 
 if TYPE_CHECKING:
     from contactlab.run import Finished
+
+_QUIET_SECONDS = 10.0
+# Rates are those of the last half minute, and not shown in the first second.
+_RECENT_SECONDS = 30.0
+_LEAST_SECONDS = 1.0
+_BAR = 24
+_MOST_LABELS = 6
 
 
 def print_json(data: object) -> None:
@@ -49,12 +57,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None
         )
     for row in rows:
         cells = zip(header, row, strict=True)
-        table.add_row(
-            *[
-                Text(_cell(value), style=label_style(str(value)) if name == "label" else "")
-                for name, value in cells
-            ]
-        )
+        table.add_row(*[_cell(value, is_label=name == "label") for name, value in cells])
     stdout().print(table, highlight=False)
 
 
@@ -93,21 +96,13 @@ def write_text(path: Path, text: str) -> None:
         raise write_error(path, error) from error
 
 
-def _cell(value: object) -> str:
+def _cell(value: object, *, is_label: bool) -> Text:
     if value is None:
-        return "-"
+        return Text("-")
     if isinstance(value, bool):
-        return "yes" if value else "no"
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
-
-
-DRAWN_PER_SECOND = 4
-_QUIET_SECONDS = 10.0
-# Rates are those of the last half minute, and not shown in the first second.
-_RECENT_SECONDS = 30.0
-_LEAST_SECONDS = 1.0
-_BAR = 24
-_MOST_LABELS = 6
+        return Text("yes" if value else "no")
+    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    return Text(text, label_style(text) if is_label else "")
 
 
 class ProgressDisplay:
@@ -148,9 +143,8 @@ class ProgressDisplay:
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
         if rate:
-            line.append(
-                f"  {_format_rate(rate)}  {_duration((self._total - self._done) / rate)} left"
-            )
+            left = timedelta(seconds=round((self._total - self._done) / rate))
+            line.append(f"  {_format_rate(rate)}  {left} left")
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
             line.append("  ").append(label, label_style(label)).append(f" {count:,}")
@@ -174,23 +168,9 @@ def progress_display() -> Generator[ProgressDisplay]:
     if not console.is_terminal:
         yield display
         return
-    with Live(
-        console=console,
-        get_renderable=display.line,
-        refresh_per_second=DRAWN_PER_SECOND,
-        transient=True,
-    ):
+    with Live(console=console, get_renderable=display.line, transient=True):
         yield display
 
 
 def _format_rate(rate: float) -> str:
     return f"{rate:,.0f}/s" if rate >= 10 else f"{rate:.2g}/s"
-
-
-def _duration(seconds: float) -> str:
-    minutes, rest = divmod(round(seconds), 60)
-    hours, minutes = divmod(minutes, 60)
-    days, hours = divmod(hours, 24)
-    if days:
-        return f"{days} d {hours} h"
-    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"

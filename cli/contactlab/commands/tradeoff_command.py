@@ -8,12 +8,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import (
-    print_json,
-    print_table,
-    say,
-    write_text,
-)
+from contactlab.commands.terminal import print_json, print_table, say, write_text
 from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
@@ -54,7 +49,7 @@ def tradeoff(
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
-    report = _analyse_store(name, store, criteria) or _run(name, store, workers, criteria)
+    report = _report(name, store, workers, criteria)
     if output is opt.Format.json:
         print_json(report.model_dump(mode="json"))
     else:
@@ -80,20 +75,16 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
         raise OutputError(f"{write} exists; choose another file with --write")
 
 
-def _analyse_store(
-    name: str, target: opt.Address | None, criteria: "Criteria"
-) -> "TradeoffReport | None":
-    """Return the report of a store, without loading an engine; None if there is only a sweep."""
+def _report(
+    name: str, target: opt.Address | None, workers: int | None, criteria: "Criteria"
+) -> "TradeoffReport":
+    """Return the report of a store, for which no engine is loaded, or of a sweep, which is run."""
     from contactlab.store import Store
     from contactlab.tradeoff import analyse, find_store
 
     stored = find_store(name, target)
-    return None if stored is None else analyse(Store.open(stored), criteria)
-
-
-def _run(
-    name: str, target: opt.Address | None, workers: int | None, criteria: "Criteria"
-) -> "TradeoffReport":
+    if stored is not None:
+        return analyse(Store.open(stored), criteria)
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
     with study_session(opt.RESULTS / "tradeoff", workers) as session:

@@ -1,6 +1,6 @@
 """Checks of metrics: one for each metric, and for each of its groups."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,10 +29,6 @@ from contactlab.schema import Check, RunPair, Verdict
 from contactlab.store import MeasuredColumn, NumberColumn
 
 _SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}
-_STATISTICS: Mapping[str, Callable[[Floats], np.float64]] = {
-    "mean": lambda values: values.mean(),
-    "median": np.median,
-}
 _WORDS: Mapping[Verdict, str] = {
     "not comparable": "not a number",
     "missing": "without a value now",
@@ -222,11 +218,12 @@ def aggregate(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> tuple
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = np.where(candidate == baseline, 1.0, candidate / baseline)
         return np.ones(1), np.array([np.median(ratios)])
-    if rule.statistic == "worst":
-        worst = np.min if rule.better == "higher" else np.max
-        return np.array([worst(baseline)]), np.array([worst(candidate)])
-    statistic = _STATISTICS[rule.statistic]
-    return np.array([statistic(baseline)]), np.array([statistic(candidate)])
+    functions = {"mean": np.mean, "median": np.median, "worst": np.max}
+    function = functions[rule.statistic]
+    if rule.statistic == "worst" and rule.better == "higher":
+        function = np.min
+    before, after = (np.array([function(x)], dtype=np.float64) for x in (baseline, candidate))
+    return before, after
 
 
 def _format_counts(verdicts: Verdicts, total: int) -> str:

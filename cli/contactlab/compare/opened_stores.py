@@ -182,22 +182,18 @@ def _is_required(what: Sameness, policy: ComparePolicy) -> bool:
 
 def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Check]:
     """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
-    before, after = baseline.manifest, candidate.manifest
-    copy = CheckSubject("candidate is no copy", "evidence", "warn", two_sided=True)
-    newer = CheckSubject("candidate is newer", "evidence", "warn", two_sided=True)
-    times = (before.started, before.finished) == (after.started, after.finished)
-    if times and before.sweep == after.sweep:
-        yield copy.single(
-            CHANGED, "both were written at the same instant: the sweep did not run again"
-        )
-    else:
-        yield copy.single(SAME, "written by a sweep of its own")
-    if after.finished < before.finished:
-        yield newer.single(
-            CHANGED, f"finished {after.finished[:19]}, before the baseline: are they swapped?"
-        )
-    else:
-        yield newer.single(SAME, "finished after the baseline")
+    old, new = baseline.manifest, candidate.manifest
+    copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
+    warning = "both were written at the same instant: the sweep did not run again"
+    yield _warning("candidate is no copy", warning if copied else "", "written by another sweep")
+    swapped = new.finished < old.finished
+    warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
+    yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")
+
+
+def _warning(name: str, warning: str, fine: str) -> Check:
+    subject = CheckSubject(name, "evidence", "warn", two_sided=True)
+    return subject.single(CHANGED if warning else SAME, warning or fine)
 
 
 def _format_table(table: Mapping[str, object], names: list[str]) -> str:
