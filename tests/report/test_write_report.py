@@ -15,6 +15,7 @@ from contactlab.compare import compare
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.report import PageRequest, write_figures, write_page
 from contactlab.report.impact_figures import bouncing_runs, first_impacts
+from contactlab.report.page_tables import recommendation_texts
 from contactlab.report.report_data import read_report_data
 from contactlab.store import Store
 from contactlab.tradeoff import Criteria
@@ -76,6 +77,11 @@ def test_bounces_come_as_high_as_restitution_says(swept: Swept) -> None:
     assert {each.setting for each in runs} >= {"restitution 0.9"}
     for each in runs:
         assert np.sqrt(each.ratios[0]) == pytest.approx(each.restitution, abs=0.07)
+
+
+def test_knobs_without_a_line_of_mjcf_are_named_only_where_there_are_any(swept: Swept) -> None:
+    texts = recommendation_texts(read_report_data(swept("bounce")))
+    assert (texts["settings"], texts["other"]) == ([("timestep [s]", "0.0005")], "")
 
 
 def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:

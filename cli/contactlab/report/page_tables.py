@@ -1,6 +1,6 @@
 """The text of a page: what was run, tables, and the recommendation in words."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Any, NamedTuple
 
@@ -25,6 +25,7 @@ _MOST_UNEXPECTED = 50
 _MOST_CELLS = 400
 _MOST_CONFIGURATIONS = 24
 _MOST_RATIOS = 5
+_UNCHANGED = "as in the sweep"
 
 
 class TextTable(NamedTuple):
@@ -133,7 +134,7 @@ def recommendation_texts(data: ReportData) -> dict[str, Any]:
         "time": _time(chosen) if chosen else "",
         "margins": list(_margins(report, chosen)),
         "mjcf": "\n".join(chosen.mjcf) if chosen else "",
-        "other": _settings_text(chosen.other, tuple(chosen.other)) if chosen else "",
+        "other": _settings_text(chosen.other, chosen.other) if chosen else "",
         "robust": _robust(report, varying),
         "next_step": _next_step(report, varying),
         "notes": report.notes,
@@ -179,7 +180,7 @@ def _robust(report: TradeoffReport, varying: Sequence[str]) -> str:
     if report.robust.run_id == report.recommendation.run_id:
         return f"It keeps a margin of {SAFE_MARGIN} to every tolerance."
     ratio = report.robust.time / report.recommendation.time
-    values = _settings_text(report.robust.configuration, varying)
+    values = _settings_text(report.robust.configuration, varying) or _UNCHANGED
     return f"A margin of {SAFE_MARGIN} to every tolerance costs {ratio:.3g} x the time: {values}."
 
 
@@ -188,7 +189,7 @@ def _next_step(report: TradeoffReport, varying: Sequence[str]) -> str:
     if after is None:
         return ""
     gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g} x less error"
-    values = _settings_text(after.configuration, varying)
+    values = _settings_text(after.configuration, varying) or _UNCHANGED
     return f"{after.time_ratio:.3g} x the time buys {gain}: {values}."
 
 
@@ -252,8 +253,8 @@ def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str
     return known[:_MOST_RATIOS]
 
 
-def _settings_text(values: Settings, varying: Sequence[str]) -> str:
-    return ", ".join(f"{name} {_setting(values[name])}" for name in varying) or "as in the sweep"
+def _settings_text(values: Settings, names: Iterable[str]) -> str:
+    return ", ".join(f"{name} {_setting(values[name])}" for name in names)
 
 
 def _setting(value: Setting) -> str:
