@@ -110,11 +110,13 @@ def test_a_tolerance_of_nothing_is_refused(swept: Swept, tmp_path: Path) -> None
     assert list(tmp_path.iterdir()) == []
 
 
-def test_missing_libraries_are_named(
+def test_a_missing_library_is_named(
     swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("contactlab.report.write_report.find_spec", lambda _: None)
-    with pytest.raises(OutputError, match=r"contactlab\[figures\]"):
+    for module in ("html_page", "heatmap", "vega_rendering"):
+        monkeypatch.delitem(sys.modules, f"contactlab.report.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, "vl_convert", None)
+    with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):
         write_page(swept("bounce"), tmp_path / "page.html")
 
 

@@ -25,6 +25,7 @@ from contactlab.report.report_columns import (
     RunLabels,
     read_quantities,
     read_run_labels,
+    summary_metrics,
 )
 from contactlab.report.report_data import ReportData
 from contactlab.report.vega_rendering import Spec, themed
@@ -33,7 +34,6 @@ from contactlab.store import Store
 
 _WORSE, _BETTER, _SAME = 0, 1, 2
 _THIRD = 300, 260
-_DEPTH = "penetration_max"
 _LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
 _PANELS = ("baseline", "candidate", "difference")
 Indices = NDArray[np.intp]
@@ -85,7 +85,7 @@ def _policy(baseline: Store, candidate: Store) -> ComparePolicy:
 
 
 def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple[str, Spec]]:
-    """Yield maps of the labels, and of the error or else the depth."""
+    """Yield maps of the labels, and of the error or else the summary's first metric."""
     if data.map_axes is None:
         return
     before, after = pairing.baseline, pairing.candidate
@@ -94,7 +94,8 @@ def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple
     old, new = _labels_of(baseline, names, before), _labels_of(data.store, names, after)
     yield "labels", _label_maps(axes, old, new)
     quantities = {each.name: each for each in read_quantities(baseline)}
-    for each in data.quantities_named(data.tradeoff.error.name if data.tradeoff else _DEPTH):
+    name = data.tradeoff.error.name if data.tradeoff else summary_metrics()[0]
+    for each in data.quantities_named(name):
         if each.name in quantities:
             earlier = _values_of(quantities[each.name], before)
             yield each.name, _number_maps(axes, earlier, _values_of(each, after))

@@ -4,10 +4,14 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Any, NamedTuple
 
-from contactlab.measure import METRICS
 from contactlab.report.knob_changes import KnobChange
 from contactlab.report.map_cells import label_counts
-from contactlab.report.report_columns import RunLabels, number_with_unit, with_unit
+from contactlab.report.report_columns import (
+    RunLabels,
+    number_with_unit,
+    summary_metrics,
+    with_unit,
+)
 from contactlab.report.report_data import ReportData
 from contactlab.schema import (
     Configuration,
@@ -240,11 +244,11 @@ def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable |
 
 
 def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
-    """Return the first five of: time, error, tolerated metrics, depth, energy gain, slip."""
+    """Return the first five of: time, error, tolerated metrics, metrics of the summary."""
     report = data.tradeoff
     wanted = [report.time.name, report.error.name, *report.tolerances] if report else []
     wanted += ["cost_cpu_per_sim_s"] if report is None else []
-    wanted += [each.name for each in METRICS.values() if each.heading and each.kind == "physics"]
+    wanted += summary_metrics()
     known = [
         name
         for name in dict.fromkeys(wanted)

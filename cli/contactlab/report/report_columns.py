@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats
-from contactlab.measure import LABELS
+from contactlab.measure import LABELS, METRICS
 from contactlab.measure import STABLE as STABLE_LABEL
 from contactlab.palette import STABLE_COLOUR, failure_colour
 from contactlab.schema import Role, Sweep, axis_role
@@ -184,6 +184,11 @@ def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:
     for axis in axes:
         codes = codes * len(axis.ticks) + axis.codes
     return codes
+
+
+def summary_metrics() -> list[str]:
+    """Return the physical metrics that a sweep's summary prints, the penetration first."""
+    return [each.name for each in METRICS.values() if each.heading and each.kind == "physics"]
 
 
 def read_quantities(store: Store) -> tuple[Quantity, ...]:

@@ -1,16 +1,14 @@
 """Write a store's page or figures; the libraries that draw them are an extra."""
 
 from collections.abc import Sequence
-from importlib.util import find_spec
 from pathlib import Path
 
-from contactlab.errors import OutputError
+from contactlab.errors import OutputError, optional
 from contactlab.report.report_data import PageRequest, WrittenPage, read_report_data
 from contactlab.store import Store, atomic_write
 from contactlab.tradeoff import Criteria
 
 FORMATS = ("png", "svg", "pdf")
-_LIBRARIES = ("altair", "jinja2", "pikepdf", "vl_convert")
 _DEFAULT_PAGE = PageRequest()
 _DEFAULT_CRITERIA = Criteria()
 
@@ -30,9 +28,8 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
         SweepFileError: a tolerance names a metric that the store does not have.
         StoreError: the store cannot be read.
     """
-    _check_libraries()
-    from contactlab.report.html_page import html_page  # noqa: PLC0415 - needs the extra
-
+    with optional("figures", "a report"):
+        from contactlab.report.html_page import html_page  # noqa: PLC0415 - an extra
     text, notes = html_page(store, request)
     data = text.encode()
     with atomic_write(target) as temporary:
@@ -64,10 +61,9 @@ def write_figures(
     for form in formats:
         if form not in FORMATS:
             raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
-    _check_libraries()
-    from contactlab.report.paper_figures import figure_specs  # noqa: PLC0415 - needs the extra
-    from contactlab.report.vega_rendering import render_chart  # noqa: PLC0415 - needs the extra
-
+    with optional("figures", "a report"):
+        from contactlab.report.paper_figures import figure_specs  # noqa: PLC0415 - an extra
+        from contactlab.report.vega_rendering import render_chart  # noqa: PLC0415 - an extra
     data = read_report_data(store, criteria)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -81,11 +77,3 @@ def write_figures(
                 temporary.write_bytes(render_chart(spec, form))
             written.append(path)
     return written
-
-
-def _check_libraries() -> None:
-    if not all(find_spec(library) for library in _LIBRARIES):
-        raise OutputError(
-            "reports need Altair, Jinja, pikepdf and vl-convert; install them with "
-            "`pip install 'contactlab[figures]'`"
-        )
