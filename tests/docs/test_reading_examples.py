@@ -48,8 +48,8 @@ def test_every_example_is_run() -> None:
 
 
 def test_own_means(example: Any, store: Store) -> None:
-    found = example("from contactlab import store as evidence")
-    assert found["store"].units["timestep"] == "s"
+    found = example("from contactlab import store")
+    assert found["bounce"].units["timestep"] == "s"
     assert found["errors"].shape == (4,)
     # Up to the last step, what the floor gives the ball is its change of momentum and its weight.
     trace = found["trace"]
