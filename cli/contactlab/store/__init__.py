@@ -3,7 +3,7 @@
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX, atomic_write, sha256_of, write_error
 from contactlab.store.backend_protocol import SCENES, TRACES
 from contactlab.store.baseline_store import write_baseline
-from contactlab.store.finished_store import Store, open  # noqa: A004 - read as store.open
+from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import MeasuredColumn, NumberColumn, RunColumns, StringColumn
 from contactlab.store.store_access import TraceSink, local_scene
 from contactlab.store.store_address import (
@@ -52,7 +52,6 @@ __all__ = [
     "axis_column",
     "local_scene",
     "metric_column",
-    "open",
     "open_writer",
     "parse_address",
     "record_to_row",

@@ -2,7 +2,7 @@
 
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
@@ -24,18 +24,6 @@ from contactlab.store.table_layout import row_to_record
 _MAX_SIMILAR = 32
 
 
-def open(address: str | Address) -> "Store":  # noqa: A001 - read as store.open
-    """Open a finished store.
-
-    Args:
-        address: its folder, or its address in object storage: `s3://bucket/prefix`.
-
-    Raises:
-        StoreError: there is none, it is unfinished, damaged or of another version.
-    """
-    return Store.open(parse_address(address))
-
-
 @dataclass(frozen=True)
 class Store:
     """A finished store.
@@ -49,21 +37,28 @@ class Store:
     path: Path
     manifest: StoreManifest
     address: Address
-    _backend: Backend = field(repr=False, compare=False)
 
     @classmethod
-    def open(cls, address: Address) -> "Store":
+    def open(cls, address: str | Address) -> "Store":
         """Open a store; all but its traces is fetched from object storage.
+
+        Args:
+            address: its folder, or its address in object storage: `s3://bucket/prefix`.
 
         Raises:
             StoreError: there is none, it is unfinished, damaged or of another version.
         """
+        address = parse_address(address)
         backend = backend_at(address, StoreError)
         data = backend.read(MANIFEST)
         if data is None:
             raise _no_manifest(backend)
         manifest = parse_manifest(data, address)
-        return cls(backend.local_copy(data, manifest.files), manifest, address, backend)
+        return cls(backend.local_copy(data, manifest.files), manifest, address)
+
+    @cached_property
+    def _backend(self) -> Backend:
+        return backend_at(self.address, StoreError)
 
     @cached_property
     def table(self) -> pa.Table:

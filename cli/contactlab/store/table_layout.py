@@ -1,4 +1,4 @@
-"""The columns of `runs.parquet`: type, unit and description."""
+"""The columns of `runs.parquet`, and how a record becomes one of its rows."""
 
 import json
 from collections.abc import Iterable, Mapping, Sequence
@@ -23,10 +23,10 @@ class Column:
     Attributes:
         name: its name.
         type: its Arrow type.
-        unit: its unit, `1` for counts and ratios, empty for words.
+        unit: its unit, `1` for counts and ratios, empty for text.
         description: what it holds.
-        better: of what is measured: lower, higher or none; empty for all else.
-        resolution: magnitude below which a measured value is 0, in its unit.
+        better: lower, higher or none for a measured value; empty otherwise.
+        resolution: magnitude below which a measured value counts as 0, in its unit.
         second_pass: whether it is measured in the second pass, which a sweep may leave out.
     """
 
@@ -125,22 +125,21 @@ def table_schema(own: Sequence[Column]) -> pa.Schema:
     """Return the table's schema.
 
     Args:
-        own: columns of axes and metrics, and of `settings` and `effects`, which say what is in
-            them.
+        own: columns of axes and metrics, and those of `settings` and `effects` with their fields.
     """
     columns = {column.name: column for column in (*FIXED_COLUMNS, *own)}
     return pa.schema([_field(column) for column in columns.values()])
 
 
 def struct_column(name: str, values: Mapping[str, object]) -> Column:
-    """Return the column of `settings` or `effects`, with the fields that these values need."""
+    """Return the column of `settings` or `effects` with the fields that hold these values."""
     (placeholder,) = (column for column in FIXED_COLUMNS if column.name == name)
     fields = [pa.field(inner, _type_of(value)) for inner, value in values.items()]
     return replace(placeholder, type=pa.struct(fields))
 
 
 def axis_column(name: str, values: Sequence[object], unit: str, description: str) -> Column:
-    """Return the column of an axis, typed by the values that it takes."""
+    """Return the column of an axis, of the type that its values need."""
     kinds = {type(value) for value in values}
     if kinds <= {bool}:
         kind = _TRUTH
@@ -162,12 +161,12 @@ def metric_column(
     resolution: float = 0.0,
     second_pass: bool = False,
 ) -> Column:
-    """Return the column of a metric; what the arguments say is in `Column`."""
+    """Return the column of a metric; see `Column` for the arguments."""
     return Column(name, _REAL, unit, description, better, resolution, second_pass)
 
 
 def as_ratios(names: Iterable[str]) -> list[Column]:
-    """Return those of these columns that have a unit, as ratios instead."""
+    """Return the named fixed columns, where they have a unit, as columns of ratios."""
     wanted = set(names)
     return [replace(each, unit="1") for each in FIXED_COLUMNS if each.name in wanted and each.unit]
 
@@ -178,8 +177,8 @@ def _field(column: Column) -> pa.Field:
         meta["resolution"] = f"{column.resolution:g}"
     if column.second_pass:
         meta["measured_in"] = "second pass"
-    told = {key: text for key, text in meta.items() if text}
-    return pa.field(column.name, column.type, metadata=told)
+    given = {key: text for key, text in meta.items() if text}
+    return pa.field(column.name, column.type, metadata=given)
 
 
 def _type_of(value: object) -> pa.DataType:
@@ -192,9 +191,9 @@ def _type_of(value: object) -> pa.DataType:
     return _TEXT if isinstance(value, str) else pa.list_(_REAL)
 
 
-# What every run of a store has in common; in the table it is said once, in the file's metadata.
+# Fields that all runs of a store share; the table has them once, in its metadata.
 SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
-# Open-ended tables within a row; kept as JSON text, which every reader of Parquet can show.
+# Nested mappings, stored as JSON text, which every reader of Parquet can show.
 _JSON_TEXT = ("pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
 _PLAIN = (
     "run_id",
@@ -229,7 +228,7 @@ Row = dict[str, Any]
 
 
 def record_to_row(record: EvidenceRecord) -> Row:
-    """Return a record as a flat row: axes and metrics by their own names beside its fields."""
+    """Return a record as a flat row, with axes and metrics by name beside its fields."""
     row: Row = {name: getattr(record, name) for name in _PLAIN}
     row |= {name: _encoded(getattr(record, name)) for name in _JSON_TEXT}
     row |= {f"engine_{name}": getattr(record.engine, name) for name in _ENGINE}
@@ -249,12 +248,12 @@ def record_to_row(record: EvidenceRecord) -> Row:
 
 
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
-    """Return the record that a row and its store's shared part came from."""
+    """Return the record of a row, given the fields that all runs of its store share."""
     data: Row = {name: row[name] for name in _PLAIN}
     data |= {name: json.loads(row[name]) for name in _JSON_TEXT}
     data |= {name: shared[name] for name in SHARED_FIELDS}
     data["engine"] = {name: row[f"engine_{name}"] for name in _ENGINE}
-    # The column has the settings of every run; those of some runs only are empty in others.
+    # The column has a field for each setting of any run; those of other runs are null.
     data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
     data["labels"] = [
         {"label": label, "reason": reason, "step": step}
