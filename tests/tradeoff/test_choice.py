@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.tradeoff.configurations import Evaluated
-from contactlab.tradeoff.pareto import equally_fast, feasible_front, next_on
+from contactlab.tradeoff.pareto import equally_fast, feasible_front, next_more_accurate
 
 Weigh = Callable[..., list[Evaluated]]
 LIMITS = {"oracle_error": 1.0, "depth": 2.0}
@@ -76,7 +76,7 @@ def test_nothing_feasible_is_more_accurate_and_no_more_expensive(
         mine = near[0].summary
         better = [each.summary for each in line if numbers(each)[1] < numbers(near[0])[1]]
         assert all((each.time or 0) > (mine.time or 0) for each in better)
-        after = next_on(line, near[0])
+        after = next_more_accurate(line, near[0])
         assert after is None or after.summary in better
 
 

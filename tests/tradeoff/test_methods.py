@@ -11,7 +11,7 @@ from contactlab.tradeoff.configurations import (
     StoredRuns,
     idle_knobs,
     is_chaotic,
-    typical,
+    with_one_idle_value,
 )
 from contactlab.tradeoff.convergence import methods
 
@@ -90,7 +90,7 @@ def test_knobs_that_change_no_error_are_idle(weighed: Weigh) -> None:
     ]
     found = weighed(rows, KNOBS)
     assert idle_knobs(found) == ["cone"]
-    few = typical(found, ["cone"], None)
+    few = with_one_idle_value(found, ["cone"], None)
     assert {each.group.values["cone"] for each in few} == {"pyramidal"}
     assert len(few) == len(found) / 2
     rows[3]["label"] = "chatter"

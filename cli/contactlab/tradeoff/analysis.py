@@ -1,4 +1,4 @@
-"""The whole answer: what accuracy costs in time, and which configuration to use."""
+"""From a store to the trade-off report: fronts, recommendations, blockers and notes."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -21,7 +21,7 @@ from contactlab.tradeoff.configurations import (
     idle_knobs,
     is_chaotic,
     read_runs,
-    typical,
+    with_one_idle_value,
 )
 from contactlab.tradeoff.convergence import methods
 from contactlab.tradeoff.criteria import Criteria, error_measure, time_measure, tolerances_of
@@ -29,32 +29,32 @@ from contactlab.tradeoff.pareto import (
     SAFE_MARGIN,
     equally_fast,
     feasible_front,
-    next_on,
-    on_front,
+    front_of,
+    next_more_accurate,
 )
 
-_NOTHING = Criteria()
+_DEFAULT = Criteria()
 
 
-def analyse(store: Store, question: Criteria = _NOTHING) -> TradeoffReport:
-    """Weigh the configurations of a store.
+def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
+    """Return what accuracy costs in time, over the configurations of a store.
 
     Args:
         store: a finished store.
-        question: which error, and tolerances beside those of its sweep.
+        criteria: which error stands for accuracy, and tolerances over those of the sweep.
 
     Raises:
-        SweepFileError: the question names what the store does not have.
-        StoreError: the store has no error to weigh.
+        SweepFileError: the criteria name a column that the store does not have.
+        StoreError: the store has no values of an error.
     """
-    tolerances = tolerances_of(store, question)
-    error = error_measure(store, question, tolerances)
-    weighing = ResolvedCriteria(error, time_measure(store), tolerances)
-    runs = read_runs(store, (error.name, weighing.time.name, *tolerances))
-    found = evaluate(runs, weighing)
-    line = feasible_front(found)
-    chosen, safe = equally_fast(found), equally_fast(found, SAFE_MARGIN)
-    best, idle = (chosen[0] if chosen else None), idle_knobs(found)
+    tolerances = tolerances_of(store, criteria)
+    error = error_measure(store, criteria, tolerances)
+    resolved = ResolvedCriteria(error, time_measure(store), tolerances)
+    runs = read_runs(store, (error.name, resolved.time.name, *tolerances))
+    evaluated = evaluate(runs, resolved)
+    front = feasible_front(evaluated)
+    chosen, safe = equally_fast(evaluated), equally_fast(evaluated, SAFE_MARGIN)
+    best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
     is_modelling = error.kind != "discretisation"
     identity = store.manifest.sweep
     return TradeoffReport(
@@ -64,20 +64,22 @@ def analyse(store: Store, question: Criteria = _NOTHING) -> TradeoffReport:
         knobs=tuple(runs.knobs),
         scenarios=tuple(runs.scenarios),
         idle=tuple(idle),
-        cases=max(len(each.group.cases) for each in found),
+        cases=max(len(each.group.cases) for each in evaluated),
         error=error,
-        time=weighing.time,
+        time=resolved.time,
         tolerances=tolerances,
         chaotic=is_chaotic(runs),
-        configurations=tuple(each.summary for each in found),
-        front=tuple(_point(each) for each in line),
-        unconstrained_front=tuple(_point(each) for each in on_front(found)),
-        methods=tuple(methods(typical(found, idle, best), is_modelling=is_modelling)),
+        configurations=tuple(each.summary for each in evaluated),
+        front=tuple(_point(each) for each in front),
+        unconstrained_front=tuple(_point(each) for each in front_of(evaluated)),
+        methods=tuple(
+            methods(with_one_idle_value(evaluated, idle, best), is_modelling=is_modelling)
+        ),
         recommendation=_recommendation(store, runs, chosen),
         robust=_recommendation(store, runs, safe),
-        next_step=_next_step(line, best) if best else None,
-        blockers=tuple(_blockers(found)),
-        notes=tuple(notes(found, runs, weighing, best, idle)),
+        next_step=_next_step(front, best) if best else None,
+        blockers=tuple(_blockers(evaluated)),
+        notes=tuple(_notes(evaluated, runs, resolved, best, idle)),
     )
 
 
@@ -115,8 +117,8 @@ def _recommendation(
     )
 
 
-def _next_step(line: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None:
-    after = next_on(line, chosen)
+def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None:
+    after = next_more_accurate(front, chosen)
     if after is None:
         return None
     here, there = _point(chosen), _point(after)
@@ -127,14 +129,14 @@ def _next_step(line: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None:
     )
 
 
-def _blockers(found: Sequence[Evaluated]) -> Iterator[Blocker]:
+def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
     """Yield what keeps configurations from being feasible, the most frequent first."""
-    missed = Counter(name for each in found for name in each.missed)
-    failed = Counter(label for each in found for label in each.failures)
+    exceeded = Counter(name for each in evaluated for name in each.exceeded)
+    failed = Counter(label for each in evaluated for label in each.failures)
     blockers = [
         *(
-            Blocker(name=name, kind="tolerance", configurations=count, best=_best(found, name))
-            for name, count in missed.items()
+            Blocker(name=name, kind="tolerance", configurations=count, best=_best(evaluated, name))
+            for name, count in exceeded.items()
         ),
         *(
             Blocker(name=name, kind="label", configurations=count, best=None)
@@ -144,95 +146,97 @@ def _blockers(found: Sequence[Evaluated]) -> Iterator[Blocker]:
     yield from sorted(blockers, key=lambda each: -each.configurations)
 
 
-def _best(found: Sequence[Evaluated], name: str) -> float | None:
-    worst = (each.summary.worst[name] for each in found)
+def _best(evaluated: Sequence[Evaluated], name: str) -> float | None:
+    worst = (each.summary.worst[name] for each in evaluated)
     return min((value for value in worst if value is not None), default=None)
 
 
 _NOISY = 0.05
+"""Spread of the rounds of a timing pass from which a note says so."""
 
 
-def notes(
-    found: Sequence[Evaluated],
+def _notes(
+    evaluated: Sequence[Evaluated],
     runs: StoredRuns,
-    weighing: ResolvedCriteria,
+    criteria: ResolvedCriteria,
     chosen: Evaluated | None,
     idle: Sequence[str],
 ) -> Iterator[str]:
-    """Yield what looks wrong, or limits what the numbers say."""
-    yield from _of_time(weighing)
-    yield from _of_error(found, weighing)
-    yield from _of_model(found, runs, weighing, chosen)
-    if not weighing.tolerances:
-        yield "no tolerance is given: the recommendation only has no failure label; see --tolerance"
-    most = max(len(each.group.cases) for each in found)
-    short = sum(len(each.group.cases) < most for each in found)
+    """Yield what limits the validity of the numbers."""
+    yield from _time_notes(criteria)
+    yield from _error_notes(evaluated, criteria)
+    yield from _model_notes(evaluated, runs, criteria, chosen)
+    if not criteria.tolerances:
+        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
+    most = max(len(each.group.cases) for each in evaluated)
+    short = sum(len(each.group.cases) < most for each in evaluated)
     if short:
-        yield f"{short} configurations were not run in every scenario and seed: none is feasible"
+        yield f"{short} configurations lack some scenario or seed, and are not feasible"
     if idle:
         yield f"no error changes by more than 1 % with {', '.join(idle)}"
     if chosen is not None:
-        yield from _at_edge(chosen, runs)
+        yield from _edge_notes(chosen, runs)
 
 
-def _of_time(weighing: ResolvedCriteria) -> Iterator[str]:
-    time = weighing.time
+def _time_notes(criteria: ResolvedCriteria) -> Iterator[str]:
+    time = criteria.time
     if time.source == "recording":
         yield (
-            "times are of the recorded runs, on a busy machine: good to 10 % at best; "
+            "times are those of the recorded runs on a busy machine, accurate to 10 % at best; "
             "sweep with `timing: {rounds: 3}`"
         )
     elif time.spread is not None and time.spread > _NOISY:
         yield (
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
-            "configurations nearer than that are not told apart"
+            "smaller differences between configurations mean nothing"
         )
 
 
-def _of_error(found: Sequence[Evaluated], weighing: ResolvedCriteria) -> Iterator[str]:
-    below = sum(each.summary.below_estimate for each in found)
+def _error_notes(evaluated: Sequence[Evaluated], criteria: ResolvedCriteria) -> Iterator[str]:
+    below = sum(each.summary.below_estimate for each in evaluated)
     if below:
         yield (
-            f"{below} of {len(found)} configurations have an error below what the reference "
-            "itself may be off by, which stands for it"
+            f"{below} of {len(evaluated)} configurations have an error below the uncertainty of "
+            "the reference, which is reported in its place"
         )
-    unknown = sum(each.summary.error is None for each in found)
+    unknown = sum(each.summary.error is None for each in evaluated)
     if unknown:
-        yield f"{unknown} of {len(found)} configurations have runs without {weighing.error.name}"
+        name = criteria.error.name
+        yield f"{unknown} of {len(evaluated)} configurations have runs without {name}"
 
 
-def _of_model(
-    found: Sequence[Evaluated],
+def _model_notes(
+    evaluated: Sequence[Evaluated],
     runs: StoredRuns,
-    weighing: ResolvedCriteria,
+    criteria: ResolvedCriteria,
     chosen: Evaluated | None,
 ) -> Iterator[str]:
     if "tied" in runs.solref_rules:
-        yield "solref follows the timestep: each timestep simulates another contact"
-    if is_chaotic(runs) and weighing.error.against == "trajectory":
+        yield "solref follows the timestep, so that each timestep simulates a different contact"
+    if is_chaotic(runs) and criteria.error.against == "trajectory":
         yield (
-            "the motion is chaotic: distances of trajectories say little; sweep with "
+            "the motion is chaotic, so that distances between trajectories mean little; sweep with "
             "`accuracy: {error: invariants}`"
         )
-    clamped = sum(each.summary.solref_clamped for each in found)
+    clamped = sum(each.summary.solref_clamped for each in evaluated)
     if clamped:
         yield (
-            f"{clamped} of {len(found)} configurations ask for a contact faster than two "
-            "timesteps; the engine's refsafe softens it, so that these simulate another contact"
+            f"{clamped} of {len(evaluated)} configurations set a time constant below two "
+            "timesteps; refsafe raises it, so that they simulate a softer contact"
         )
     if chosen is not None and chosen.summary.solref_clamped:
         yield "the recommended configuration is one of these"
 
 
-def _at_edge(chosen: Evaluated, runs: StoredRuns) -> Iterator[str]:
+def _edge_notes(chosen: Evaluated, runs: StoredRuns) -> Iterator[str]:
     for name, value in chosen.group.values.items():
         numbers = _numbers(runs.knobs[name])
         if len(numbers) > 2 and value in (numbers[0], numbers[-1]):
             end = "smallest" if value == numbers[0] else "largest"
-            yield f"{name} {value:g} is the {end} that was tried"
+            yield f"{name} {value:g} is the {end} value of the sweep"
 
 
 def _numbers(values: Iterable[Setting]) -> list[float]:
-    """Return the different numbers among some values, in order."""
-    found = {each for each in values if isinstance(each, int | float)}
-    return sorted(each for each in found if not isinstance(each, bool))
+    """Return the distinct numbers among some values, in order."""
+    numbers = {each for each in values if isinstance(each, int | float)}
+    return sorted(each for each in numbers if not isinstance(each, bool))

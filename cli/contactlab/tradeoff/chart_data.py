@@ -1,4 +1,4 @@
-"""Which configurations a figure shows, and how it calls their methods."""
+"""What the chart of a trade-off shows: its configurations, names of methods, rows of data."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -8,21 +8,21 @@ import numpy as np
 from contactlab.palette import LETTERS
 from contactlab.schema import Configuration, Settings, TradeoffReport
 from contactlab.tradeoff.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
-from contactlab.tradeoff.pareto import front
+from contactlab.tradeoff.pareto import pareto_front
 
 OTHERS = "others"
-# An oracle's miss is a large error, and nothing else went wrong.
+# A run labelled oracle_miss has a large error, which the chart shows.
 _MEASURED = {"stable", "oracle_miss"}
 
 
 @dataclass(frozen=True)
 class ChartSelection:
-    """What a figure shows.
+    """The configurations of a chart.
 
     Attributes:
-        configurations: with one value of each idle knob only, the recommended one.
-        front: the feasible ones of them that none beats in both time and error.
-        names: of the methods that get a colour, with their letters; the best first.
+        configurations: with one value of each idle knob, that of the recommendation.
+        front: the Pareto front of the feasible ones.
+        names: of the methods with a colour, with their letters; the best first.
     """
 
     configurations: tuple[Configuration, ...]
@@ -31,16 +31,16 @@ class ChartSelection:
 
 
 def select(report: TradeoffReport) -> ChartSelection:
-    """Return what the figure of a report shows.
+    """Return the configurations that the chart of a report shows.
 
     At most eight methods get a colour: the recommended first, then those on the front, then the
     most accurate.
     """
     keys = {method_key(each.configuration) for each in report.methods}
     shown = tuple(each for each in report.configurations if method_key(each.configuration) in keys)
-    fit = [each for each in shown if each.feasible]
-    line = tuple(fit[index] for index in front(_times(fit), _errors(fit)))
-    return ChartSelection(shown, line, _names(report, shown, line))
+    feasible = [each for each in shown if each.feasible]
+    front = tuple(feasible[index] for index in pareto_front(_times(feasible), _errors(feasible)))
+    return ChartSelection(shown, front, _names(report, shown, front))
 
 
 def is_failed(each: Configuration) -> bool:
@@ -54,16 +54,16 @@ def without(values: Settings, names: tuple[str, ...]) -> Settings:
 
 
 def _names(
-    report: TradeoffReport, shown: tuple[Configuration, ...], line: tuple[Configuration, ...]
+    report: TradeoffReport, shown: tuple[Configuration, ...], front: tuple[Configuration, ...]
 ) -> dict[MethodKey, str]:
-    alike = {name: report.methods[0].configuration[name] for name in report.idle}
-    picks = [
-        {**each.configuration, **alike} for each in (report.recommendation, report.robust) if each
+    idle = {name: report.methods[0].configuration[name] for name in report.idle}
+    recommended = [
+        {**each.configuration, **idle} for each in (report.recommendation, report.robust) if each
     ]
     by_error = sorted(
         (each for each in shown if not is_failed(each)), key=lambda each: each.error or 0.0
     )
-    ordered = [*picks, *(each.configuration for each in (*line, *by_error, *shown))]
+    ordered = [*recommended, *(each.configuration for each in (*front, *by_error, *shown))]
     keys = list(dict.fromkeys(map(method_key, ordered)))
     differing = varying([dict(key) for key in keys])
     return {
@@ -73,7 +73,7 @@ def _names(
 
 
 def ends(selection: ChartSelection) -> set[int]:
-    """Return the places of the configurations at the ends of the lines of methods."""
+    """Return the indices of the configurations with the shortest and longest step of a method."""
     lines: dict[MethodKey, list[tuple[float, int]]] = {}
     for index, each in enumerate(selection.configurations):
         step = each.configuration.get(TIMESTEP)
@@ -82,29 +82,29 @@ def ends(selection: ChartSelection) -> set[int]:
     return {end[1] for line in lines.values() for end in (min(line), max(line))}
 
 
-def _times(found: list[Configuration]) -> np.ndarray:
-    return np.array([np.nan if each.time is None else each.time for each in found])
+def _times(configurations: list[Configuration]) -> np.ndarray:
+    return np.array([np.nan if each.time is None else each.time for each in configurations])
 
 
-def _errors(found: list[Configuration]) -> np.ndarray:
-    return np.array([np.nan if each.error is None else each.error for each in found])
+def _errors(configurations: list[Configuration]) -> np.ndarray:
+    return np.array([np.nan if each.error is None else each.error for each in configurations])
 
 
-_ROOM = 1.6
-"""How far the frame reaches beyond the outermost points."""
+_PADDING = 1.6
+"""Factor by which the axes extend beyond the outermost points."""
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
-# Errors farther above the tolerance would squeeze all others into a corner.
-_OFF = 30.0
+_MOST_EXCESS = 30.0
+"""Errors above so many tolerances are drawn at the edge, to leave room for the others."""
 
 
 @dataclass(frozen=True)
 class ChartFrame:
-    """The ends of the axes.
+    """The limits of the axes.
 
     Attributes:
-        time: least and most [CPU s per simulated s].
-        error: least and most, in the error's unit; never 0.
+        time: lower and upper [CPU s per simulated s].
+        error: lower and upper, in the error's unit; never 0.
     """
 
     time: tuple[float, float]
@@ -116,11 +116,11 @@ class ChartData:
     """The rows of the figure's layers.
 
     Attributes:
-        frame: the ends of the axes.
-        methods: names of the methods that get a colour, with their letters; the best first.
-        points: one a configuration.
-        front: the feasible front, cheapest first.
-        floors: one a coloured method that has a floor.
+        frame: the limits of the axes.
+        methods: names of the methods with a colour, with their letters; the best first.
+        points: one per configuration.
+        front: the feasible Pareto front, cheapest first.
+        floors: one per coloured method with a floor.
     """
 
     frame: ChartFrame
@@ -131,7 +131,7 @@ class ChartData:
 
 
 def chart_data(report: TradeoffReport) -> ChartData:
-    """Return what the figure of a report shows."""
+    """Return the rows of every layer of a report's chart."""
     shown = select(report)
     floors: list[dict[str, Any]] = [
         {"method": shown.names[key], "error": each.floor.error}
@@ -154,12 +154,12 @@ def _frame(report: TradeoffReport, shown: ChartSelection, floors: list[float]) -
     limit = report.tolerances.get(report.error.name)
     times = [each.time for each in shown.configurations if each.time]
     errors = [each.error for each in shown.configurations if each.error and not is_failed(each)]
-    near = [error for error in errors if not limit or error <= _OFF * limit]
+    near = [error for error in errors if not limit or error <= _MOST_EXCESS * limit]
     return ChartFrame(_around(times), _around([*near, *floors, *([limit] if limit else [])]))
 
 
 def _around(values: list[float]) -> tuple[float, float]:
-    return min(values, default=1.0) / _ROOM, max(values, default=1.0) * _ROOM
+    return min(values, default=1.0) / _PADDING, max(values, default=1.0) * _PADDING
 
 
 def _points(
@@ -198,7 +198,7 @@ def _point(
 
 
 def _above(error: float, frame: ChartFrame) -> float:
-    """Return an error that a logarithmic axis can show: none lies below the frame."""
+    """Return an error that a logarithmic axis can show: at least the lower limit."""
     return max(error, frame.error[0])
 
 
@@ -207,7 +207,7 @@ def _state(each: Configuration) -> str:
 
 
 def _chosen(values: Settings, report: TradeoffReport) -> str:
-    """Return what is said of a configuration that is recommended; else nothing."""
+    """Return the words at a recommended configuration; empty at others."""
     for name, pick in ((RECOMMENDED, report.recommendation), (ROBUST, report.robust)):
         if pick and without(pick.configuration, report.idle) == without(values, report.idle):
             return name

@@ -1,4 +1,4 @@
-"""A configuration as lines of MJCF."""
+"""A configuration as lines of MJCF, from the record of one of its runs."""
 
 from collections.abc import Collection
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from contactlab.schema import EvidenceRecord, Setting
 
 @dataclass(frozen=True)
 class MjcfLines:
-    """What sets a configuration in a model.
+    """A configuration as MJCF.
 
     Attributes:
         mjcf: lines to put below `<mujoco>`; a geom's own attributes go over its defaults.
@@ -44,7 +44,7 @@ def mjcf_lines(knobs: Collection[str], record: EvidenceRecord) -> MjcfLines:
 
 
 def _text(name: str, value: Setting) -> str:
-    """Return a setting as MJCF has it: of a pair's five friction coefficients, a geom's three."""
+    """Return a setting as MJCF has it; of a pair's five friction coefficients, a geom has three."""
     if isinstance(value, tuple):
         pair = name == "friction" and len(value) == 5
         parts = (value[0], value[2], value[3]) if pair else value

@@ -1,4 +1,4 @@
-"""The columns of a store that a trade-off is made of, grouped into configurations."""
+"""Configurations: the stored runs of each, and how they compare with the criteria."""
 
 import math
 from collections import Counter
@@ -21,16 +21,24 @@ from contactlab.schema import (
 )
 from contactlab.store import Store
 
-# What runs carry beside errors and times, where the sweep asked for it.
-BESIDE = ("step_p99", "impacts")
-# How far the reference of each error may be off.
+_Z = 1.959963984540054
+"""97.5 % quantile of the normal distribution."""
+
+_UNCHANGED = 1.01
+"""Ratio of errors within which a knob counts as idle."""
+
+_STABLE = "stable"
+
+# Columns of the timing and accuracy passes that a trade-off reads, where they exist.
+_PASS_COLUMNS = ("step_p99", "impacts")
+# The column with the estimated uncertainty of the reference, by error.
 ESTIMATES = {
     "error_final": "error_final_estimate",
     "error_mean": "error_mean_estimate",
     "error_peak": "error_estimate",
 }
-FLAGS = ("chaotic", "solref_clamped")
-_RULE = "solref_rule"
+_FLAGS = ("chaotic", "solref_clamped")
+_SOLREF_RULE = "solref_rule"
 
 
 @dataclass(frozen=True)
@@ -39,12 +47,12 @@ class StoredRuns:
 
     Attributes:
         ids: run ids.
-        knobs: axis to its (n) values, of the axes that one may choose.
-        scenarios: the same of those that the world chooses.
-        seeds: of each run.
+        knobs: axis to its n values, of the axes with the role knob.
+        scenarios: the same of the axes with the role scenario.
+        seeds: seed of each run.
         labels: worst label of each run.
         numbers: column to (n,) values, in their units; NaN where there is none.
-        solref_rules: whether solref is absolute or tied to the timestep, as far as is known.
+        solref_rules: whether solref is absolute or tied to the timestep; empty if unknown.
     """
 
     ids: list[str]
@@ -62,7 +70,7 @@ class ConfigurationRuns:
 
     Attributes:
         values: knob to value.
-        rows: places of its runs in `Runs`.
+        rows: indices of its runs in `StoredRuns`.
         cases: scenario and seed of each of them.
     """
 
@@ -76,12 +84,12 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
 
     Args:
         store: the store.
-        names: columns of numbers beside those that every trade-off reads.
+        names: numeric columns to read besides those that every trade-off needs.
     """
     columns = store.columns
     axes = columns.axis_names
     roles = _roles(Sweep.model_validate(store.manifest.sweep.resolved))
-    known = {*names, *BESIDE, *ESTIMATES.values(), *FLAGS}
+    known = {*names, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS}
     wanted = [name for name in known if name in columns.schema.names]
     fixed = ["run_id", "seed", "label"]
     values = columns.to_pydict(list(dict.fromkeys((*fixed, *axes))))
@@ -96,15 +104,17 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         seeds=values["seed"],
         labels=values["label"],
         numbers={name: columns.numbers(name).values for name in wanted},
-        solref_rules=columns.strings(_RULE).categories if _RULE in columns.schema.names else (),
+        solref_rules=columns.strings(_SOLREF_RULE).categories
+        if _SOLREF_RULE in columns.schema.names
+        else (),
     )
 
 
-def group(runs: StoredRuns) -> list[ConfigurationRuns]:
-    """Return the configurations, in the order in which the plan first has them."""
-    found: dict[tuple[Setting, ...], list[int]] = {}
+def group_runs(runs: StoredRuns) -> list[ConfigurationRuns]:
+    """Return the runs of each configuration, in the order of the plan."""
+    members: dict[tuple[Setting, ...], list[int]] = {}
     for row, key in enumerate(_rows(runs.knobs, len(runs.ids))):
-        found.setdefault(key, []).append(row)
+        members.setdefault(key, []).append(row)
     cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
     return [
         ConfigurationRuns(
@@ -112,12 +122,12 @@ def group(runs: StoredRuns) -> list[ConfigurationRuns]:
             rows,
             frozenset(cases[row] for row in rows),
         )
-        for key, rows in found.items()
+        for key, rows in members.items()
     ]
 
 
 def is_chaotic(runs: StoredRuns) -> bool:
-    """Say whether any run is known to part from a run that starts beside it."""
+    """Say whether any run is known to diverge from a run with a perturbed start."""
     return bool((runs.numbers["chaotic"] > 0).any()) if "chaotic" in runs.numbers else False
 
 
@@ -130,19 +140,16 @@ def _roles(sweep: Sweep) -> dict[str, Role]:
     return {name: axis_role(axis) for name, axis in named}
 
 
-_Z = 1.959963984540054
-"""The normal quantile of 97.5 %."""
-
-
 def wilson(good: int, runs: int) -> tuple[float, float]:
     """Return the 95 % interval of a rate, between 0 and 1.
 
-    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", 1927: the
-    rates p whose distance to the observed share is at most z sqrt(p (1 - p) / n).
+    The score interval of E. B. Wilson, "Probable inference, the law of succession, and statistical
+    inference", 1927: the rates p whose distance to the observed share is at most
+    z sqrt(p (1 - p) / n).
 
     Args:
-        good: how often it came out.
-        runs: of how many, at least 1.
+        good: number of successes.
+        runs: number of trials, at least 1.
     """
     share, weight = good / runs, _Z * _Z / runs
     centre = (share + weight / 2) / (1 + weight)
@@ -150,17 +157,14 @@ def wilson(good: int, runs: int) -> tuple[float, float]:
     return max(0.0, centre - reach), min(1.0, centre + reach)
 
 
-STABLE = "stable"
-
-
 @dataclass(frozen=True)
 class ResolvedCriteria:
-    """What configurations are weighed by.
+    """What configurations are evaluated by.
 
     Attributes:
-        error: the column of the error, how it is called and from where on it counts.
-        time: the column of the time.
-        tolerances: metric to largest size.
+        error: the column that stands for accuracy, its unit and resolution.
+        time: the column that stands for cost.
+        tolerances: metric to largest magnitude.
     """
 
     error: ErrorMeasure
@@ -174,11 +178,11 @@ class Evaluated:
 
     Attributes:
         group: its runs.
-        summary: what came of them.
-        estimate: how far the reference of its error may be off, in the error's unit; 0 without.
-        impacts: most impacts in any of its runs.
-        failures: runs by label, of those with a failure label.
-        missed: metrics whose tolerance is not met.
+        summary: its part of the report.
+        estimate: uncertainty of the reference of its error, in the error's unit; 0 without one.
+        impacts: largest number of impacts in any of its runs.
+        failures: failed runs by label.
+        exceeded: metrics that exceed their tolerance.
     """
 
     group: ConfigurationRuns
@@ -186,81 +190,81 @@ class Evaluated:
     estimate: float
     impacts: float
     failures: Mapping[str, int]
-    missed: tuple[str, ...]
+    exceeded: tuple[str, ...]
 
 
-def evaluate(runs: StoredRuns, weighing: ResolvedCriteria) -> list[Evaluated]:
-    """Return every configuration with what came of it.
+def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
+    """Evaluate every configuration.
 
     A configuration is feasible if it was run in every scenario and seed that any other was run in,
     has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    groups = group(runs)
+    groups = group_runs(runs)
     every = frozenset[object]().union(*(each.cases for each in groups))
-    return [_weighed(runs, each, weighing, len(every)) for each in groups]
+    return [_evaluate_one(runs, each, criteria, len(every)) for each in groups]
 
 
-def _weighed(
-    runs: StoredRuns, found: ConfigurationRuns, weighing: ResolvedCriteria, cases: int
+def _evaluate_one(
+    runs: StoredRuns, members: ConfigurationRuns, criteria: ResolvedCriteria, cases: int
 ) -> Evaluated:
-    labels = Counter(runs.labels[row] for row in found.rows)
-    failures = {name: count for name, count in labels.items() if name != STABLE}
-    worst = {name: judged(runs, found.rows, name) for name in weighing.tolerances}
-    missed = tuple(
+    labels = Counter(runs.labels[row] for row in members.rows)
+    failures = {name: count for name, count in labels.items() if name != _STABLE}
+    worst = {name: _worst(runs, members.rows, name) for name in criteria.tolerances}
+    exceeded = tuple(
         name
-        for name, limit in weighing.tolerances.items()
+        for name, limit in criteria.tolerances.items()
         if (value := worst[name]) is None or value > limit
     )
-    time = _known(runs, found.rows, weighing.time.name)
+    time = _known(runs, members.rows, criteria.time.name)
     reasons = [
-        *(f"{count} of {len(found.rows)} runs are {name}" for name, count in failures.items()),
-        *(_miss(name, worst[name], weighing.tolerances[name]) for name in missed),
-        *([f"run in {len(found.cases)} of {cases} cases"] if len(found.cases) < cases else []),
+        *(f"{count} of {len(members.rows)} runs are {name}" for name, count in failures.items()),
+        *(_excess(name, worst[name], criteria.tolerances[name]) for name in exceeded),
+        *([f"run in {len(members.cases)} of {cases} cases"] if len(members.cases) < cases else []),
         *([] if len(time) else ["not timed"]),
     ]
     estimate = 0.0
-    if weighing.error.kind == "discretisation":
-        estimate = largest(runs, found.rows, ESTIMATES[weighing.error.name]) or 0.0
-    error = judged(runs, found.rows, weighing.error.name)
+    if criteria.error.kind == "discretisation":
+        estimate = largest(runs, members.rows, ESTIMATES[criteria.error.name]) or 0.0
+    error = _worst(runs, members.rows, criteria.error.name)
     mean = float(np.mean(time)) if len(time) else None
     summary = Configuration(
-        configuration=found.values,
+        configuration=members.values,
         time=mean,
         time_worst=float(np.max(time)) if len(time) else None,
         real_time_factor=1 / mean if mean else None,
-        error=None if error is None else max(error, weighing.error.resolution),
+        error=None if error is None else max(error, criteria.error.resolution),
         below_estimate=error is not None and 0 < error <= estimate,
-        solref_clamped=(largest(runs, found.rows, "solref_clamped") or 0) > 0,
-        step_p99=largest(runs, found.rows, "step_p99"),
+        solref_clamped=(largest(runs, members.rows, "solref_clamped") or 0) > 0,
+        step_p99=largest(runs, members.rows, "step_p99"),
         feasible=not reasons,
         reasons=tuple(reasons),
         worst=worst,
-        margins={name: margin(limit, worst[name]) for name, limit in weighing.tolerances.items()},
-        outcomes=_outcomes(runs, found.rows, weighing.tolerances, labels),
+        margins={name: margin(limit, worst[name]) for name, limit in criteria.tolerances.items()},
+        outcomes=_outcomes(runs, members.rows, criteria.tolerances, labels),
     )
-    impacts = largest(runs, found.rows, "impacts") or 0.0
-    return Evaluated(found, summary, estimate, impacts, failures, missed)
+    impacts = largest(runs, members.rows, "impacts") or 0.0
+    return Evaluated(members, summary, estimate, impacts, failures, exceeded)
 
 
 def margin(tolerance: float, worst: float | None) -> float | None:
-    """Return how many times a value could grow within its tolerance.
+    """Return by what factor a value could grow within its tolerance.
 
-    None if the value is unknown, or so small that the margin has no bound.
+    None if the value is unknown, or zero.
     """
     ratio = tolerance / worst if worst else math.inf
     return ratio if math.isfinite(ratio) else None
 
 
 def largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
-    """Return the largest size of a column over some runs; None if any has no value."""
+    """Return the largest magnitude of a column over some runs; None if any has no value."""
     if name not in runs.numbers:
         return None
     sizes = np.abs(runs.numbers[name][rows])
     return None if np.isnan(sizes).any() else float(sizes.max())
 
 
-def judged(runs: StoredRuns, rows: list[int], name: str) -> float | None:
-    """Return the size of a column that tolerances are held against; None if a run has no value."""
+def _worst(runs: StoredRuns, rows: list[int], name: str) -> float | None:
+    """Return the magnitude that a tolerance bounds; None if any run has no value."""
     sizes = magnitudes(runs, rows, name)
     return None if np.isnan(sizes).any() else float(sizes.max())
 
@@ -268,7 +272,7 @@ def judged(runs: StoredRuns, rows: list[int], name: str) -> float | None:
 def magnitudes(runs: StoredRuns, rows: Sequence[int] | NDArray[np.integer], name: str) -> Floats:
     """Return the magnitude of a column in each run, as tolerances bound it; NaN without a value.
 
-    An error against a reference is at least what the reference itself may be off by.
+    An error against a reference is at least the uncertainty of the reference.
     """
     sizes = np.abs(runs.numbers[name][rows])
     estimate = ESTIMATES.get(name)
@@ -282,7 +286,7 @@ def _known(runs: StoredRuns, rows: list[int], name: str) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _miss(name: str, worst: float | None, tolerance: float) -> str:
+def _excess(name: str, worst: float | None, tolerance: float) -> str:
     if worst is None:
         return f"{name} could not be measured in every run"
     return f"{name} reaches {worst:.3g} of {tolerance:.3g}"
@@ -291,7 +295,7 @@ def _miss(name: str, worst: float | None, tolerance: float) -> str:
 def _outcomes(
     runs: StoredRuns, rows: list[int], tolerances: Mapping[str, float], labels: Mapping[str, int]
 ) -> ConfigurationOutcomes:
-    good = np.array([runs.labels[row] == STABLE for row in rows])
+    good = np.array([runs.labels[row] == _STABLE for row in rows])
     for name, limit in tolerances.items():
         # A comparison with NaN is false, as it should be.
         good &= magnitudes(runs, rows, name) <= limit
@@ -301,49 +305,48 @@ def _outcomes(
     )
 
 
-def errors(found: Sequence[Evaluated]) -> np.ndarray:
+def errors(evaluated: Sequence[Evaluated]) -> np.ndarray:
     """Return (n,) errors, NaN where unknown."""
-    return np.array([_number(each.summary.error) for each in found])
+    return np.array([_number(each.summary.error) for each in evaluated])
 
 
-def times(found: Sequence[Evaluated]) -> np.ndarray:
+def times(evaluated: Sequence[Evaluated]) -> np.ndarray:
     """Return (n,) times [CPU s per simulated s], NaN where unknown."""
-    return np.array([_number(each.summary.time) for each in found])
+    return np.array([_number(each.summary.time) for each in evaluated])
 
 
 def _number(value: float | None) -> float:
     return np.nan if value is None else value
 
 
-_EQUAL = 1.01
-
-
-def idle_knobs(found: Sequence[Evaluated]) -> list[str]:
+def idle_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
-    names = list(found[0].group.values) if found else []
-    return [name for name in names if _is_idle(found, name)]
+    names = list(evaluated[0].group.values) if evaluated else []
+    return [name for name in names if _is_idle(evaluated, name)]
 
 
-def typical(
-    found: Sequence[Evaluated], idle: Sequence[str], chosen: Evaluated | None
+def with_one_idle_value(
+    evaluated: Sequence[Evaluated], idle: Sequence[str], chosen: Evaluated | None
 ) -> list[Evaluated]:
-    """Return the configurations with one value of each idle knob: the recommended, or the first."""
-    like = (chosen or found[0]).group.values
-    return [each for each in found if all(each.group.values[name] == like[name] for name in idle)]
+    """Return the configurations with one value of each idle knob: the chosen's, or the first."""
+    alike = (chosen or evaluated[0]).group.values
+    return [
+        each for each in evaluated if all(each.group.values[name] == alike[name] for name in idle)
+    ]
 
 
-def _is_idle(found: Sequence[Evaluated], name: str) -> bool:
+def _is_idle(evaluated: Sequence[Evaluated], name: str) -> bool:
     alike: dict[tuple[Setting, ...], list[Evaluated]] = {}
-    for each in found:
+    for each in evaluated:
         others = tuple(value for key, value in each.group.values.items() if key != name)
         alike.setdefault(others, []).append(each)
     compared = [each for each in alike.values() if len(each) > 1]
     return bool(compared) and all(_is_equal(each) for each in compared)
 
 
-def _is_equal(found: Sequence[Evaluated]) -> bool:
-    errors = [each.summary.error for each in found]
+def _is_equal(evaluated: Sequence[Evaluated]) -> bool:
+    errors = [each.summary.error for each in evaluated]
     known = [error for error in errors if error is not None]
-    if known and (len(known) < len(errors) or max(known) > _EQUAL * min(known)):
+    if known and (len(known) < len(errors) or max(known) > _UNCHANGED * min(known)):
         return False
-    return len({tuple(sorted(each.failures)) for each in found}) == 1
+    return len({tuple(sorted(each.failures)) for each in evaluated}) == 1

@@ -1,4 +1,4 @@
-"""How an error falls with the timestep: its order, and the floor that it does not fall below."""
+"""Methods, all knobs but the timestep: the order of convergence of each, and its floor."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from contactlab.schema import Floor, Method, Order, Setting
 from contactlab.tradeoff.configurations import Evaluated
 
 FEWEST = 3
-# An error this many times what hides it is off by a third at most, from one side.
+# An error this many times the uncertainty of its reference is off by a third at most.
 CLEAR = 3.0
 # Twice this is how far a slope may be off: whole orders are told apart with room to spare.
 WORST_STANDARD_ERROR = 0.1
@@ -22,45 +22,44 @@ FLAT_SPAN = 4.0
 
 @dataclass(frozen=True)
 class TimestepErrors:
-    """What one method makes of n timesteps, the finest first.
+    """The errors of one method at n timesteps, the finest first.
 
     Attributes:
         timestep: (n,) distinct [s].
         error: (n,) positive.
-        hidden: (n,) what of an error may not be its own: the reference's estimate, or 0.
+        uncertainty: (n,) of the reference, in the error's unit; 0 without one.
     """
 
     timestep: Floats
     error: Floats
-    hidden: Floats
+    uncertainty: Floats
 
 
 def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     """Return the order of convergence.
 
     A line through log error over log timestep is fitted to the widest range, from the finest clear
-    step up, over which its slope has a standard error of at most 0.1; coarser steps are beyond
-    where the order shows. A step is clear if its error is three times the reference's estimate, and
-    three times the floor.
+    step up, over which its slope has a standard error of at most 0.1; coarser steps lie outside of
+    the asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
+    reference, and three times the floor.
 
     Args:
-        steps: the timesteps that went through, and whose contact is not clamped.
-        floor: the error that no timestep removes; 0 if none is known.
+        steps: timesteps whose runs completed without a raised time constant.
+        floor: the error that remains at any timestep; 0 if none is known.
     """
-    hidden = np.maximum(steps.hidden, floor)
-    clear = steps.error > CLEAR * hidden
+    clear = steps.error > CLEAR * np.maximum(steps.uncertainty, floor)
     timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])
     if len(timestep) < FEWEST:
-        return none(_too_few(len(timestep), steps, floor))
+        return no_order(_too_few(len(timestep), steps, floor))
     for count in range(len(timestep), FEWEST - 1, -1):
         slope, standard_error = _line(timestep[:count], error[:count])
         if standard_error <= WORST_STANDARD_ERROR:
-            return _judged(slope, standard_error, count)
-    return none("the errors of the finest timesteps do not lie on a line")
+            return _order_of(slope, standard_error, count)
+    return no_order("the errors of the finest timesteps do not lie on a line")
 
 
-def none(reason: str) -> Order:
-    """Return that there is no order, and why."""
+def no_order(reason: str) -> Order:
+    """Return an order without a slope, with the reason."""
     return Order(slope=None, standard_error=None, points=0, reason=reason)
 
 
@@ -71,27 +70,27 @@ def find_floor(steps: TimestepErrors) -> Floor | None:
     span a factor of four and whose errors stay within a factor of 1.5. An error of order 1/2 would
     change by 2 over that span, one of order 1 by 4.
     """
-    found = None
+    floor = None
     for count in range(FEWEST, len(steps.timestep) + 1):
         timestep, error = steps.timestep[:count], steps.error[:count]
         if error.max() > FLAT * error.min():
             break
         # The span is compared with a little room, since timesteps such as 1e-3 / 4 are rounded.
         if timestep[-1] >= FLAT_SPAN * timestep[0] * (1 - 1e-9):
-            found = Floor(error=float(np.median(error)), points=count, timestep=float(timestep[-1]))
-    return found
+            floor = Floor(error=float(np.median(error)), points=count, timestep=float(timestep[-1]))
+    return floor
 
 
 def _too_few(clear: int, steps: TimestepErrors, floor: float) -> str:
-    if not floor and not steps.hidden.any():
+    if not floor and not steps.uncertainty.any():
         return f"{clear} timesteps, and a line takes {FEWEST}"
     what = "the floor" if floor else "the reference's own error"
     return f"{clear} of {FEWEST} or more timesteps have an error above three times {what}"
 
 
-def _judged(slope: float, standard_error: float, count: int) -> Order:
+def _order_of(slope: float, standard_error: float, count: int) -> Order:
     if slope < LEAST_SLOPE:
-        return none(f"the error does not fall with the timestep (slope {slope:.2g})")
+        return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
     return Order(slope=slope, standard_error=standard_error, points=count, reason=None)
 
 
@@ -113,16 +112,16 @@ _NUMERICS = {
 }
 
 
-def methods(found: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
-    """Return the methods, in the order of their first configuration.
+def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
+    """Return the methods, in the order of their first configurations.
 
     Args:
-        found: the configurations.
-        is_modelling: whether the error is held against something else than the model itself, so
-            that it may have a floor.
+        evaluated: the configurations.
+        is_modelling: whether the error is against anything but the model itself, so that it may
+            have a floor.
     """
     members: dict[MethodKey, list[Evaluated]] = {}
-    for each in found:
+    for each in evaluated:
         members.setdefault(method_key(each.group.values), []).append(each)
     differing = varying([dict(key) for key in members])
     floors = {
@@ -136,14 +135,14 @@ def methods(found: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
 
 
 def method_key(values: dict[str, Setting]) -> MethodKey:
-    """Return what tells the method of a configuration from others."""
+    """Return what identifies the method of a configuration: every knob but the timestep."""
     return tuple((name, value) for name, value in values.items() if name != TIMESTEP)
 
 
 def method_name(values: Mapping[str, Setting], differing: Sequence[str]) -> str:
     """Return a method in words: the values of what varies, with the axis where it is a number.
 
-    What is not swept in a row that a sweep includes is as the scene has it, and goes unsaid.
+    Knobs that an included row does not set are as the scene has them, and left out.
     """
     words = [_word(name, values[name]) for name in differing if values[name] is not None]
     return ", ".join(words) or "as the scene has it"
@@ -178,21 +177,22 @@ def _method(
 def _order(members: Sequence[Evaluated], floor: float) -> Order:
     impacts = max(each.impacts for each in members)
     if impacts:
-        return none(f"up to {impacts:.0f} impacts a run, and where in a step one falls is chance")
+        return no_order(
+            f"up to {impacts:.0f} impacts a run, and where in a step one falls is chance"
+        )
     return order(_steps(members), floor)
 
 
 def _least_floors(floors: Mapping[MethodKey, Floor | None]) -> dict[MethodKey, float]:
-    """Return the least floor of all methods with the same physics, 0 where none was found.
+    """Return the least floor of all methods with the same physics; 0 where there is none.
 
-    Integrators and solvers differ in how they get to an answer; where the timestep goes to zero,
-    it is the same.
+    Methods that differ by integrator or solver alone converge to the same solution.
     """
-    found: dict[MethodKey, float] = {}
+    least: dict[MethodKey, float] = {}
     for key, floor in floors.items():
         if floor is not None:
-            found[_physics(key)] = min(floor.error, found.get(_physics(key), np.inf))
-    return {key: found.get(_physics(key), 0.0) for key in floors}
+            least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))
+    return {key: least.get(_physics(key), 0.0) for key in floors}
 
 
 def _physics(key: MethodKey) -> MethodKey:
@@ -200,7 +200,7 @@ def _physics(key: MethodKey) -> MethodKey:
 
 
 def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
-    """Return the timesteps that went through with the contact that was asked for."""
+    """Return the timesteps whose runs completed, without a raised time constant."""
     # Runs that mean nothing tell nothing of how an error falls.
     voided = {each.name for each in LABELS.values() if each.voids}
     points = sorted(
@@ -212,4 +212,4 @@ def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
         and not each.summary.solref_clamped
     )
     table = np.array(points, dtype=np.float64).reshape(-1, 3)
-    return TimestepErrors(timestep=table[:, 0], error=table[:, 1], hidden=table[:, 2])
+    return TimestepErrors(timestep=table[:, 0], error=table[:, 1], uncertainty=table[:, 2])

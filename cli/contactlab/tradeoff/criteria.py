@@ -1,4 +1,4 @@
-"""What is asked of a store: which error, and within which tolerances."""
+"""Which columns of a store stand for accuracy and cost, and within which tolerances."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,20 +15,20 @@ from contactlab.store import Address, Store, parse_address
 MODELLING = "oracle_error"
 TIMED = "time_median"
 RECORDED = "cost_cpu_per_sim_s"
-_NOTHING: Mapping[str, float] = MappingProxyType({})
+_NONE: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
 class Criteria:
-    """What to weigh.
+    """What makes a configuration accurate enough.
 
     Attributes:
         error: the column that stands for accuracy; None for what the tolerances name.
-        tolerances: metric to largest size, over those of the sweep.
+        tolerances: metric to largest magnitude, over those of the sweep.
     """
 
     error: str | None = None
-    tolerances: Mapping[str, float] = field(default_factory=lambda: _NOTHING)
+    tolerances: Mapping[str, float] = field(default_factory=lambda: _NONE)
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:
@@ -51,31 +51,31 @@ def find_store(source: str, target: Address | None = None) -> Address | None:
     return address
 
 
-def tolerances_of(store: Store, question: Criteria) -> dict[str, float]:
-    """Return every tolerance: the sweep's, and over them the question's.
+def tolerances_of(store: Store, criteria: Criteria) -> dict[str, float]:
+    """Return every tolerance: the sweep's, overridden by those of the criteria.
 
     Raises:
-        SweepFileError: one is of something that the store does not measure.
+        SweepFileError: one names no number of the store.
     """
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
-    tolerances = {**sweep.tolerances, **question.tolerances}
+    tolerances = {**sweep.tolerances, **criteria.tolerances}
     for name in tolerances:
         _check_number(store, name)
     return tolerances
 
 
 def error_measure(
-    store: Store, question: Criteria, tolerances: Mapping[str, float]
+    store: Store, criteria: Criteria, tolerances: Mapping[str, float]
 ) -> ErrorMeasure:
-    """Return the error to weigh: the one asked for, or the first that tolerances speak of.
+    """Return the error of the criteria, or the first with a tolerance, or the first measured.
 
     Raises:
         SweepFileError: the store has no such column.
-        StoreError: the store has no error, or none of the one asked for.
+        StoreError: no run has a value of it, or of any error.
     """
-    if question.error is not None:
-        _check_number(store, question.error)
-    name = question.error or chosen_error(tolerances) or _measured_error(store, tolerances)
+    if criteria.error is not None:
+        _check_number(store, criteria.error)
+    name = criteria.error or chosen_error(tolerances) or _measured_error(store, tolerances)
     if not _is_measured(store, name):
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
@@ -95,7 +95,7 @@ def chosen_error(names: Sequence[str] | Mapping[str, float]) -> str | None:
 
 
 def time_measure(store: Store) -> TimeMeasure:
-    """Return the time to weigh: of the timing pass, or, without one, of the recorded runs."""
+    """Return the time of the timing pass or, without one, of the recorded runs."""
     timed = _is_measured(store, TIMED)
     return TimeMeasure(
         name=TIMED if timed else RECORDED,
@@ -105,14 +105,14 @@ def time_measure(store: Store) -> TimeMeasure:
 
 
 def _spread(store: Store) -> float | None:
-    """Return how far the median of a run's rounds lies above their minimum, for half the runs."""
+    """Return the median over runs of: median over minimum of a run's rounds, less 1."""
     middle, least = (store.columns.numbers(name).values for name in (TIMED, "time_min"))
     timed = np.isfinite(middle) & (least > 0)
     return float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
 
 
 def _against(store: Store) -> str | None:
-    """Return what errors are of; all runs of a sweep have one kind."""
+    """Return what the errors measure; it is the same for all runs of a sweep."""
     return next(iter(store.columns.strings("error_kind").categories), None)
 
 
@@ -124,13 +124,13 @@ def _kind(name: str) -> Literal["discretisation", "modelling", "metric"]:
 
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
     candidates = (ERRORS[0], MODELLING, *tolerances)
-    found = next((name for name in candidates if _is_measured(store, name)), None)
-    if found is None:
+    measured = next((name for name in candidates if _is_measured(store, name)), None)
+    if measured is None:
         raise StoreError(
             f"{store.address} has neither an error nor a tolerated metric; sweep with "
             "`accuracy: {error: auto}`, or name a metric with --error"
         )
-    return found
+    return measured
 
 
 def _check_number(store: Store, name: str) -> None:

@@ -1,4 +1,4 @@
-"""The chart of a trade-off as a file or as a specification; the libraries for it are an extra."""
+"""The chart of a trade-off, as a file or as a specification; needs the extra `figures`."""
 
 from importlib.util import find_spec
 from pathlib import Path
@@ -45,7 +45,7 @@ def save_figure(chart: "alt.TopLevelMixin", path: Path) -> None:
 
 
 def draw(report: TradeoffReport, path: Path) -> None:
-    """Draw a report: log error over log time, one line a method.
+    """Draw a report: log error over log time, one line per method.
 
     Args:
         report: what to draw.
@@ -61,7 +61,7 @@ def draw(report: TradeoffReport, path: Path) -> None:
 
 
 def specify(report: TradeoffReport) -> dict[str, Any]:
-    """Return the same chart as a Vega-Lite specification, for who draws it otherwise.
+    """Return the same chart as a Vega-Lite specification.
 
     Its data are named `lines`, `points`, `failures`, `front`, `chosen`, ...; rows of points have
     the place of their configuration in the report.

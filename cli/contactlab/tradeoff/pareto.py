@@ -1,4 +1,4 @@
-"""Configurations that no other beats in both time and error."""
+"""Pareto fronts of time and error, and which configuration to use."""
 
 from collections.abc import Mapping, Sequence
 
@@ -8,8 +8,8 @@ from contactlab.contact import Floats
 from contactlab.tradeoff.configurations import Evaluated, errors, times
 
 
-def front(time: Floats, error: Floats) -> list[int]:
-    """Return which of n points no other point dominates, cheapest first.
+def pareto_front(time: Floats, error: Floats) -> list[int]:
+    """Return the Pareto front of n points, the cheapest first.
 
     A point dominates another if it is no worse in both, and better in one; equal points do not
     dominate each other. A point without time or error is on no front.
@@ -19,68 +19,74 @@ def front(time: Floats, error: Floats) -> list[int]:
         error: (n,) likewise.
 
     Returns:
-        Places of the points.
+        Indices of the points that no other point dominates.
     """
     known = np.flatnonzero(np.isfinite(time) & np.isfinite(error))
     order = known[np.lexsort((error[known], time[known]))]
-    kept: list[int] = []
+    front: list[int] = []
     for index in order:
-        last = kept[-1] if kept else None
+        last = front[-1] if front else None
         is_better = last is None or error[index] < error[last]
         if is_better or (error[index] == error[last] and time[index] == time[last]):
-            kept.append(int(index))
-    return kept
+            front.append(int(index))
+    return front
 
 
-# Within this two passes of the same build agree on ratios of times, on an idle machine.
 EQUALLY_FAST = 1.05
-WORTH_A_STEP = 1.05
+"""Ratio of times within which two timing passes of one build agree, on an idle machine."""
+
+_MORE_ACCURATE = 1.05
+"""Ratio of errors from which a configuration counts as more accurate."""
+
 SAFE_MARGIN = 1.25
+"""Margin of every tolerance that the robust recommendation keeps."""
 
 
-def equally_fast(found: Sequence[Evaluated], least_margin: float = 0.0) -> list[Evaluated]:
-    """Return the feasible configurations that time cannot tell from the cheapest of them.
+def equally_fast(evaluated: Sequence[Evaluated], least_margin: float = 0.0) -> list[Evaluated]:
+    """Return the feasible configurations that are as fast as the fastest of them, within noise.
 
     Args:
-        found: all configurations.
-        least_margin: what the margin of every tolerance must be at least.
+        evaluated: all configurations.
+        least_margin: lower bound on the margin of every tolerance.
 
     Returns:
         Those whose time is within 5 % of the least, the most accurate first, and equally accurate
-        ones in the order of the plan: noise of the times decides nothing. Empty if nothing is
-        feasible.
+        ones in the order of the plan, so that noise of the times decides nothing. Empty if nothing
+        is feasible.
     """
-    fit = [each for each in found if each.summary.feasible and _is_safe(each, least_margin)]
-    if not fit:
+    feasible = [
+        each for each in evaluated if each.summary.feasible and _is_safe(each, least_margin)
+    ]
+    if not feasible:
         return []
-    limit = EQUALLY_FAST * float(np.min(times(fit)))
-    near = [each for each in fit if _time(each) <= limit]
+    limit = EQUALLY_FAST * float(np.min(times(feasible)))
+    near = [each for each in feasible if _time(each) <= limit]
     return sorted(near, key=_error)
 
 
-def feasible_front(found: Sequence[Evaluated]) -> list[Evaluated]:
-    """Return the feasible configurations that no feasible one beats in both, cheapest first."""
-    return on_front([each for each in found if each.summary.feasible])
+def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
+    """Return the Pareto front of the feasible configurations, the cheapest first."""
+    return front_of([each for each in evaluated if each.summary.feasible])
 
 
-def on_front(found: Sequence[Evaluated]) -> list[Evaluated]:
-    """Return the configurations that none beats in both time and error, cheapest first."""
-    return [found[index] for index in front(times(found), errors(found))]
+def front_of(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
+    """Return the Pareto front of some configurations, the cheapest first."""
+    return [evaluated[index] for index in pareto_front(times(evaluated), errors(evaluated))]
 
 
-def next_on(line: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
-    """Return the cheapest on a front that is more accurate than a configuration, by 5 % or more."""
-    limit = _error(chosen) / WORTH_A_STEP
-    return next((each for each in line if _error(each) < limit), None)
+def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
+    """Return the cheapest on a front whose error is smaller by a factor of 1.05 at least."""
+    limit = _error(chosen) / _MORE_ACCURATE
+    return next((each for each in front if _error(each) < limit), None)
 
 
-def shortest_margin(margins: Mapping[str, float | None]) -> float:
-    """Return the least margin; infinite without any."""
+def _smallest_margin(margins: Mapping[str, float | None]) -> float:
+    """Return the smallest margin; infinity without any."""
     return min((each for each in margins.values() if each is not None), default=np.inf)
 
 
 def _is_safe(each: Evaluated, least: float) -> bool:
-    return shortest_margin(each.summary.margins) >= least
+    return _smallest_margin(each.summary.margins) >= least
 
 
 def _time(each: Evaluated) -> float:

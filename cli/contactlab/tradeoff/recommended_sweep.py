@@ -1,4 +1,4 @@
-"""A sweep file of one configuration, which must meet its tolerances again from fresh seeds."""
+"""A sweep file that verifies the recommended configuration with fresh seeds."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,17 +16,17 @@ _MANIFEST = "scene.yaml"
 def recommended_sweep(
     store: Store, report: TradeoffReport, folder: Path, seeds: int = FRESH_SEEDS
 ) -> str:
-    """Return a sweep file of the recommended configuration in every scenario it was weighed in.
+    """Return a sweep file of the recommended configuration, in every scenario of its sweep.
 
-    Its tolerances of metrics are expectations, so that `contactlab sweep` ends in 1 if one is not
-    met, or if a run gets a failure label. Errors against a reference are no metrics: whether they
-    are met again, `contactlab tradeoff` says. Times are left out.
+    Its tolerances of metrics are expectations, so that `contactlab sweep` exits with 1 if one is
+    exceeded, or if a run gets a failure label. Errors against a reference are no metrics;
+    `contactlab tradeoff` says whether they are within tolerance again. Times are left out.
 
     Args:
-        store: where the report is from.
-        report: with a recommendation.
-        folder: where the file will lie, for the scene's path.
-        seeds: how many; none of them is one of the store's.
+        store: the store of the report.
+        report: a report with a recommendation.
+        folder: the folder of the file, which the scene's path is relative to.
+        seeds: number of seeds; none of them is in the store.
     """
     assert report.recommendation is not None
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
@@ -34,7 +34,7 @@ def recommended_sweep(
     first = 1 + max(store.columns.to_pydict(["seed"])["seed"])
     knobs = {name: [value] for name, value in chosen.items() if name not in sweep.effects}
     blocks = _scenarios(store, report.scenarios)
-    askable = {*store.manifest.sweep.metric_versions, *ERRORS}
+    measurable = {*store.manifest.sweep.metric_versions, *ERRORS}
     axes = {name: values for name, values in knobs.items() if values != [None]}
     content: dict[str, object] = {
         "version": 1,
@@ -47,7 +47,9 @@ def recommended_sweep(
         "effects": sweep.effects,
         "thresholds": sweep.thresholds,
         "accuracy": _accuracy(store, report),
-        "tolerances": {name: each for name, each in report.tolerances.items() if name in askable},
+        "tolerances": {
+            name: each for name, each in report.tolerances.items() if name in measurable
+        },
         "expect": [_expectation(store, report)],
         "trace": "none",
         "latency_budget": sweep.latency_budget,
@@ -56,11 +58,11 @@ def recommended_sweep(
 
 
 def _head(report: TradeoffReport) -> str:
-    return f"# Weighed over {len(report.configurations)} configurations in {report.store}."
+    return f"# Chosen among {len(report.configurations)} configurations of {report.store}."
 
 
 def _lines(content: Mapping[str, object]) -> Iterator[str]:
-    """Yield YAML, of which JSON is a part, one key a line; what is empty is left out."""
+    """Yield YAML, which JSON is part of, one key per line; empty values are left out."""
     for name, value in content.items():
         if value in (None, {}, []):
             continue
@@ -75,7 +77,7 @@ def _lines(content: Mapping[str, object]) -> Iterator[str]:
 
 
 def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
-    """Return the scenarios as axes that advance together, each of them once."""
+    """Return the scenarios as axes that advance together, each scenario once."""
     columns = store.columns.to_pydict(names)
     rows = dict.fromkeys(zip(*columns.values(), strict=True))
     values: Sequence[tuple[Setting, ...]] = list(zip(*rows, strict=True))
@@ -99,20 +101,20 @@ def _expectation(store: Store, report: TradeoffReport) -> dict[str, object]:
 
 
 def _accuracy(store: Store, report: TradeoffReport) -> object:
-    """Return how errors are measured, if a tolerance is of one."""
+    """Return how errors are measured, if one has a tolerance."""
     if not set(ERRORS) & report.tolerances.keys():
         return None
     return store.manifest.sweep.resolved.get("accuracy")
 
 
 def _scene(store: Store, named: str, folder: Path) -> str:
-    """Return what names the scene from a folder: its own name, or the store's copy."""
+    """Return the scene's name or, relative to a folder, the path of the store's copy."""
     if named in resources.scene_names() or ":" in named:
         return named
     if not isinstance(store.address, Path):
         raise StoreError(
-            f"the scene '{named}' lies in {store.address} only; copy that to a folder and weigh it "
-            "there, so that the sweep file can name the scene"
+            f"the scene '{named}' is stored in {store.address} only; copy the store to a folder "
+            "and analyse it there, so that the sweep file can name the scene"
         )
     manifest = next(store.scene_folder.rglob(_MANIFEST), None)
     model = store.scene_folder / store.manifest.sweep.scene_model

@@ -42,14 +42,14 @@ def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) 
         names: metrics that may be tolerated.
     """
     runs = read_runs(store, (report.error.name, report.time.name, *names))
-    found = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
-    order = np.concatenate([each.group.rows for each in found])
-    counts = np.array([len(each.group.rows) for each in found])
+    evaluated = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
+    order = np.concatenate([each.group.rows for each in evaluated])
+    counts = np.array([len(each.group.rows) for each in evaluated])
     configuration = np.empty(len(order), dtype=np.int64)
-    configuration[order] = np.repeat(np.arange(len(found)), counts)
+    configuration[order] = np.repeat(np.arange(len(evaluated)), counts)
     starts = np.cumsum(counts) - counts
     return ToleranceTable(
         configuration=configuration,
         worst={name: np.maximum.reduceat(magnitudes(runs, order, name), starts) for name in names},
-        otherwise_feasible=np.array([each.summary.feasible for each in found]),
+        otherwise_feasible=np.array([each.summary.feasible for each in evaluated]),
     )

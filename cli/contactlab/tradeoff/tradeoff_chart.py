@@ -1,4 +1,4 @@
-"""The chart as a Vega-Lite specification: log error over log time, one line a method."""
+"""The chart as a Vega-Lite specification: log error over log time, one line per method."""
 
 import math
 from collections.abc import Iterator
@@ -108,7 +108,7 @@ def _failures(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Ch
 
 
 def _bounds(shown: ChartData, x: alt.X, y: alt.Y) -> alt.Chart:
-    """Return arrows down at errors that are bounds only: the reference may be off by as much."""
+    """Return downward arrows at upper bounds: errors below the uncertainty of their reference."""
     rows = [each for each in shown.points if each["bound"] and each["state"] != "failed"]
     marked: dict[str, Any] = {
         "shape": "arrow",
@@ -122,7 +122,7 @@ def _bounds(shown: ChartData, x: alt.X, y: alt.Y) -> alt.Chart:
 
 
 def _front(shown: ChartData, x: alt.X, y: alt.Y) -> alt.Chart:
-    """Return the front as a staircase: between two points, the cheaper one is what there is."""
+    """Return the front as a staircase: between two points, only the cheaper one is attainable."""
     line = _chart("front", shown.front).mark_line(
         strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
     )
@@ -147,7 +147,7 @@ def _tolerance(shown: ChartData, limit: float) -> Iterator[alt.Chart]:
 
 
 def _chosen(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    """Yield a ring around what is recommended, and what it is."""
+    """Yield a ring around each recommended configuration, with its name."""
     rows = [each | _beside(each, shown) for each in shown.points if each["chosen"]]
     ring = _chart("chosen", rows)
     marked = ring.mark_point(shape="circle", size=420, strokeWidth=2.2, color=INK, opacity=1)
@@ -158,7 +158,7 @@ def _chosen(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
 
 
 def _beside(row: dict[str, Any], shown: ChartData) -> dict[str, Any]:
-    """Return where words stand beside a ring: where the frame has room, and not on each other."""
+    """Return where the name of a ring stands: within the frame, and not on the other name."""
     right = _is_right(row, shown)
     lower = min(each["error"] for each in shown.points if each["chosen"])
     return {
@@ -175,7 +175,7 @@ def _is_right(row: dict[str, Any], shown: ChartData) -> bool:
 
 
 def _labels(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    """Yield the timesteps beside their points, on another side for every other method."""
+    """Yield the timesteps beside their points, on alternating sides by method."""
     rows = [
         each
         for each in shown.points
@@ -196,7 +196,7 @@ def _labels(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
 def _written(
     name: str, rows: list[dict[str, Any]], field: str, x: alt.X, y: alt.Y, style: dict[str, Any]
 ) -> Iterator[alt.Chart]:
-    """Yield words in front of a halo, so that lines do not cross them out."""
+    """Yield text in front of a halo, so that lines do not strike it through."""
     for halo in ({"stroke": "white", "strokeWidth": 4, "strokeJoin": "round"}, {}):
         marked: dict[str, Any] = {"color": INK, **style, **halo}
         yield _chart(name, rows).mark_text(**marked).encode(x, y, text=f"{field}:N")
@@ -208,9 +208,9 @@ def _title(report: TradeoffReport) -> alt.TitleParams:
     return alt.TitleParams(
         f"{report.scene}: what accuracy costs in time",
         subtitle=[
-            f"{held} configurations are feasible; grey line: their front; filled: within every",
-            "tolerance; hollow: beyond one; cross: failed, or off the chart; arrow: at most this;",
-            "dotted: modelling error",
+            f"{held} configurations are feasible; grey line: their Pareto front;",
+            "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
+            "arrow: upper bound; dotted: modelling error",
         ],
         anchor="start",
         fontSize=15,
