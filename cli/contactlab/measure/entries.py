@@ -295,15 +295,10 @@ def label(
 
     def declare(rule: LabelRule) -> LabelRule:
         meaning = _definition(rule)
-        add_label(Label(name or rule.__name__, meaning, severity, thresholds, voids, rule))
+        LABELS.add(Label(name or rule.__name__, meaning, severity, thresholds, voids, rule))
         return rule
 
     return declare
-
-
-def add_label(entry: Label) -> Label:
-    """Register a label with its thresholds."""
-    return LABELS.add(entry)
 
 
 def oracle(

@@ -7,20 +7,20 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.measure.context import Context, energy
 from contactlab.measure.entries import (
+    LABELS,
     Finding,
     Findings,
     Label,
     MeasuredRuns,
     Threshold,
-    add_label,
     first_step,
     label,
     runs_where,
 )
 
-add_label(Label("crashed", "The process that simulated the run died.", 100, voids=True))
-add_label(Label("timeout", "The run took longer than its time limit.", 96, voids=True))
-STABLE = add_label(Label("stable", "No other label applies.", 0))
+LABELS.add(Label("crashed", "The process that simulated the run died.", 100, voids=True))
+LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, voids=True))
+STABLE = LABELS.add(Label("stable", "No other label applies.", 0))
 
 
 @label(severity=92, voids=True)

@@ -72,11 +72,6 @@ def modes(
     return _hold_last(events)
 
 
-def switches(mode: Modes) -> NDArray[np.bool_]:
-    """Return (n, N - 1) where `mode` (n, N) changes between stick and slide at the next sample."""
-    return mode[:, 1:] + mode[:, :-1] == STICK + SLIDE
-
-
 def _events(bearing: NDArray[np.bool_], usage: Floats, grip: Floats, slip: Floats) -> Modes:
     enter = (usage >= ENTER_USAGE) & (slip >= ENTER_SLIP) & bearing
     leave = ((grip < LEAVE_USAGE) | (slip < LEAVE_SLIP)) & bearing
@@ -126,4 +121,4 @@ def changes(series: PairSeries) -> NDArray[np.bool_]:
     for run, start, stop in zip(stick.run, stick.start, stick.stop, strict=True):
         if before[run, stop] == before[run, start]:
             merged[run, start:stop] = SLIDE
-    return switches(merged)
+    return merged[:, 1:] + merged[:, :-1] == STICK + SLIDE
