@@ -38,7 +38,7 @@ def meet(fault: str, model: Any) -> None:
         case "engine error":
             model.opt.integrator = 99
         case "hang":
-            ctypes.PyDLL(None).sleep(1000)  # which keeps the interpreter's lock
+            ctypes.PyDLL(None).pause()  # which keeps the interpreter's lock
         case "kill":
             os.kill(os.getpid(), signal.SIGKILL)
         case "abort":

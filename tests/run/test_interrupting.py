@@ -45,7 +45,7 @@ timing: {}
 SLOW = """
 import sys
 if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
-    import ctypes, time
+    import ctypes, os, signal, time
     from contextlib import contextmanager
     from contactlab.run.run_preparation import Preparer
     watchdog = Preparer.watchdog
@@ -61,6 +61,11 @@ if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
             yield begin
 
     Preparer.watchdog = slow
+"""
+# All but the first three runs end when their worker should stop.
+UNTIL_STOPPED = """
+                while os.path.getsize({begun!r}) > 3 and self.proceed():
+                    time.sleep(0.005)
 """
 FINISHING = "finishing the current runs; interrupt again to stop at once\n"
 INTERRUPTED = "interrupted; run the same command again to resume\n"
@@ -88,6 +93,7 @@ class Slow:
     def start(self, workers: int, wait: str, *asked: str) -> subprocess.Popen[str]:
         """Start a command, or the sweep; each run begins with what Python is to `wait` with."""
         begun = str(self.folder / "begun")
+        wait = wait.strip().format(begun=begun)
         (self.folder / "sitecustomize.py").write_text(SLOW.format(begun=begun, wait=wait))
         asked = asked or ("sweep", "small.yaml", "-o", "store")
         return self.command.start(*asked, "--workers", str(workers), first=self.folder)
@@ -112,8 +118,8 @@ def slow(command: Any, tmp_path: Path) -> Slow:
 def test_told_once_it_keeps_the_runs_in_flight(
     slow: Slow, sweeper: Any, until: Until, workers: int, number: signal.Signals, tell: Any
 ) -> None:
-    process = slow.start(workers, "time.sleep(0.2)")
-    until(lambda: slow.begun > 2)
+    process = slow.start(workers, UNTIL_STOPPED)
+    until(lambda: slow.begun > 3)
     tell(process.pid, number)
     out, err = process.communicate(timeout=60)
     assert (process.returncode, out, err) == (130, "", FINISHING + INTERRUPTED)
@@ -150,7 +156,7 @@ def assert_goes_on(sweeper: Any, stored: int) -> None:
 def test_every_command_that_sweeps_can_be_told(
     slow: Slow, until: Until, asked: Sequence[str], then: str
 ) -> None:
-    process = slow.start(1, "time.sleep(0.2)", *asked)
+    process = slow.start(1, UNTIL_STOPPED, *asked)
     until(lambda: slow.begun > 0)
     os.killpg(process.pid, signal.SIGTERM)
     out, err = process.communicate(timeout=60)
@@ -172,7 +178,7 @@ def test_every_command_that_sweeps_can_be_told(
 def test_told_twice_it_stops_at_once(
     slow: Slow, until: Until, workers: int, numbers: tuple[int, int], tell: Any
 ) -> None:
-    process = slow.start(workers, "time.sleep(600)")
+    process = slow.start(workers, "signal.pause()")
     until(lambda: slow.begun == workers)
     first, second = numbers
     all_of_them = slow.command.living(process.pid)
@@ -190,8 +196,8 @@ def test_told_twice_it_stops_at_once(
 
 
 def test_a_worker_within_a_long_call_ends_with_its_parent(slow: Slow, until: Until) -> None:
-    """A library loaded as Python's own keeps all of Python waiting while it sleeps."""
-    process = slow.start(2, "ctypes.PyDLL(None).sleep(600)")
+    """A library loaded as Python's own keeps all of Python waiting while it pauses."""
+    process = slow.start(2, "ctypes.PyDLL(None).pause()")
     until(lambda: slow.begun == 2)
     process.kill()
     process.communicate(timeout=60)
@@ -199,7 +205,7 @@ def test_a_worker_within_a_long_call_ends_with_its_parent(slow: Slow, until: Unt
 
 
 def test_one_sweep_a_store(slow: Slow, sweeper: Any, until: Until) -> None:
-    process = slow.start(1, "time.sleep(600)")
+    process = slow.start(1, "signal.pause()")
     until(lambda: slow.begun == 1)
     code, out, err = slow.command.run("sweep", "small.yaml", "-o", "store")
     assert (code, out) == (2, "")
@@ -227,6 +233,7 @@ class After:
 
 @pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 @pytest.mark.parametrize("label", ["held against references", "counted"])
+@pytest.mark.usefixtures("_short_clocks")
 def test_a_pass_stops_and_goes_on(sweeper: Any, label: str, workers: int) -> None:
     sweeper.run(PASSES, "whole")
     after = After(label, 1)

@@ -38,9 +38,7 @@ def test_files_that_cannot_grow(
     assert (code, out) == (2, "")
     assert re.fullmatch(rf"error: cannot write (/.*/)?store/{file}: File too large; .*\n", err)
     assert not list((tmp_path / "store").rglob("*.tmp"))
-    code, out, err = command.run(*sweep)
-    assert code == 0, err
-    assert "18 runs, 18 traces in store" in out
+    sweeper.run(ball)
     assert verify(tmp_path / "store") == []
     sweeper.run(ball, "quiet")
     assert sweeper.outcome()[0]["trajectory_hash"] == sweeper.outcome("quiet")[0]["trajectory_hash"]

@@ -1,6 +1,8 @@
 """A sweep that is stopped in a pass after its runs goes on there, and ends as one that was not."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import chdir
+from pathlib import Path
 from typing import Any
 
 import pyarrow.parquet as pq
@@ -39,16 +41,28 @@ timing: {}
 """
 
 
-@pytest.fixture
-def whole(sweeper: Any) -> Any:
-    sweeper.run(PASSES, "whole")
-    return sweeper.outcome("whole")
+pytestmark = pytest.mark.usefixtures("_short_clocks")
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory, make_sweeper: Callable[[Path], Any]) -> Any:
+    sweeper = make_sweeper(tmp_path_factory.mktemp("whole"))
+    with pytest.MonkeyPatch.context() as patch, chdir(sweeper.folder):
+        for name in ("MIN_SECONDS", "MAX_SECONDS", "STEP_SECONDS"):
+            patch.setattr(f"contactlab.accuracy.timing.{name}", 1e-4)
+        sweeper.run(PASSES)
+    return sweeper.outcome()
+
+
 @pytest.mark.parametrize(
-    ("label", "after"),
-    [("held against references", 5), ("counted", 1), ("counted", 12), ("timed", 7)],
+    ("label", "after", "workers"),
+    [
+        ("held against references", 5, 0),
+        ("held against references", 5, 2),
+        ("counted", 1, 0),
+        ("counted", 12, 2),
+        ("timed", 7, 0),
+    ],
 )
 def test_stopped_in_a_pass_it_goes_on(
     sweeper: Any, whole: Any, label: str, after: int, workers: int

@@ -37,7 +37,7 @@ if "forkserver" in " ".join(sys.orig_argv):
             hangs.unlink(missing_ok=True)
             with self._preparer.watchdog() as watch:
                 watch()
-                time.sleep(3600)
+                signal.pause()
         return run(self, job)
 
     Worker.run = deadly
