@@ -22,6 +22,7 @@ from contactlab.scene.scene_source import (
     menagerie_name,
     stored_scene,
 )
+from contactlab.scene.setting_values import as_number
 from contactlab.scene.written_inertia import InertiaFault, written_inertia_faults
 
 __all__ = [
@@ -51,6 +52,7 @@ __all__ = [
     "SceneSource",
     "SensorLayout",
     "actuated_limbs",
+    "as_number",
     "can_collide",
     "compile_without_sensors",
     "find_scene",

@@ -121,6 +121,7 @@ class InitialStates(NamedTuple):
         return inputs
 
 
+_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")
 _SEED_SCALE = 1e-4
 _NUDGE = 1e-6
 PERTURBATION = 1e-8
@@ -160,12 +161,15 @@ class InitialStateRule:
         Raises:
             SceneError: the manifest names coordinates that the model lacks.
         """
+        data = start_data(model, keyframe)
+        parts = [getattr(data, field).ravel() for field in _FIELDS]
+        ends: list[int] = np.cumsum([len(part) for part in parts]).tolist()
+        offset: dict[str, int] = dict(zip(_FIELDS, [0, *ends], strict=False))
         coordinates, scale = _perturbed_coordinates(model, manifest)
-        offset = _offsets(model)
         return cls(
-            state=_state(model, keyframe),
-            ends=tuple(np.cumsum(list(_sizes(model).values())).tolist()),
-            formulas=tuple(_formulas(model, manifest)) if manifest else (),
+            state=np.concatenate(parts),
+            ends=tuple(ends),
+            formulas=tuple(_formulas(model, manifest, offset)) if manifest else (),
             profiles=read_control(model, manifest),
             perturbed=tuple(offset[field] + index for field, index in coordinates),
             scale=scale,
@@ -237,30 +241,9 @@ def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
     )
 
 
-def _state(model: mujoco.MjModel, keyframe: str) -> Floats:
-    data = start_data(model, keyframe)
-    return np.concatenate([getattr(data, field).ravel() for field in _sizes(model)])
-
-
-def _sizes(model: mujoco.MjModel) -> dict[str, int]:
-    return {
-        "qpos": model.nq,
-        "qvel": model.nv,
-        "ctrl": model.nu,
-        "xfrc_applied": 6 * model.nbody,
-        "act": model.na,
-    }
-
-
-def _offsets(model: mujoco.MjModel) -> dict[str, int]:
-    sizes = _sizes(model)
-    return dict(zip(sizes, [0, *np.cumsum(list(sizes.values()))[:-1].tolist()], strict=True))
-
-
 def _formulas(
-    model: mujoco.MjModel, manifest: SceneManifest
+    model: mujoco.MjModel, manifest: SceneManifest, offset: Mapping[str, int]
 ) -> list[tuple[Expression, tuple[int, ...]]]:
-    offset = _offsets(model)
     formulas: list[tuple[Expression, tuple[int, ...]]] = []
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():

@@ -64,8 +64,8 @@ def missing_flags() -> frozenset[str]:
 
 def why_unsupported(axis: str, value: object) -> str | None:
     """Return why this version lacks a value of an axis; None if it is not known to."""
-    for each in NEW_FEATURES:
-        if each.axis == axis and _same(each.value, value) and not _reaches(each.version):
+    for each in _unsupported():
+        if each.axis == axis and _same(each.value, value):
             return (
                 f"MuJoCo {VERSION} has no {_described(each)}, which came with {each.version}; "
                 f"leave it out, or run with --mujoco {each.version}"

@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.model_joints import match_coordinates
+from contactlab.scene.model_joints import StateCoordinate, match_coordinates
 from contactlab.schema import SceneManifest, Term
 
 
@@ -135,23 +135,27 @@ def _profile(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> Contr
 
 
 def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
-    offsets = {"ctrl": 0, "xfrc_applied": model.nu}
-    coordinates = match_coordinates(model, pattern)
-    if any(each.field not in offsets for each in coordinates):
+    inputs = [_input_index(model, each) for each in match_coordinates(model, pattern)]
+    if None in inputs:
         raise SceneError(f"control '{pattern}' is part of the state, not an input; write {_INPUTS}")
-    return tuple(offsets[each.field] + each.index for each in coordinates)
+    return tuple(index for index in inputs if index is not None)
 
 
 def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, str]:
     """Return the inputs that initial values set already, with what sets them."""
-    offsets = {"ctrl": 0, "xfrc_applied": model.nu}
     return {
-        offsets[each.field] + each.index: f"initial value '{name}'"
+        index: f"initial value '{name}'"
         for name, entry in manifest.initial.items()
         for pattern in entry.sets
         for each in match_coordinates(model, pattern)
-        if each.field in offsets
+        if (index := _input_index(model, each)) is not None
     }
+
+
+def _input_index(model: mujoco.MjModel, coordinate: StateCoordinate) -> int | None:
+    """Return a coordinate's index among the controls followed by forces; None for the state."""
+    offset = {"ctrl": 0, "xfrc_applied": model.nu}.get(coordinate.field)
+    return None if offset is None else offset + coordinate.index
 
 
 def _knots(

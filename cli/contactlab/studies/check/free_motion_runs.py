@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact import Floats
+from contactlab.scene import as_number
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.check.free_body_energy import free_body_energy, single_free_bodies
@@ -199,7 +200,7 @@ def _motion(checked: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMoti
     return FreeMotion(
         tried=tried,
         integrator=str(settings["integrator"]),
-        timestep=float(str(settings["timestep"])),
+        timestep=as_number(settings["timestep"]),
         damped=damped,
         ledger=energy_budget(tried.trace, damping, _apart(checked, tried)) if tried.whole else None,
     )

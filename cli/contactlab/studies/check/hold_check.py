@@ -7,7 +7,7 @@ import numpy as np
 
 from contactlab.contact import SLIDE, SLOT_WIDTH, Floats, HoldWindow, PairTrace, Setup, Trace
 from contactlab.measure import assess
-from contactlab.scene import MonitoredPair, make_setup
+from contactlab.scene import MonitoredPair, as_number, make_setup
 from contactlab.schema import Change, CheckResult, Measure
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.check_results import (
@@ -181,7 +181,7 @@ def verdict_on_chatter(changes: Sequence[Change]) -> Iterator[str]:
 
 
 def _timestep(change: Change) -> float:
-    return float(str(change.settings["timestep"]))
+    return as_number(change.settings["timestep"])
 
 
 def _remedies(checked: CheckedModel, failed: set[str]) -> Iterator[Values]:
