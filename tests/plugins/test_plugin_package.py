@@ -67,7 +67,7 @@ def test_all_that_it_adds_is_in_the_store(environment: Path, folder: Path, worke
     here = Path(sys.executable)
     done = contactlab(here, "verify", "store", folder=folder)
     assert done.returncode == 0
-    assert "was made with plug-ins, not loaded here: contactlab-springs 1.2.0" in done.stderr
+    assert "was written with plug-ins that are not loaded: contactlab-springs 1.2.0" in done.stderr
     done = contactlab(here, "replay", "store", frozen, folder=folder)
     assert done.returncode == 2
     assert "plug-in contactlab-springs 1.2.0" in done.stderr

@@ -155,7 +155,7 @@ def mention_plugins(store: "Address", plugins: "Sequence[PluginInfo]") -> None:
     """Say which plug-ins a store was made with, where the store is only read."""
     if plugins:
         names = "; ".join(map(str, plugins))
-        say(f"{store} was made with plug-ins, not loaded here: {names}; their values are as stored")
+        say(f"{store} was written with plug-ins that are not loaded: {names}; their values are as stored")
 
 
 def rerun_with_mujoco(version: str | None, store: Path | None) -> None:

@@ -25,7 +25,7 @@ _MOST_FIRST = 12
 _MOST_LINES = 1_000
 _SIGNS = {"failed": "❌", "skipped": "⚪", "warned": "⚠️", "noted": "ℹ️", "passed": "✅"}  # noqa: RUF001
 assert set(_SIGNS) == set(WORDS)
-_HEAD = ("| | check | found | worst | where |", "|---|---|---|---|---|")
+_HEAD = ("| | check | result | worst | where |", "|---|---|---|---|---|")
 _MOST_ANNOTATIONS = 9
 """A step shows ten errors and ten warnings, and silently drops the others."""
 # XML cannot represent these characters, not even escaped.

@@ -185,7 +185,9 @@ def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Chec
     old, new = baseline.manifest, candidate.manifest
     copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
     warning = "both were written at the same instant: the sweep did not run again"
-    yield _warning("candidate is no copy", warning if copied else "", "written by another sweep")
+    yield _warning(
+        "candidate is no copy", warning if copied else "", "written by a sweep of its own"
+    )
     swapped = new.finished < old.finished
     warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
     yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")
