@@ -152,10 +152,13 @@ def load_plugins(files: Sequence[Path] | None) -> None:
 
 
 def mention_plugins(store: "Address", plugins: "Sequence[PluginInfo]") -> None:
-    """Say which plug-ins a store was made with, where the store is only read."""
+    """Name the plug-ins that a store was written with, in a command that only reads it."""
     if plugins:
         names = "; ".join(map(str, plugins))
-        say(f"{store} was written with plug-ins that are not loaded: {names}; their values are as stored")
+        say(
+            f"{store} was written with plug-ins that are not loaded: {names}; "
+            "their values are shown as stored"
+        )
 
 
 def rerun_with_mujoco(version: str | None, store: Path | None) -> None:

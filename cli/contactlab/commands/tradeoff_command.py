@@ -164,9 +164,7 @@ def _print_methods(methods: "Sequence[Method]") -> None:
     ordered = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
     rows = [(each.name, _order(each), _floor(each)) for each in ordered]
     typer.echo("\nconvergence of the error with the timestep")
-    print_table(("method", "order", "floor"), rows[:_MOST_METHODS])
-    if len(rows) > _MOST_METHODS:
-        typer.echo(f"and {len(rows) - _MOST_METHODS} more methods, see --format json")
+    _print_first(("method", "order", "floor"), rows, _MOST_METHODS)
 
 
 def _order(method: "Method") -> str:
@@ -193,9 +191,13 @@ def _print_rates(report: "TradeoffReport") -> None:
         )
         for each in report.configurations
     ]
-    print_table((*varying, "as expected", "rate"), rows[:_MOST_RATES])
-    if len(rows) > _MOST_RATES:
-        typer.echo(f"and {len(rows) - _MOST_RATES} more configurations, see --format json")
+    _print_first((*varying, "as expected", "rate"), rows, _MOST_RATES)
+
+
+def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: int) -> None:
+    print_table(header, rows[:most])
+    if len(rows) > most:
+        typer.echo(f"and {len(rows) - most} more, see --format json")
 
 
 def _answer(report: "TradeoffReport") -> Iterator[str]:
