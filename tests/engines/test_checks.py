@@ -18,10 +18,9 @@ MUJOCO = MujocoEngine()
 def simulated(name: str, **values: Any) -> Run:
     scene = Scene.open(name)
     run = scene.resolve(values, 0, 0.6)
-    base = scene.base(run.structure)
-    runs = PreparedRuns(base, [base.prepare(run.edits())], scene.starts([run]), run.steps)
-    trace = make_trace(base, runs.prepared, MUJOCO.roll_out(runs, Buffers()))
-    return runs, trace, make_setup(base, scene.source.manifest, [run], runs.models, {})
+    runs = PreparedRuns.of(scene, run)
+    trace = make_trace(runs.base, runs.prepared, MUJOCO.roll_out(runs, Buffers()))
+    return runs, trace, make_setup(runs.base, scene.source.manifest, [run], runs.models, {})
 
 
 def labels(run: Run) -> list[str]:

@@ -153,7 +153,8 @@ def test_the_second_pass_sees_the_same_run(make_scene: Make, roll: Any) -> None:
     rolled = roll(scene, [{}], STEPS)
     base = scene.base({})
     trace = make_trace(base, rolled.prepared, rolled.rollout)
-    runs, mujoco = PreparedRuns(base, rolled.prepared, rolled.starts, STEPS), MujocoEngine()
+    runs, mujoco = PreparedRuns.of(scene, scene.resolve({}, 0, None)), MujocoEngine()
+    runs = replace(runs, steps=STEPS)
     checks = mujoco.check_runs(runs, trace)
     assert checks.repeats.all()
     other = rolled.starts._replace(levels=rolled.starts.levels + 1)
@@ -187,9 +188,8 @@ def test_the_impulse_engine_refuses_external_forces(make_scene: Make) -> None:
     )
     scene = make_scene(model, "control: {ball.fx: {at: [0, 1], to: [0, 1]}}\n")
     run = scene.resolve({}, 0, None)
-    base = scene.base({})
     assert "no forces but gravity" in str(ImpulseEngine().refusal(scene, run))
-    runs = PreparedRuns(base, [base.prepare({})], scene.starts([run]), 5)
+    runs = PreparedRuns.of(scene, run)
     with pytest.raises(SceneError, match="no forces but gravity"):
         ImpulseEngine().roll_out(runs, Buffers())
 

@@ -14,9 +14,8 @@ from contactlab.scene import Scene
 def simulated(name: str, values: dict[str, Any]) -> Trace:
     scene = Scene.open(name)
     run = scene.resolve({"engine": "impulse", **values}, 0, None)
-    base = scene.base(run.structure)
-    runs = PreparedRuns(base, [base.prepare(run.edits())], scene.starts([run]), run.steps)
-    return make_trace(base, runs.prepared, ImpulseEngine().roll_out(runs, Buffers()))
+    runs = PreparedRuns.of(scene, run)
+    return make_trace(runs.base, runs.prepared, ImpulseEngine().roll_out(runs, Buffers()))
 
 
 @pytest.mark.parametrize("angle", [0.0, 20.0, 45.0, 70.0])

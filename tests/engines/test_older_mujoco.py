@@ -1,6 +1,7 @@
 """The loop in Python gives what MuJoCo's batch gives, bit for bit; so do slots without sensors."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import mujoco
@@ -172,13 +173,13 @@ def test_integrating_and_counting(request: pytest.FixtureRequest) -> None:
 
 @pytest.mark.usefixtures("by_loop")
 def test_cost_is_that_of_native_steps() -> None:
-    engine, seen = OlderMujocoEngine(), see("ball_drop", [{}], 1)
-    runs = PreparedRuns(seen.base, seen.prepared, seen.starts, 500)
+    engine, scene = OlderMujocoEngine(), Scene.open("ball_drop")
+    runs = replace(PreparedRuns.of(scene, scene.resolve({}, 0, None)), steps=500)
     assert (engine.roll_out(runs, Buffers()).cost > 0).all()
     assert engine.null_fields(driven=False) == {}
     knots = np.zeros((1, 1, 1))
-    starts = seen.starts._replace(driven=np.zeros((1, 1), np.intp), knots=knots, levels=knots)
-    driven = PreparedRuns(seen.base, seen.prepared, starts, 10)
+    starts = runs.starts._replace(driven=np.zeros((1, 1), np.intp), knots=knots, levels=knots)
+    driven = replace(runs, starts=starts, steps=10)
     assert np.isnan(engine.roll_out(driven, Buffers()).cost).all()
     assert list(engine.null_fields(driven=True)) == ["cost"]
 

@@ -35,7 +35,7 @@ def replay(
         from contactlab.view import open_viewer
 
         start = prepare_replay(opened, run)
-        open_viewer(start.prepared.model, start.state)
+        open_viewer(start.prepared.model, start.runs.starts)
         return
     result = run_again(opened, run)
     if output is opt.Format.json:

@@ -108,16 +108,30 @@ class PreparedRuns:
     """n runs of one structure and step count, ready to be simulated.
 
     Attributes:
-        base: their structure: the monitored pairs, and the layout of what is recorded.
-        prepared: (n) their models.
+        scene: theirs, with the files that other engines may import.
+        resolved: (n) their settings.
+        prepared: (n) their models in MuJoCo.
         starts: where they start, and what drives them.
         steps: how many steps each makes.
     """
 
-    base: CompiledScene
+    scene: Scene
+    resolved: Sequence[ResolvedRun]
     prepared: Sequence[PreparedModel]
     starts: InitialStates
     steps: int
+
+    @classmethod
+    def of(cls, scene: Scene, *resolved: ResolvedRun) -> "PreparedRuns":
+        """Prepare runs of one structure and step count."""
+        starts = scene.starts(resolved)
+        prepared = [scene.prepare(run, starts.pick(place)) for place, run in enumerate(resolved)]
+        return cls(scene, resolved, prepared, starts, resolved[0].steps)
+
+    @property
+    def base(self) -> CompiledScene:
+        """Their structure: the monitored pairs, and the layout of what is recorded."""
+        return self.scene.base_of(self.resolved[0])
 
     @property
     def models(self) -> list[mujoco.MjModel]:
@@ -127,7 +141,10 @@ class PreparedRuns:
     def rows(self, runs: Sequence[int]) -> "PreparedRuns":
         """Return some of the runs."""
         return replace(
-            self, prepared=[self.prepared[run] for run in runs], starts=self.starts.rows(runs)
+            self,
+            resolved=[self.resolved[run] for run in runs],
+            prepared=[self.prepared[run] for run in runs],
+            starts=self.starts.rows(runs),
         )
 
 

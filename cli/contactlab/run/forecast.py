@@ -1,7 +1,7 @@
 """What a sweep will cost, before it runs: runs, time, disk; and settings that look wrong."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache, partial
 from typing import NamedTuple
 
@@ -123,11 +123,9 @@ def _bytes_of(scene: Scene, shape: RowGroup, steps: int) -> int:
 def _step_cost(scene: Scene, resolved: ResolvedRun) -> float:
     """Return the CPU time of a step [s]."""
     silence_mujoco()
-    steps = min(resolved.steps, _SAMPLE_STEPS)
-    starts = scene.starts([resolved])
-    prepared = [scene.prepare(resolved, starts)]
-    runs = PreparedRuns(scene.base_of(resolved), prepared, starts, steps)
-    return engine_of(resolved).seconds_per_step(runs)
+    runs = PreparedRuns.of(scene, resolved)
+    first_steps = replace(runs, steps=min(runs.steps, _SAMPLE_STEPS))
+    return engine_of(resolved).seconds_per_step(first_steps)
 
 
 def _traced(rule: str, runs: int) -> float:

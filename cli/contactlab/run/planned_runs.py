@@ -160,7 +160,7 @@ def _key(resolved: ResolvedRun) -> Key:
     return (
         *resolved.structure.items(),
         resolved.steps,
-        resolved.settings["engine"],
+        resolved.engine,
         resolved.flags.get("sleep"),
         resolved.without,
     )

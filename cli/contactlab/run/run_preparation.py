@@ -7,7 +7,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from pathlib import Path
 
-from contactlab.engines import ENGINES
+from contactlab.engines import ENGINES, Proceed, proceed_always
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.planned_runs import max_models
 from contactlab.run.tasks import Job, Task
@@ -23,12 +23,6 @@ from contactlab.schema import effects_base
 from contactlab.store import local_scene
 
 _MAX_MODELS = 64
-Proceed = Callable[[], bool]
-
-
-def always() -> bool:
-    """Return that the next run may begin."""
-    return True
 
 
 class AbandonedError(Exception):
@@ -44,7 +38,7 @@ class Preparer:
         proceed: returns, between runs, whether the next one should begin.
     """
 
-    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
+    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:
         silence_mujoco()
         self.task = task
         self.proceed = proceed

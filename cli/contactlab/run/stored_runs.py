@@ -1,6 +1,6 @@
 """Stored runs, simulated again from their store alone and compared bit for bit."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -8,7 +8,6 @@ from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, find_eng
 from contactlab.errors import ContactlabError, PluginError, StoreError
 from contactlab.plugins import loaded_plugins
 from contactlab.scene import (
-    CompiledScene,
     InitialStates,
     PreparedModel,
     ResolvedRun,
@@ -49,9 +48,12 @@ class PreparedReplay:
     """A stored run that is ready to be simulated again."""
 
     record: EvidenceRecord
-    base: CompiledScene
-    prepared: PreparedModel
-    state: InitialStates
+    runs: PreparedRuns
+
+    @property
+    def prepared(self) -> PreparedModel:
+        """Its model."""
+        return self.runs.prepared[0]
 
     def roll_out(self) -> Rollout:
         """Simulate it by the engine that computed it.
@@ -59,9 +61,7 @@ class PreparedReplay:
         Raises:
             EngineError: there is no such engine here.
         """
-        steps = self.record.steps_asked
-        runs = PreparedRuns(self.base, [self.prepared], self.state, steps)
-        return find_engine(self.record.engine.name).roll_out(runs, Buffers())
+        return find_engine(self.record.engine.name).roll_out(self.runs, Buffers())
 
 
 def prepare_replay(store: Store, run: str) -> PreparedReplay:
@@ -73,10 +73,9 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
         SceneError: the stored scene does not compile with this engine.
     """
     record, scene, resolved = stored_run(store, run)
-    starts = scene.starts([resolved])
-    prepared = scene.prepare(resolved, starts)
-    state = _stored_start(record, prepared, starts)
-    return PreparedReplay(record, scene.base_of(resolved), prepared, state)
+    runs = PreparedRuns.of(scene, resolved)
+    starts = _stored_start(record, runs.prepared[0], runs.starts)
+    return PreparedReplay(record, replace(runs, starts=starts, steps=record.steps_asked))
 
 
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:

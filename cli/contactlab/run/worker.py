@@ -15,15 +15,17 @@ from contactlab.engines import (
     Buffers,
     ChecksRuns,
     PreparedRuns,
+    Proceed,
     Rollout,
     engine_of,
     make_trace,
+    proceed_always,
     trajectory_hash,
 )
 from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
-from contactlab.run.run_preparation import AbandonedError, Preparer, Proceed, always
+from contactlab.run.run_preparation import AbandonedError, Preparer
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene import InitialStates, make_setup
@@ -122,7 +124,7 @@ class Worker:
         PluginError: a plug-in of the sweep is not here.
     """
 
-    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = always) -> None:
+    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:
         require_plugins(task.plugins)
         self._task = task
         self._proceed = proceed
@@ -183,15 +185,15 @@ class Worker:
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
-        base, steps = self._scene.base_of(resolved[0]), resolved[0].steps
-        runs, engine = PreparedRuns(base, prepared, starts, steps), engine_of(resolved[0])
+        runs = PreparedRuns(self._scene, resolved, prepared, starts, resolved[0].steps)
+        engine = engine_of(resolved[0])
         with self._preparer.watchdog() as watch:
             rollout = engine.roll_out(runs, buffers, watch, proceed)
         done = len(rollout.steps)
         resolved, prepared, models = resolved[:done], prepared[:done], models[:done]
         manifest, sweep = self._scene.source.manifest, self._task.sweep
-        setup = make_setup(base, manifest, resolved, models, sweep.thresholds)
-        trace = make_trace(base, prepared, rollout)
+        setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds)
+        trace = make_trace(runs.base, prepared, rollout)
 
         def check(places: Sequence[int], picked: Trace) -> SelfChecks:
             assert isinstance(engine, ChecksRuns)
