@@ -9,7 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
-from contactlab.mjcf import CONTACT
+from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.mjcf import FLAGS as MJCF_FLAGS
 from contactlab.scene import PARAMETERS, Scene
 from contactlab.scene.model_options import FLAGS, non_default, read_flags, write_flags
 
@@ -180,3 +181,8 @@ def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:
     assert scene.catalogue.find("friction") is None
     assert scene.catalogue.find("timestep") is not None
     assert scene.catalogue.find("mass") is not None
+
+
+def test_mjcf_has_a_place_for_every_parameter_and_flag() -> None:
+    assert {parameter.sets for parameter in PARAMETERS.values()} <= {*OPTIONS, *CONTACT}
+    assert set(FLAGS) <= MJCF_FLAGS

@@ -1,12 +1,15 @@
 """Effects that a scene or a sweep switches by name, and what they do to a run's identity."""
 
+import re
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from contactlab.errors import SceneError
 from contactlab.scene import EFFECTS, FLAGS, PreparedModel, Scene
+from contactlab.scene.mujoco_versions import NEW_FEATURES
 from contactlab.schema import Sweep, effects_base, switches
 
 MakeScene = Callable[..., Scene]
@@ -154,3 +157,13 @@ def test_a_sweep_says_it_in_a_word_or_by_name(
 
 def test_every_switch_of_the_engine_is_an_effect() -> None:
     assert set(FLAGS) <= set(EFFECTS)
+
+
+def test_the_guide_lists_effects_that_there_are() -> None:
+    text = (Path(__file__).parents[3] / "docs/effects.md").read_text(encoding="utf-8")
+    table = text.partition("## The table")[2].partition("##")[0]
+    rows = [line.split("|")[1] for line in table.splitlines() if line.startswith("| `")]
+    named = {name for row in rows for name in re.findall(r"`(\w+)`", row)}
+    newer = {feature.axis for feature in NEW_FEATURES}
+    assert named - newer <= set(EFFECTS)
+    assert {name for name, effect in EFFECTS.items() if effect.switch.flag is None} <= named
