@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 from pydantic_core import to_json
 
-from contactlab.schema import Accuracy, EvidenceRecord, Timing
+from contactlab.schema import Accuracy, Cost, Engine, EvidenceRecord, InitialState, Timing
 
 _TEXT = pa.string()
 _REAL = pa.float64()
@@ -193,33 +193,19 @@ def _type_of(value: object) -> pa.DataType:
 
 # Fields that all runs of a store share; the table has them once, in its metadata.
 SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
-# Nested mappings, stored as JSON text, which every reader of Parquet can show.
+# Mappings of any keys, stored as JSON text, which every reader of Parquet can show.
 _JSON_TEXT = ("pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
-_PLAIN = (
-    "run_id",
-    "index",
-    "scene",
-    "scene_hash",
-    "seed",
-    "label",
-    "trajectory_hash",
-    "expectation_met",
-    "expectation_reason",
-    "tolerances_met",
-    "knife_edge",
-    "status",
-    "status_reason",
-    "steps",
-    "steps_asked",
-    "duration",
-    "settings",
-    "effects",
-    "started",
-    "finished",
+# Columns of their own for each entry; named after the entry, or with the field's name before it.
+_NESTED = ("axes", "metrics", "labels", "accuracy", "timing", "plugins")
+_PREFIXED = ("engine", "initial", "cost", "trace")
+_PLAIN = tuple(
+    name
+    for name in EvidenceRecord.model_fields
+    if name not in {*SHARED_FIELDS, *_JSON_TEXT, *_NESTED, *_PREFIXED}
 )
-_ENGINE = ("name", "version")
-_INITIAL = ("qpos", "qvel", "ctrl", "applied")
-_COST = ("cpu_s", "cpu_per_sim_s", "latency_budget_s", "latency_used")
+_ENGINE = tuple(Engine.model_fields)
+_INITIAL = tuple(InitialState.model_fields)
+_COST = tuple(Cost.model_fields)
 _TRACE = ("file", "sha256", "bytes")
 _ACCURACY = tuple(Accuracy.model_fields)
 _TIMING = tuple(Timing.model_fields)
@@ -233,8 +219,6 @@ def record_to_row(record: EvidenceRecord) -> Row:
     row |= {name: _encoded(getattr(record, name)) for name in _JSON_TEXT}
     row |= {f"engine_{name}": getattr(record.engine, name) for name in _ENGINE}
     row |= _label_columns(record)
-    row["expected"] = record.expected
-    row["edited_geoms"] = record.edited_geoms
     row |= {f"initial_{name}": getattr(record.initial, name) for name in _INITIAL}
     row |= {f"cost_{name}": getattr(record.cost, name, None) for name in _COST}
     row |= {name: getattr(record.accuracy, name, None) for name in _ACCURACY}
@@ -261,7 +245,6 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
             row["labels"], row["label_reasons"], row["label_steps"], strict=True
         )
     ]
-    data["expected"], data["edited_geoms"] = row["expected"], row["edited_geoms"]
     data["initial"] = {name: row[f"initial_{name}"] for name in _INITIAL}
     if row["cost_cpu_s"] is not None:
         data["cost"] = {name: row[f"cost_{name}"] for name in _COST}

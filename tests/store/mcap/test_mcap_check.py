@@ -159,7 +159,7 @@ def test_a_planted_defect_is_found(
     assert any(problem in each for each in problems), problems
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_every_flipped_byte_and_every_cut_is_found(
     tmp_path_factory: pytest.TempPathFactory,
