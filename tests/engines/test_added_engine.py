@@ -76,15 +76,7 @@ class FreeFallEngine(SimulationEngine):
             arrays.sensors[run, :, layout.kinetic] = mass / 2 * (velocity**2).sum(axis=1)
             weight = -mass * model.opt.gravity
             arrays.sensors[run, :, layout.potential] = arrays.state[run, :-1, 1:4] @ weight
-        return Rollout(
-            state=arrays.state[:count],
-            sensors=arrays.sensors[:count],
-            iterations=arrays.iterations[:count],
-            steps=(runs.steps,) * count,
-            cost=np.zeros(count),
-            warnings=({},) * count,
-            errors=(None,) * count,
-        )
+        return Rollout.completed(arrays, np.zeros(count))
 
 
 STONE = """

@@ -21,6 +21,7 @@ from contactlab.contact import Floats, SelfChecks, Trace
 from contactlab.scene import CompiledScene, InitialStates, PreparedModel, ResolvedRun, Scene
 
 _ISLANDS = 20
+"""Contact islands of which MuJoCo keeps solver statistics: mjNISLAND."""
 
 Watch = Callable[[], None]
 """Called before a run, or a block of its steps, to start its time limit."""
@@ -40,6 +41,15 @@ def no_limit() -> None:
 def proceed_always() -> bool:
     """Leave out no run."""
     return True
+
+
+@dataclass(frozen=True)
+class RolloutArrays:
+    """Where a rollout records; see `Rollout` for shapes."""
+
+    state: Floats
+    sensors: Floats
+    iterations: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -65,14 +75,24 @@ class Rollout:
     warnings: tuple[dict[str, int], ...]
     errors: tuple[str | None, ...]
 
+    @classmethod
+    def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":
+        """Return the first n runs that were recorded, all of them completed without warnings.
 
-@dataclass(frozen=True)
-class RolloutArrays:
-    """Where a rollout records; see `Rollout` for shapes."""
-
-    state: Floats
-    sensors: Floats
-    iterations: np.ndarray
+        Args:
+            arrays: where they were recorded.
+            cost: (n,) CPU time of each [s].
+        """
+        count, steps = len(cost), arrays.sensors.shape[1]
+        return cls(
+            state=arrays.state[:count],
+            sensors=arrays.sensors[:count],
+            iterations=arrays.iterations[:count],
+            steps=(steps,) * count,
+            cost=cost,
+            warnings=tuple({} for _ in range(count)),
+            errors=(None,) * count,
+        )
 
 
 @dataclass

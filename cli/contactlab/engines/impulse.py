@@ -120,25 +120,16 @@ class ImpulseEngine(SimulationEngine):
         count = len(runs.prepared)
         arrays = buffers.arrays(runs.base.model, count, runs.steps)
         arrays.state[:], arrays.sensors[:], arrays.iterations[:] = 0.0, 0.0, 0
-        cost = np.zeros(count)
+        cost: list[float] = []
         for run in range(count):
             if run and not proceed():
-                count = run
                 break
             watch()
             begin = time.thread_time()
             ball = _point_mass(runs.base, runs.prepared[run])
             _simulate(runs.base, ball, runs.starts.pick(run), arrays, run)
-            cost[run] = time.thread_time() - begin
-        return Rollout(
-            state=arrays.state[:count],
-            sensors=arrays.sensors[:count],
-            iterations=arrays.iterations[:count],
-            steps=(runs.steps,) * count,
-            cost=cost[:count],
-            warnings=tuple({} for _ in range(count)),
-            errors=(None,) * count,
-        )
+            cost.append(time.thread_time() - begin)
+        return Rollout.completed(arrays, np.array(cost))
 
 
 def _require_gravity_alone(starts: InitialStates) -> None:

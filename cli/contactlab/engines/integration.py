@@ -42,18 +42,10 @@ def integrate_to(
     state: Floats | None = None,
     watch: Watch = no_limit,
 ) -> SampledStates | None:
-    """Return a run's states at some times, or None if it does not complete.
+    """Return a run's states at some times, as `SolvesReferences.integrate_to` says.
 
     A time between two steps is reached by a shorter step from the one before, with the same
     integrator: this adds no error of a lower order, as interpolation would.
-
-    Args:
-        model: what to step; automatic reset must be off.
-        start: where it starts, n being 1.
-        times: (T,) since the beginning of the run that it is part of [s], increasing.
-        begin: when in that run it starts [s].
-        state: (nstate,) where it starts then, if not at the run's own start.
-        watch: called before each block of steps, to start its time limit.
     """
     timestep = float(model.opt.timestep)
     grid = _grid((times - begin) / timestep, timestep)

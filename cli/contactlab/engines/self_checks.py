@@ -31,13 +31,7 @@ class _Repetition(NamedTuple):
 
 
 def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always) -> SelfChecks:
-    """Return the self-checks of runs that completed.
-
-    Args:
-        runs: what was simulated.
-        trace: what they did.
-        proceed: asked between runs; if it says no, only the first ones are checked.
-    """
+    """Return the self-checks of runs that completed, as `ChecksRuns.check_runs` says."""
     models, starts = runs.models, runs.starts
     again = list[_Repetition]()
     for run, model in enumerate(models):

@@ -24,14 +24,7 @@ def count_work(
     steps: int,
     watch: Watch = no_limit,
 ) -> Work | None:
-    """Simulate one run, untimed, and count; None if it does not complete.
-
-    Args:
-        model: what to step.
-        start: where it starts, n being 1.
-        steps: how many to make.
-        watch: called before each block of steps, to start its time limit.
-    """
+    """Simulate one run, untimed, and count, as `TimesSteps.count_work` says."""
     batch = start_batch([model], start)
     places = np.unique(np.linspace(0, steps, SEGMENTS, endpoint=False).astype(int)).tolist()
     counts = np.zeros(len(_FIELDS), np.int64)
@@ -64,13 +57,7 @@ def _count(
 
 
 def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, int]:
-    """Return the CPU time of stepping [s], and how many steps it took.
-
-    Args:
-        segments: what to time.
-        most: steps of each segment.
-        repeats: how often to go through all segments.
-    """
+    """Return the CPU time of stepping [s], and the steps, as `TimesSteps.time_segments` says."""
     batch = start_batch([segments.model], segments.start)
     lengths = segments.lengths(most)
     # The first steps pay for memory that was never touched.
@@ -84,12 +71,7 @@ def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, i
 
 
 def time_steps(segments: Segments, most: int) -> Floats:
-    """Return the CPU time of single steps [s], less what reading the clock takes.
-
-    Args:
-        segments: what to time.
-        most: steps of each segment.
-    """
+    """Return the CPU time of single steps [s], as `TimesSteps.time_steps` says."""
     model, data = segments.model, mujoco.MjData(segments.model)
     clock = time.thread_time_ns
     own = np.median([-(clock() - clock()) for _ in range(_CLOCK_SAMPLES)])
