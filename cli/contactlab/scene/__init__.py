@@ -4,12 +4,12 @@ from contactlab.scene.axis_catalogue import EngineTraits, LenientCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.contact_pairs import MonitoredPair, can_collide
 from contactlab.scene.effects import EFFECTS, NOT_IN_MODEL, Effect, EffectState
-from contactlab.scene.initial_states import PERTURBATION, QPOS0, InitialStates, perturbed_copy
+from contactlab.scene.initial_states import QPOS0, InitialStates, perturbed_copy
 from contactlab.scene.model_joints import actuated_limbs, joints_of
 from contactlab.scene.model_options import FLAGS, MODEL_ENGINE
 from contactlab.scene.mujoco_versions import has_batch, silence_mujoco, why_unsupported
-from contactlab.scene.parameters import PARAMETERS, Parameter
-from contactlab.scene.recording_sensors import PREFIX, SensorLayout
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.recording_sensors import PREFIX
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.run_identity import ID_BYTES
@@ -32,7 +32,6 @@ __all__ = [
     "MODEL_ENGINE",
     "NOT_IN_MODEL",
     "PARAMETERS",
-    "PERTURBATION",
     "PREFIX",
     "QPOS0",
     "CompiledScene",
@@ -43,14 +42,12 @@ __all__ = [
     "InitialStates",
     "LenientCatalogue",
     "MonitoredPair",
-    "Parameter",
     "PreparedModel",
     "ResolvedRow",
     "ResolvedRun",
     "RowGroup",
     "Scene",
     "SceneSource",
-    "SensorLayout",
     "actuated_limbs",
     "as_number",
     "can_collide",

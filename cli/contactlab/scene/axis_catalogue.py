@@ -91,7 +91,9 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     axes.append(_engine_axis(engines))
     if base.targets.subject is not None:
         body = base.model.body(base.targets.subject).name
-        axes.append(AxisSpec("mass", "kg", f"mass of '{body}', inertia with it", number(above=0)))
+        axes.append(
+            AxisSpec("mass", "kg", f"mass of '{body}'; its inertia scales with it", number(above=0))
+        )
     axes += [
         AxisSpec(name, "", f"effect: {effect.what}", switch)
         for name, effect in EFFECTS.items()

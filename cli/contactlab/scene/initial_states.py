@@ -124,7 +124,7 @@ class InitialStates(NamedTuple):
 _FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")
 _SEED_SCALE = 1e-4
 _NUDGE = 1e-6
-PERTURBATION = 1e-8
+_PERTURBATION = 1e-8
 """How far a perturbed copy starts from its run [m, rad, m/s, rad/s]."""
 # Where a joint's quaternion starts within its part of qpos.
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
@@ -226,8 +226,8 @@ def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialSt
     generator = np.random.default_rng([seed, 2])
     qpos, qvel = start.qpos.copy(), start.qvel.copy()
     places = [*joints.scalars, *(point + axis for point in joints.points for axis in range(3))]
-    qpos[:, places] += PERTURBATION * generator.uniform(-1, 1, len(places))
-    qvel += PERTURBATION * generator.uniform(-1, 1, qvel.shape[1])
+    qpos[:, places] += _PERTURBATION * generator.uniform(-1, 1, len(places))
+    qvel += _PERTURBATION * generator.uniform(-1, 1, qvel.shape[1])
     return start._replace(qpos=qpos, qvel=qvel)
 
 

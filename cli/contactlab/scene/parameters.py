@@ -204,7 +204,7 @@ _SOLIMP_PARTS = tuple(f"solimp.{part}" for part in ("dmin", "dmax", "width", "mi
 _FRICTION_PARTS = ("friction.slide", "friction.torsion", "friction.roll")
 _TC, _DR, _K, _B = _SOLREF_PARTS
 _E = "restitution"
-_RESTITUTION = "restitution: the damping that gives it at the contact's natural frequency"
+_RESTITUTION = "restitution: sets the damping that produces it at the contact's natural frequency"
 
 
 def _word(name: str, description: str) -> AxisSpec:
@@ -217,23 +217,25 @@ _OPTION_AXES = [
     _word("cone", "friction cone"),
     _word("solver", "constraint solver"),
     _word("jacobian", "constraint Jacobian"),
-    AxisSpec("iterations", "1", "limit of solver iterations", integer(1)),
-    AxisSpec("tolerance", "1", "solver's tolerance", _NOT_NEGATIVE),
-    AxisSpec("ls_iterations", "1", "limit of line-search iterations", integer(1)),
-    AxisSpec("ls_tolerance", "1", "line search's tolerance", _NOT_NEGATIVE),
-    AxisSpec("noslip_iterations", "1", "limit of noslip iterations", integer(0)),
-    AxisSpec("noslip_tolerance", "1", "noslip's tolerance", _NOT_NEGATIVE),
-    AxisSpec("ccd_iterations", "1", "limit of collision iterations", integer(1)),
-    AxisSpec("ccd_tolerance", "m", "collision's tolerance", _NOT_NEGATIVE),
-    AxisSpec("impratio", "1", "frictional over normal impedance", or_off(1.0, _POSITIVE)),
+    AxisSpec("iterations", "1", "most solver iterations", integer(1)),
+    AxisSpec("tolerance", "1", "solver tolerance", _NOT_NEGATIVE),
+    AxisSpec("ls_iterations", "1", "most line-search iterations", integer(1)),
+    AxisSpec("ls_tolerance", "1", "line-search tolerance", _NOT_NEGATIVE),
+    AxisSpec("noslip_iterations", "1", "most noslip iterations", integer(0)),
+    AxisSpec("noslip_tolerance", "1", "noslip tolerance", _NOT_NEGATIVE),
+    AxisSpec("ccd_iterations", "1", "most iterations of convex collision detection", integer(1)),
+    AxisSpec("ccd_tolerance", "m", "tolerance of convex collision detection", _NOT_NEGATIVE),
+    AxisSpec("impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE)),
     AxisSpec("density", "kg/m^3", "density of the medium", _NOT_NEGATIVE),
     AxisSpec("viscosity", "Pa s", "viscosity of the medium", _NOT_NEGATIVE),
 ]
-_GRAVITY = AxisSpec("gravity", "m/s^2", "magnitude, or vector", or_off(0.0, _parse_gravity))
+_GRAVITY = AxisSpec(
+    "gravity", "m/s^2", "magnitude downwards, or vector", or_off(0.0, _parse_gravity)
+)
 _SOLREF = AxisSpec(
     "solref",
     "s 1",
-    "contact reference",
+    "contact reference: time constant and damping ratio, or -stiffness and -damping",
     numbers(2, "timeconst dampratio", _solref_mistake),
     conflicts=(*_SOLREF_PARTS, _E),
     parts=_SOLREF_PARTS,
@@ -242,7 +244,7 @@ _SOLREF = AxisSpec(
 _SOLIMP = AxisSpec(
     "solimp",
     "1",
-    "impedance",
+    "contact impedance",
     _parse_solimp,
     conflicts=_SOLIMP_PARTS,
     parts=_SOLIMP_PARTS,
@@ -269,7 +271,7 @@ _FRICTION_AXES = [
     (AxisSpec(_FRICTION_PARTS[1], "m", "torsional friction", _NOT_NEGATIVE), (2,)),
     (AxisSpec(_FRICTION_PARTS[2], "m", "rolling friction", _NOT_NEGATIVE), (3, 4)),
 ]
-_GAP = "distance beyond the margin at which contacts exist, forceless"
+_GAP = "distance beyond the margin within which contacts exist but exert no force"
 _OTHER_AXES = [
     AxisSpec("condim", "1", "contact dimensions: 1, 3, 4 or 6", _parse_condim),
     AxisSpec("margin", "m", "distance at which contact begins", _NOT_NEGATIVE),
