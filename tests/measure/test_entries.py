@@ -24,7 +24,6 @@ from contactlab.measure import (
     limits,
     metric,
     oracle,
-    runs_where,
 )
 from contactlab.run import read_request, run_sweep
 from contactlab.store import Store
@@ -56,8 +55,7 @@ def declare_racing(severity: float = 46) -> None:
     @label(severity, thresholds=(limit,))
     def racing(runs: MeasuredRuns) -> Findings:
         """A joint moves faster than its limit."""
-        speed, limit = runs.metrics["top_speed"], runs.limits["top_speed"]
-        return {run: Finding(f"at {speed[run]:g} rad/s", 0) for run in runs_where(speed > limit)}
+        return {run: Finding(f"at {speed:g} rad/s", 0) for run, speed, _ in runs.over("top_speed")}
 
 
 def test_a_metric_with_its_label_is_measured(trace_of: Any, setup_of: Any) -> None:

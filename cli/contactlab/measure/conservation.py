@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact import Floats, FreeBody
 from contactlab.measure.context import (
     Context,
     cached,
@@ -12,6 +12,7 @@ from contactlab.measure.context import (
     least_energy,
     peak_kinetic,
     speed_squared,
+    worst_body,
 )
 from contactlab.measure.entries import (
     Finding,
@@ -21,7 +22,6 @@ from contactlab.measure.entries import (
     first_step,
     label,
     metric,
-    runs_where,
 )
 
 _SETTLED = 1e-6
@@ -75,15 +75,13 @@ def speed_ratio(context: Context) -> Floats:
     For passive scenes; the bound is sqrt(v0^2 + 2 g H) for one body that falls by H. Above 1, a
     body was ejected.
     """
-    bodies = context.setup.free_bodies
-    if not context.setup.passive or not bodies:
+    if not context.setup.passive:
         return context.undefined()
-    return np.maximum.reduce(
-        [
-            np.sqrt(speed_squared(context, body).max(axis=1)) / _speed_bound(context, body.mass)
-            for body in bodies
-        ]
-    )
+
+    def ratio(body: FreeBody) -> Floats:
+        return np.sqrt(speed_squared(context, body).max(axis=1)) / _speed_bound(context, body.mass)
+
+    return worst_body(context, ratio)
 
 
 @metric(unit="1", better="lower", resolution=1e-12, requires="energy")
@@ -127,12 +125,10 @@ def settle_time(context: Context) -> Floats:
 @metric(unit="m/s", resolution=1e-9)
 def final_speed(context: Context) -> Floats:
     """Speed of the fastest free body in the last state."""
-    bodies = context.setup.free_bodies
-    if not bodies:
-        return context.undefined()
     last = context.trace.qvel[:, -1]
-    speeds = [np.linalg.norm(last[:, body.dof : body.dof + 3], axis=1) for body in bodies]
-    return np.maximum.reduce(speeds)
+    return worst_body(
+        context, lambda body: np.linalg.norm(last[:, body.dof : body.dof + 3], axis=1)
+    )
 
 
 @label(
@@ -155,20 +151,18 @@ def final_speed(context: Context) -> Floats:
 )
 def energy_injection(runs: MeasuredRuns) -> Findings:
     """A passive scene gained energy, or ejected a body faster than its energy allows."""
-    ratio, limit = runs.metrics["speed_ratio"], runs.limits["speed_ratio"]
     found = {
         run: Finding(
-            f"a body moved {ratio[run]:.3g} times as fast as the energy at the start allows "
+            f"a body moved {ratio:.3g} times as fast as the energy at the start allows "
             f"(limit {limit:g})",
             _first_fast_step(runs.context, run, limit),
         )
-        for run in runs_where(ratio > limit)
+        for run, ratio, limit in runs.over("speed_ratio")
     }
-    gain, limit = runs.metrics["energy_gain"], runs.limits["energy_gain"]
-    for run in runs_where(gain > limit):
+    for run, gain, limit in runs.over("energy_gain"):
         values = energy(runs.context)[run]
         risen = values - values[0] > limit * energy_scale(runs.context)[run]
-        reason = f"energy rose by {gain[run]:.3%} of that at the start (limit {limit:.3g})"
+        reason = f"energy rose by {gain:.3%} of that at the start (limit {limit:.3g})"
         found[run] = Finding(reason, first_step(risen))
     return found
 

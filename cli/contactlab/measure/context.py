@@ -160,6 +160,12 @@ def down(context: Context) -> Floats:
     return gravity / np.where(length > 0, length, 1)
 
 
+def worst_body(context: Context, quantity: Callable[[FreeBody], Floats]) -> Floats:
+    """Return (n,) the largest of a quantity (n,) over free bodies; NaN where there are none."""
+    values = [quantity(body) for body in context.setup.free_bodies]
+    return np.maximum.reduce(values) if values else context.undefined()
+
+
 def worst_pair(context: Context, values: list[Floats]) -> Floats:
     """Return (n,) the largest over pairs; NaN where it applies to none."""
     return np.fmax.reduce(values) if values else context.undefined()

@@ -3,7 +3,7 @@
 import numpy as np
 
 from contactlab.contact import Floats, FreeBody
-from contactlab.measure.context import Context, down, speed_squared
+from contactlab.measure.context import Context, down, speed_squared, worst_body
 from contactlab.measure.entries import (
     Finding,
     Findings,
@@ -12,7 +12,6 @@ from contactlab.measure.entries import (
     first_step,
     label,
     metric,
-    runs_where,
 )
 
 
@@ -23,12 +22,8 @@ def drift(context: Context) -> Floats:
     The body that moved most counts. For bodies at rest it is creep, which grows with time and
     vanishes with impratio; for a stack that collapsed it is the fall.
     """
-    bodies = context.setup.free_bodies
-    if not bodies:
-        return context.undefined()
     below = down(context)
-    squares = [_across(_displacement(context, body), below) for body in bodies]
-    return np.sqrt(np.maximum.reduce(squares))
+    return np.sqrt(worst_body(context, lambda body: _across(_displacement(context, body), below)))
 
 
 @metric(unit="m", better="lower", resolution=1e-12)
@@ -37,13 +32,8 @@ def drop(context: Context) -> Floats:
 
     The body that sank most counts; negative where all rose.
     """
-    bodies = context.setup.free_bodies
-    if not bodies:
-        return context.undefined()
     below = down(context)
-    return np.maximum.reduce(
-        [(_displacement(context, body) * below).sum(axis=1) for body in bodies]
-    )
+    return worst_body(context, lambda body: (_displacement(context, body) * below).sum(axis=1))
 
 
 @metric(unit="m/s", better="lower", resolution=1e-12)
@@ -52,12 +42,10 @@ def rest_speed(context: Context) -> Floats:
 
     Bodies at rest still creep.
     """
-    bodies = context.setup.free_bodies
-    if not bodies:
-        return context.undefined()
-    start = context.last_fifth.start + 1
-    squares = [speed_squared(context, body)[:, start:].max(axis=1) for body in bodies]
-    return np.sqrt(np.maximum.reduce(squares))
+    last = slice(context.last_fifth.start + 1, None)
+    return np.sqrt(
+        worst_body(context, lambda body: speed_squared(context, body)[:, last].max(axis=1))
+    )
 
 
 @metric(unit="any", resolution=1e-9)
@@ -77,12 +65,12 @@ def joint_travel(context: Context) -> Floats:
 @metric(unit="rad", resolution=1e-9)
 def turn(context: Context) -> Floats:
     """Angular speed summed over time of the free body that turns most."""
-    bodies = context.setup.free_bodies
-    if not bodies:
-        return context.undefined()
-    rates = [context.trace.qvel[:, 1:, body.dof + 3 : body.dof + 6] for body in bodies]
-    angles = [np.sqrt((rate * rate).sum(axis=2)).sum(axis=1) for rate in rates]
-    return np.maximum.reduce(angles) * context.trace.timestep
+
+    def angle(body: FreeBody) -> Floats:
+        rate = context.trace.qvel[:, 1:, body.dof + 3 : body.dof + 6]
+        return np.sqrt((rate * rate).sum(axis=2)).sum(axis=1)
+
+    return worst_body(context, angle) * context.trace.timestep
 
 
 @label(
@@ -99,15 +87,12 @@ def turn(context: Context) -> Floats:
 )
 def drifting(runs: MeasuredRuns) -> Findings:
     """A body that should stay ended farther from its start than the scene accepts."""
-    moved, limit = runs.metrics["drift"], runs.limits.get("drift")
-    if limit is None:
-        return {}
     return {
         run: Finding(
-            f"a body ended {moved[run]:.3g} m away from its start (limit {limit:g} m)",
+            f"a body ended {moved:.3g} m away from its start (limit {limit:g} m)",
             _first_step_away(runs.context, run, limit),
         )
-        for run in runs_where(moved > limit)
+        for run, moved, limit in runs.over("drift")
     }
 
 
@@ -124,15 +109,12 @@ def drifting(runs: MeasuredRuns) -> Findings:
 )
 def unsettled(runs: MeasuredRuns) -> Findings:
     """A body still moves in the last fifth of the run, where the scene says that all rest."""
-    speed, limit = runs.metrics["rest_speed"], runs.limits.get("rest_speed")
-    if limit is None:
-        return {}
     return {
         run: Finding(
-            f"a body moved at {speed[run]:.3g} m/s in the last fifth (limit {limit:g} m/s)",
+            f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)",
             _first_moving_step(runs.context, run, limit),
         )
-        for run in runs_where(speed > limit)
+        for run, speed, limit in runs.over("rest_speed")
     }
 
 

@@ -127,6 +127,11 @@ class MeasuredRuns:
         """Thresholds by name; those without a value are absent."""
         return limits(self.context.setup.thresholds)
 
+    def over(self, metric: str, threshold: str = "") -> list[tuple[int, float, float]]:
+        """Return run, value and limit where a metric exceeds a threshold, by default its own."""
+        values, limit = self.metrics[metric], self.limits.get(threshold or metric, np.inf)
+        return [(run, float(values[run]), limit) for run in runs_where(values > limit)]
+
 
 LabelRule = Callable[[MeasuredRuns], Findings]
 

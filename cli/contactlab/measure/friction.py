@@ -14,7 +14,6 @@ from contactlab.measure.entries import (
     Threshold,
     label,
     metric,
-    runs_where,
 )
 from contactlab.measure.stick_slip import Modes, changes, spans
 
@@ -117,15 +116,12 @@ def normal_impulse(context: Context) -> Floats:
 )
 def creep(runs: MeasuredRuns) -> Findings:
     """A sticking pair slips faster than the scene accepts."""
-    speed, limit = runs.metrics["creep_speed"], runs.limits.get("creep_speed")
-    if limit is None:
-        return {}
     return {
         run: Finding(
-            f"a pair that sticks slips at {speed[run]:.3g} m/s (limit {limit:g} m/s)",
+            f"a pair that sticks slips at {speed:.3g} m/s (limit {limit:g} m/s)",
             runs.context.last_fifth.start,
         )
-        for run in runs_where(speed > limit)
+        for run, speed, limit in runs.over("creep_speed")
     }
 
 

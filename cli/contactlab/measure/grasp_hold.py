@@ -193,13 +193,12 @@ def slipping(runs: MeasuredRuns) -> Findings:
 
 
 def _deep(runs: MeasuredRuns, name: str) -> Findings:
-    limit, depth = runs.limits[name], runs.metrics["hold_penetration"]
     found: Findings = {}
-    for run in runs_where(depth > limit):
+    for run, depth, limit in runs.over("hold_penetration", name):
         inside = hold_window(runs.context)[run]
         depths = contact_depths(runs.context)
         deep = [first_step((each[run] > limit) & inside) for _, each in depths]
-        reason = f"held {depth[run]:.3g} m deep on average (limit {limit:g} m)"
+        reason = f"held {depth:.3g} m deep on average (limit {limit:g} m)"
         found[run] = Finding(reason, max(deep))
     return found
 
@@ -212,23 +211,21 @@ def _lost(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
 
 
 def _displaced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    limit, offset = runs.limits.get("hold_offset"), runs.metrics["hold_offset"]
     held = runs.context.trace.held
-    if limit is None or held is None:
+    if held is None:
         return
-    for run in runs_where(offset > limit):
+    for run, offset, limit in runs.over("hold_offset"):
         reason = (
-            f"it was {offset[run]:.3g} m from its place in the grip when it should be held "
+            f"it was {offset:.3g} m from its place in the grip when it should be held "
             f"(limit {limit:g} m)"
         )
         yield run, Finding(reason, first_step(_offsets(held)[run] > limit))
 
 
 def _slipped(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    limit, slip = runs.limits["hold_slip"], runs.metrics["hold_slip"]
     seconds = hold_seconds(runs.context)
-    for run in runs_where(slip > limit):
-        reason = f"a pair slipped {slip[run]:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
+    for run, slip, limit in runs.over("hold_slip"):
+        reason = f"a pair slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
         yield run, Finding(reason, first_step(hold_window(runs.context)[run]))
 
 
