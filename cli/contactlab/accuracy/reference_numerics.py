@@ -1,15 +1,15 @@
 """Which settings only discretise a model, and which are part of the model itself.
 
-What only discretises shares the limit of small timesteps, and so a reference; all other settings
-change what the limit is: contact parameters (solref, solimp, friction, condim, margin, gap), cone
-and impratio, gravity and the like, and what the manifest sets. Of settings that look numerical,
-these are part of the model:
+Runs that differ only in settings that discretise converge to one limit as the timestep goes to 0,
+and so share a reference. All other settings change the limit: contact parameters (solref, solimp,
+friction, condim, margin, gap), cone and impratio, gravity and the like, and what the manifest sets.
+Of settings that look numerical, these are part of the model:
 
-- noslip_iterations, noslip_tolerance: the pass takes slip away that the contact model has; what
-  is left depends on how far it goes, at any timestep.
-- refsafe: without it solref is what it says at any timestep; with it only where the timestep is
-  small enough, which is an error of the run, and is marked as `solref_clamped`.
-- multiccd, nativeccd, speculative, diagexact: these make other contacts, or other impedances.
+- noslip_iterations, noslip_tolerance: the noslip pass removes slip that the contact model has; how
+  much remains depends on its iterations, at any timestep.
+- refsafe: without it solref is taken as written at any timestep; with it only where the timestep is
+  small enough, which is an error of the run, marked as `solref_clamped`.
+- multiccd, nativeccd, speculative, diagexact: these change the contacts or their impedances.
 """
 
 from collections.abc import Mapping
@@ -22,19 +22,19 @@ from contactlab.scene.setting_values import Settings
 
 @dataclass(frozen=True)
 class NumericSetting:
-    """A setting or a switch that only discretises.
+    """A setting or flag that only discretises.
 
     Attributes:
-        reference: what a reference has; None for what each reference chooses.
-        reason: why its limit does not depend on it.
+        reference: its value in a reference; None where each reference chooses.
+        reason: why the limit does not depend on it.
     """
 
     reference: object
     reason: str
 
 
-_SOLVED = "the constraint problem is convex: solved to the end, every way gives one answer"
-_TOUCH = "how closely the distance of convex shapes is found"
+_SOLVED = "the constraint problem is convex: every converged solver gives the same answer"
+_DISTANCE = "how accurately the distance of convex shapes is computed"
 NUMERICS: Mapping[str, NumericSetting] = MappingProxyType(
     {
         "timestep": NumericSetting(None, "what goes to zero"),
@@ -47,21 +47,23 @@ NUMERICS: Mapping[str, NumericSetting] = MappingProxyType(
         "ls_iterations": NumericSetting(50, _SOLVED),
         "ls_tolerance": NumericSetting(0.01, _SOLVED),
         "jacobian": NumericSetting("auto", "how the same matrix is stored"),
-        "ccd_iterations": NumericSetting(200, _TOUCH),
-        "ccd_tolerance": NumericSetting(1e-9, _TOUCH),
+        "ccd_iterations": NumericSetting(200, _DISTANCE),
+        "ccd_tolerance": NumericSetting(1e-9, _DISTANCE),
         "warmstart": NumericSetting(True, "where the solver starts; " + _SOLVED),
-        "island": NumericSetting(True, "bodies that do not touch are solved apart; " + _SOLVED),
-        "midphase": NumericSetting(True, "how pairs that are far apart are left out"),
-        "eulerdamp": NumericSetting(True, "damping taken at the end of a step or at its start"),
-        "sleep": NumericSetting(False, "leaves out bodies at rest, which should not move anyway"),
+        "island": NumericSetting(
+            True, "bodies that do not touch are solved separately; " + _SOLVED
+        ),
+        "midphase": NumericSetting(True, "how distant pairs are skipped"),
+        "eulerdamp": NumericSetting(True, "damping evaluated at the end of a step or at its start"),
+        "sleep": NumericSetting(False, "skips bodies at rest, which should not move anyway"),
     }
 )
 
 
 def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:
-    """Return a run's model and start with the numerics of a reference.
+    """Return a run with the numerics of a reference.
 
-    Runs that differ in nothing but numerics give equal references.
+    Runs that differ only in numerics give equal references.
 
     Args:
         run: the run.

@@ -1,6 +1,6 @@
 """From the values that a sweep gives a run to everything that decides it: settings, flags, effects.
 
-`write_axis` is the one place that says what an axis' value does to the settings.
+`write_axis` alone decides what the value of an axis does to the settings.
 """
 
 from collections.abc import Callable, Mapping
@@ -97,7 +97,7 @@ def settings_of(axis: str) -> tuple[str, ...]:
 
 
 def write_axis(settings: Settings, axis: str, value: object) -> bool:
-    """Write an axis' value into resolved settings; say whether it is a matter of settings.
+    """Write an axis' value into resolved settings; return whether settings carry it.
 
     Args:
         settings: changed in place, other settings of the axis' kind kept.

@@ -98,7 +98,7 @@ class Scene:
         return self.resolver.duration
 
     def with_effects(self, rest: str | None) -> "Scene":
-        """Return the scene with another rule for effects that nobody asks for by name.
+        """Return the scene with another rule for effects that are not requested by name.
 
         Args:
             rest: `auto` leaves out what provably changes nothing, `all` nothing; None for the
@@ -142,7 +142,7 @@ class Scene:
         return self.resolver.resolve(values, seed, duration)
 
     def rows(self, duration: float | None) -> RowResolver:
-        """Return what resolves the rows of a sweep faster than one by one.
+        """Return a resolver of a sweep's rows, which is faster than resolving run by run.
 
         Args:
             duration: simulated time of each run [s]; the scene's own if None.
@@ -162,7 +162,7 @@ class Scene:
         return self.initial.states(runs)
 
     def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
-        """Return a run's model, without the effects that it does not call for.
+        """Return a run's model, without the effects that it does not need.
 
         Args:
             run: the run.
@@ -171,7 +171,7 @@ class Scene:
         return self.base_of(run).prepare(run.edits(), run.effect_request, start)
 
     def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
-        """Return what two runs have in common if their models are the same."""
+        """Return a key that runs share if their models are the same."""
         straight = is_straight(self.base_of(run).model, start)
         return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
 
@@ -196,7 +196,7 @@ class InitialStateMaker:
             )
 
     def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return starts with every place moved by up to 1e-6 m or rad, as each run's seed says."""
+        """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
         return nudged_states(self._rule(runs[0]), starts, [run.seed for run in runs])
 
     @property
@@ -206,10 +206,10 @@ class InitialStateMaker:
         return manifest is not None and bool(manifest.control or manifest.hold)
 
     def check(self, run: ResolvedRun) -> None:
-        """Compute what depends on time in a run, so that mistakes show before anything runs.
+        """Compute what depends on time in a run, so that mistakes show before it starts.
 
         Raises:
-            SceneError: times of its control decrease, or its hold is no stretch of time.
+            SceneError: times of its control decrease, or the window of its hold is empty.
         """
         if not self.is_timed:
             return
@@ -235,7 +235,7 @@ def compile_without_sensors(scene: Scene, run: ResolvedRun) -> mujoco.MjModel:
 def prepare_without_sensors(
     scene: Scene, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel
 ) -> mujoco.MjModel:
-    """Return a copy of a compiled structure with all that makes it the run's own model.
+    """Return a run's model, made of a compiled structure.
 
     Args:
         scene: the run's.

@@ -96,7 +96,7 @@ _SCHEME = "menagerie:"
 
 
 def is_menagerie(reference: str) -> bool:
-    """Say whether a scene's reference names a robot of MuJoCo Menagerie."""
+    """Return whether a scene's reference names a robot of MuJoCo Menagerie."""
     return reference.startswith(_SCHEME)
 
 

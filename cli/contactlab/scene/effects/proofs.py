@@ -106,7 +106,7 @@ def no_friction(run: RunState) -> str | None:
 
 
 def no_noslip(run: RunState) -> str | None:
-    """There is no friction that could slip, in contacts or in joints."""
+    """No contact or joint has friction that could slip."""
     lossless = zero("", "dof_frictionloss", "tendon_frictionloss")(run) is not None
     return no_friction(run) if lossless else None
 
@@ -202,7 +202,7 @@ def no_equality(run: RunState) -> str | None:
 
 
 def no_actuator(run: RunState) -> str | None:
-    """There is no actuator."""
+    """The model has no actuator."""
     return None if run.model.nu else "no actuator"
 
 
