@@ -141,11 +141,11 @@ def _line(place: float, code: int, part: int, *, is_horizontal: bool) -> Rows:
 
 def number_rows(values: Floats) -> tuple[Rows, Rows]:
     """Return a piece for each cell that has a value, and the values as text where they fit."""
-    places = np.argwhere(np.isfinite(values)).tolist()
-    pieces = [_piece(x, y, 0, 1) | {"value": float(values[y, x])} for y, x in places]
+    cells = np.argwhere(np.isfinite(values)).tolist()
+    pieces = [_piece(x, y, 0, 1) | {"value": float(values[y, x])} for y, x in cells]
     if values.shape[1] > _MOST_TEXTS:
         return pieces, []
-    texts = [{"x": x + 0.5, "y": y + 0.5, "text": f"{values[y, x]:.3g}"} for y, x in places]
+    texts = [{"x": x + 0.5, "y": y + 0.5, "text": f"{values[y, x]:.3g}"} for y, x in cells]
     return pieces, texts
 
 

@@ -68,17 +68,17 @@ def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) ->
         stable: (n,) whether a run has no failure label; only these are drawn.
     """
     axis = _axis_of_restitution(store, axes, stable)
-    found: dict[str, BouncingRun] = {}
+    by_setting: dict[str, BouncingRun] = {}
     for row in np.flatnonzero(stable)[:_MOST_BOUNCING_READ].tolist():
         setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
-        if setting not in found and len(found) < _MOST_BOUNCING:
+        if setting not in by_setting and len(by_setting) < _MOST_BOUNCING:
             record = store.record(store.columns.identify([row])[0]["run_id"])
             if record.trace is None:
                 continue
             run = _bouncing_run(store.trace(record), record, setting)
             if run is not None:
-                found[setting] = run
-    return list(found.values())
+                by_setting[setting] = run
+    return list(by_setting.values())
 
 
 def _axis_of_restitution(
@@ -113,9 +113,9 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     peaks = peaks[: low[0]] if len(low) else peaks
     if len(peaks) < _LEAST_PEAKS:
         return None
-    places = decimated(height)
+    kept = decimated(height)
     restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
-    return BouncingRun(setting, trace.time[places], height[places], peaks, restitution)
+    return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
 
 
 def _peaks(height: Floats, pair: StoredPair) -> Iterator[float]:

@@ -80,10 +80,10 @@ def _matched(others: Codes, base: Codes, rows: Codes) -> tuple[Codes, Codes]:
 
 
 def _mean_ratio(before: Floats, after: Floats) -> float | None:
-    known = (before > 0) & (after > 0)
-    if not known.any():
+    positive = (before > 0) & (after > 0)
+    if not positive.any():
         return None
-    return float(np.exp(np.log(after[known] / before[known]).mean()))
+    return float(np.exp(np.log(after[positive] / before[positive]).mean()))
 
 
 def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:

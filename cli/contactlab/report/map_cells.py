@@ -68,14 +68,14 @@ class CellStatistics(NamedTuple):
 def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
     """Return (rows, columns, labels) how many runs have which worst label."""
     count = len(labels.names)
-    places = axes.cells * count + labels.codes
-    return np.bincount(places, minlength=axes.size * count).reshape(*axes.shape, count)
+    combined = axes.cells * count + labels.codes
+    return np.bincount(combined, minlength=axes.size * count).reshape(*axes.shape, count)
 
 
 def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
     """Return (rows, columns) one statistic of a quantity over the runs of each cell."""
-    found = cell_statistics(axes.cells, axes.size, quantity, ascending_runs(quantity))
-    return found[STATISTICS.index(kind)].reshape(axes.shape)
+    statistics = cell_statistics(axes.cells, axes.size, quantity, ascending_runs(quantity))
+    return statistics[STATISTICS.index(kind)].reshape(axes.shape)
 
 
 def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
@@ -108,9 +108,9 @@ def cell_statistics(
     worst = low if quantity.column.better == "higher" else np.maximum(np.abs(low), np.abs(high))
     median = (by_cell[starts + (number - 1) // 2] + by_cell[starts + number // 2]) / 2
     mean = np.bincount(own, values, minlength=size)[filled] / number
-    found = np.full((3, size), np.nan)
-    found[:, filled] = worst, median, mean
-    return CellStatistics(*found)
+    statistics = np.full((3, size), np.nan)
+    statistics[:, filled] = worst, median, mean
+    return CellStatistics(*statistics)
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
@@ -147,10 +147,10 @@ def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxe
 
 def _explained_variance(cells: Codes, labels: RunLabels) -> float:
     """Return the share of the variance of labels between cells, adjusted for their number."""
-    _, places = np.unique(cells, return_inverse=True)
-    runs = np.bincount(places)
+    _, codes = np.unique(cells, return_inverse=True)
+    runs = np.bincount(codes)
     count = len(labels.names)
-    counts = np.bincount(places * count + labels.codes, minlength=len(runs) * count)
+    counts = np.bincount(codes * count + labels.codes, minlength=len(runs) * count)
     within = len(cells) - float((counts.reshape(-1, count) ** 2 / runs[:, None]).sum())
     total = len(cells) - float((np.array(labels.counts) ** 2).sum()) / len(cells)
     freedom = max(1, len(cells) - len(runs)) / max(1, len(cells) - 1)
@@ -179,14 +179,14 @@ def aggregated_columns(
     for quantity in quantities:
         ascending = ascending_runs(quantity)
         for name, each in maps.items():
-            found = cell_statistics(cells[name], each.size, quantity, ascending)
-            for kind, values in zip(STATISTICS, found, strict=True):
+            statistics = cell_statistics(cells[name], each.size, quantity, ascending)
+            for kind, values in zip(STATISTICS, statistics, strict=True):
                 columns[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
     return columns
 
 
 def _every_map(axes: Sequence[GridAxis]) -> Iterator[tuple[str, MapAxes]]:
-    for place, axis in enumerate(axes):
-        yield f"cells:{place}:", MapAxes(axis, None)
+    for index, axis in enumerate(axes):
+        yield f"cells:{index}:", MapAxes(axis, None)
     for (first, x), (second, y) in combinations(enumerate(axes), 2):
         yield f"cells:{first}:{second}", MapAxes(x, y)

@@ -208,17 +208,13 @@ def _configuration_columns(
     return {
         "configuration": packed_integers(table.configuration[rows]),
         "otherwiseFeasible": packed_integers(table.otherwise_feasible),
-        "time": _numbers([each.time for each in report.configurations]),
-        "error": _numbers([each.error for each in report.configurations]),
+        "time": np.array([each.time for each in report.configurations], dtype=np.float64),
+        "error": np.array([each.error for each in report.configurations], dtype=np.float64),
         **{
             f"worst:{name}": worst if name in exact else rounded_floats(worst, bits)
             for name, worst in table.worst.items()
         },
     }
-
-
-def _numbers(values: list[float | None]) -> NDArray[np.float64]:
-    return np.array([np.nan if value is None else value for value in values])
 
 
 def _tradeoff(store: Store, report: TradeoffReport, table: ToleranceTable) -> dict[str, Any]:

@@ -167,10 +167,8 @@ def _margins(
     report: TradeoffReport, chosen: Recommendation | None
 ) -> Iterator[tuple[str, float, str, str]]:
     """Yield name, limit, worst value and margin of each tolerance."""
-    by_settings = ((each.configuration, each.worst) for each in report.configurations)
-    worst = next(
-        (each for values, each in by_settings if chosen and values == chosen.configuration), {}
-    )
+    values = chosen.configuration if chosen else None
+    worst = next((each.worst for each in report.configurations if each.configuration == values), {})
     for name, limit in report.tolerances.items():
         margin = chosen.margins.get(name) if chosen else None
         yield name, limit, _number(worst.get(name)), "-" if margin is None else f"x {margin:.3g}"
@@ -249,12 +247,12 @@ def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str
     wanted = [report.time.name, report.error.name, *report.tolerances] if report else []
     wanted += ["cost_cpu_per_sim_s"] if report is None else []
     wanted += summary_metrics()
-    known = [
+    present = [
         name
         for name in dict.fromkeys(wanted)
         if any(each.ratios.get(name) is not None for each in changes)
     ]
-    return known[:_MOST_RATIOS]
+    return present[:_MOST_RATIOS]
 
 
 def _settings_text(values: Settings, names: Iterable[str]) -> str:

@@ -138,20 +138,20 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
     metadata = columns.schema.field(name).metadata or {}
     unit = metadata.get(b"unit", b"").decode()
     if not columns.is_number(name):
-        codes, words = columns.strings(name)
-        known = tuple(word.strip() for word in words)
-        ticks = (*known, "none") if (codes < 0).any() else known
-        places = np.where(codes < 0, len(known), codes)
-        return GridAxis(name, unit, kind, ticks, places, None, np.full(len(ticks), np.nan))
+        codes, strings = columns.strings(name)
+        values = tuple(string.strip() for string in strings)
+        ticks = (*values, "none") if (codes < 0).any() else values
+        codes = np.where(codes < 0, len(values), codes)
+        return GridAxis(name, unit, kind, ticks, codes, None, np.full(len(ticks), np.nan))
     numbers = columns.numbers(name).values
-    values, places = np.unique(numbers, return_inverse=True)
+    values, codes = np.unique(numbers, return_inverse=True)
     if str(columns.schema.field(name).type) == "bool":
         ticks = tuple("true" if value else "false" for value in values)
-        return GridAxis(name, unit, kind, ticks, places, None, values)
+        return GridAxis(name, unit, kind, ticks, codes, None, values)
     if len(values) > _MOST_VALUES and np.isfinite(values).all():
-        ticks, places, middles = _binned(numbers)
-        return GridAxis(name, unit, kind, ticks, places, numbers, middles)
-    return GridAxis(name, unit, kind, _number_ticks(values), places, None, values)
+        ticks, codes, middles = _binned(numbers)
+        return GridAxis(name, unit, kind, ticks, codes, numbers, middles)
+    return GridAxis(name, unit, kind, _number_ticks(values), codes, None, values)
 
 
 def _number_ticks(values: Floats) -> tuple[str, ...]:
@@ -211,12 +211,12 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         store: the store.
         also: labels to list beside those that occur.
     """
-    codes, words = store.columns.strings("label")
+    codes, strings = store.columns.strings("label")
     stored_order = [str(name) for name in store.columns.shared.get("severity", ())]
     ranks = {name: rank for rank, name in enumerate([*LABELS, *stored_order])}
-    unordered = dict.fromkeys((*words, *also))
+    unordered = dict.fromkeys((*strings, *also))
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
-    placed = np.array([names.index(word) for word in words], dtype=np.int64)[codes]
+    placed = np.array([names.index(string) for string in strings], dtype=np.int64)[codes]
     failures = [name for name in names if name != STABLE]
     letters = dict(zip(failures, _letters(failures), strict=True))
     colours = {name: failure_colour(rank) for rank, name in enumerate(failures)}
@@ -237,6 +237,6 @@ def _letters(names: list[str]) -> list[str]:
     """Return a letter of each name that no name before it has; a digit where none is left."""
     taken: list[str] = []
     for name in names:
-        wanted = [*name.upper().replace("_", ""), *"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"]
-        taken.append(next(letter for letter in wanted if letter not in taken))
+        candidates = [*name.upper().replace("_", ""), *"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"]
+        taken.append(next(letter for letter in candidates if letter not in taken))
     return taken

@@ -91,13 +91,13 @@ def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
         interval = values[start:stop]
         if np.isfinite(interval).any():
             kept |= {start + int(np.nanargmin(interval)), start + int(np.nanargmax(interval))}
-    places = np.array(sorted(kept), dtype=np.intp)
-    return places[np.isfinite(values[places])]
+    indices = np.array(sorted(kept), dtype=np.intp)
+    return indices[np.isfinite(values[indices])]
 
 
 def _signal(name: str, unit: str, panel: str, time: Floats, values: Floats) -> Signal:
-    places = decimated(values)
-    return Signal(name, unit, panel, time[places], values[places])
+    indices = decimated(values)
+    return Signal(name, unit, panel, time[indices], values[indices])
 
 
 def _motion(trace: StoredTrace) -> Iterator[Signal]:

@@ -76,19 +76,15 @@ def themed(spec: Spec) -> Spec:
     return {**spec, "config": config}
 
 
-def with_page_colours(spec: Spec) -> Spec:
+def with_page_colours(part: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
     """Return a specification whose colours follow the page's style sheet, light or dark."""
-    return _recoloured(spec)
-
-
-def _recoloured(part: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
     if isinstance(part, dict):
         return {
-            key: value if key in {"values", "datasets"} else _recoloured(value)
+            key: value if key in {"values", "datasets"} else with_page_colours(value)
             for key, value in part.items()
         }
     if isinstance(part, list):
-        return [_recoloured(each) for each in part]
+        return [with_page_colours(each) for each in part]
     return _PAGE_COLOURS.get(part, part) if isinstance(part, str) else part
 
 
@@ -104,13 +100,13 @@ def as_svg(spec: Spec, prefix: str = "") -> str:
 
 def _renumbered(svg: str, prefix: str) -> str:
     """Return an SVG whose ids count from 0; the renderer goes on from the picture before."""
-    places: dict[str, str] = {}
+    numbers: dict[str, str] = {}
     for name in _ID.findall(svg):
-        places.setdefault(name, f"{prefix}{len(places)}")
-    if not places:
+        numbers.setdefault(name, f"{prefix}{len(numbers)}")
+    if not numbers:
         return svg
-    known = re.compile("|".join(rf"(?<=[#\"]){re.escape(name)}(?=[\")])" for name in places))
-    return known.sub(lambda match: f"part-{places[match[0]]}", svg)
+    ids = re.compile("|".join(rf"(?<=[#\"]){re.escape(name)}(?=[\")])" for name in numbers))
+    return ids.sub(lambda match: f"part-{numbers[match[0]]}", svg)
 
 
 def static_svg(spec: Spec | None, name: str) -> str:

@@ -1,9 +1,6 @@
 // Accuracy against time, evaluated under other tolerances by the rules of `contactlab tradeoff`.
 
-function limitsOf(state) {
-  const given = { ...metadata.tradeoff.tolerances, ...state.limits };
-  return Object.fromEntries(Object.entries(given).filter(([name]) => name in metadata.tradeoff.tolerances || name in state.limits));
-}
+const limitsOf = (state) => ({ ...metadata.tradeoff.tolerances, ...state.limits });
 
 // Single precision is compared with the limit in single precision.
 function meets(columns, name, place, limit) {

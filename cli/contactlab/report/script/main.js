@@ -20,10 +20,6 @@ async function start() {
   document.body.dataset.ready = "yes";
 }
 
-function save(page) {
-  writeState(page.state);
-}
-
 // The map.
 
 async function startMap(page) {
@@ -75,7 +71,7 @@ async function showMap(page) {
   const picture = find("map-picture");
   const { spec, panels } = mapSpec(page.columns, page.state, picture.clientWidth - (picture.clientWidth < NARROW ? 0 : 160));
   find("map-data").querySelector(".scroll").replaceChildren(...mapTable(page.state, panels));
-  save(page);
+  writeState(page.state);
   const view = await draw(picture, legendBelow(spec, picture.clientWidth));
   if (!view) return;
   Object.assign(page, { view, panels, focus: null });
@@ -167,7 +163,7 @@ function showFirst(page) {
 function closeRun(page) {
   page.state.run = null;
   find("run").replaceChildren();
-  save(page);
+  writeState(page.state);
 }
 
 function openRun(page, row, move = true) {
@@ -175,7 +171,7 @@ function openRun(page, row, move = true) {
   page.state.run = idOf(page.columns, row);
   find("run").replaceChildren(...runPanel(page.columns, row));
   showTimeline(page.series, row);
-  save(page);
+  writeState(page.state);
   if (move) {
     find("run").focus({ preventScroll: true });
     find("run").scrollIntoView({ block: "start", behavior: "instant" });
@@ -243,7 +239,7 @@ async function showEvaluation(page, edited) {
   if (edited) find("recommendation-text").replaceChildren(...recommendationOf(page.columns, evaluated, limits));
   const changed = Object.entries(page.state.limits).map(([name, limit]) => ` --tolerance ${name}=${limit}`);
   find("tradeoff-command").textContent = `contactlab tradeoff ${metadata.store}${changed.join("")}`;
-  save(page);
+  writeState(page.state);
   if (!metadata.specs.tradeoff) return;
   const picture = find("chart-picture");
   const view = await draw(picture, fitted(chartSpec(page.columns, evaluated, limits), picture.clientWidth));

@@ -75,7 +75,7 @@ function runPanel(columns, row) {
     pairsOf(recordOf(columns, row)),
     element("div", { id: "timeline", class: "picture", role: "img", "aria-label": `Run ${run} over time` }),
     commandsOf(columns, row),
-    trace ? element("p", { class: "caption" }, "Its trace, for Foxglove or PlotJuggler: ", element("code", {}, `${metadata.store}/${trace}`)) : null,
+    trace ? element("p", { class: "caption" }, "Its trace, for Foxglove, PlotJuggler or Rerun: ", element("code", {}, `${metadata.store}/${trace}`)) : null,
     element("h3", {}, "Metrics"),
     pairsOf(numbersOf(columns, row)),
     details ? element("details", {}, element("summary", {}, "All settings"),
