@@ -1,4 +1,4 @@
-"""Errors against a reference, from real sweeps: orders, references, chaos, and what is unknown."""
+"""Errors against a reference, from real sweeps: orders, references, chaos, and missing values."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -87,10 +87,8 @@ def test_smooth_motion_converges_as_theory_says(
 
 
 @pytest.mark.parametrize("scene", MOTIONS)
-def test_errors_of_short_stretches_converge_as_well(
-    orders: Callable[[str], Rows], scene: str
-) -> None:
-    """A stretch is as long for every timestep, so that its error falls with the same order."""
+def test_local_errors_converge_as_well(orders: Callable[[str], Rows], scene: str) -> None:
+    """Restarts last equally long at every timestep, so that errors fall with the same order."""
     found = orders(smooth(scene, "{error: local}"))
     assert slope(found, "error_mean", integrator="Euler") == pytest.approx(1, abs=0.2)
     assert slope(found, "error_mean", integrator="RK4") == pytest.approx(ORDERS[scene], abs=0.2)
@@ -114,7 +112,7 @@ def test_a_finer_reference_moves_errors_by_less_than_the_estimate(
         assert one["error_estimate"] > other["error_estimate"]
 
 
-def test_many_timesteps_share_what_a_reference_may_keep(
+def test_many_timesteps_share_the_memory_of_a_reference(
     sweeper: Any, orders: Callable[[str], Rows], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With 16 common times instead of 256 the end is the same, the mean one of a rough sum.
@@ -159,7 +157,7 @@ accuracy: {{error: {error}, refine: 8}}
 """
 
 
-def test_a_chaotic_swing_is_told_by_its_twin(sweeper: Any) -> None:
+def test_chaos_is_recognised_by_a_perturbed_copy(sweeper: Any) -> None:
     """Ten seconds of swinging from 120 degrees part what was 1e-8 apart; one second does not."""
     sweeper.run(CHAOS.format(duration=10.0, error="auto"), "long")
     sweeper.run(CHAOS.format(duration=1.0, error="auto"), "short")
@@ -189,7 +187,7 @@ def unit(store: Path) -> str:
     return metadata[b"unit"].decode()
 
 
-def test_contacts_and_what_refsafe_does_to_them_are_told(sweeper: Any) -> None:
+def test_solref_clamped_by_refsafe_is_reported(sweeper: Any) -> None:
     """A time constant of 20 ms is raised from 10 ms on, but not in direct form."""
     sweeper.run(
         "version: 1\nscene: ball_drop\nduration: 0.2\ntrace: none\nchecks: none\n"
@@ -203,8 +201,8 @@ def test_contacts_and_what_refsafe_does_to_them_are_told(sweeper: Any) -> None:
     assert all(row["impacts"] > 0 for row in found.values())
 
 
-def test_impacts_are_told_beside_local_errors(sweeper: Any) -> None:
-    """The ball falls 50 mm in 0.1 s; a stretch of one step cannot show it, the run does."""
+def test_impacts_are_counted_with_local_errors(sweeper: Any) -> None:
+    """The ball falls 50 mm in 0.1 s; one step cannot show it, the run does."""
     sweeper.run(
         "version: 1\nscene: ball_drop\nduration: 0.2\ntrace: none\nchecks: none\n"
         "axes: {timestep: [2.0e-3, 1.0e-2], drop_height: [0.05]}\n"
@@ -226,7 +224,7 @@ def test_solref_may_follow_the_timestep(sweeper: Any, constants: str, rule: str)
     assert len({row["reference_timestep"] for row in sweeper.rows()}) == 2, "two models"
 
 
-def test_what_does_not_go_through_has_no_error(sweeper: Any) -> None:
+def test_a_run_that_does_not_complete_has_no_error(sweeper: Any) -> None:
     """Euler's top ends in bad accelerations; its family and the impulse engine go on without."""
     sweeper.run(
         "version: 1\nscene: heavy_top\nduration: 3.0\ntrace: none\nchecks: none\n"
@@ -250,7 +248,7 @@ def test_the_impulse_engine_has_no_reference(sweeper: Any) -> None:
     assert impulse["error_final"] is impulse["time_min"] is impulse["work_steps"] is None
 
 
-def test_nothing_is_told_that_was_not_asked(sweeper: Any, ball: str) -> None:
+def test_columns_are_null_without_passes(sweeper: Any, ball: str) -> None:
     sweeper.run(ball)
     table = pq.read_table(sweeper.folder / "store" / "runs.parquet")
     for name in Accuracy.model_fields:
@@ -277,7 +275,7 @@ def test_errors_may_be_tolerated_like_metrics(sweeper: Any, others: str, met: li
     assert [row["tolerances_met"] for row in sweeper.rows()] == met
 
 
-def test_errors_that_nobody_measures_cannot_be_tolerated(sweeper: Any) -> None:
+def test_errors_that_are_not_measured_cannot_be_tolerated(sweeper: Any) -> None:
     text = (TOLERATED % "").replace("accuracy: {refine: 2}\n", "")
     with pytest.raises(SweepFileError, match=r"'error_final' is measured only where .*asks"):
         sweeper.run(text)

@@ -91,7 +91,7 @@ def test_what_is_part_of_the_model_does_not(scene: Scene, values: dict[str, Any]
 
 
 @pytest.mark.parametrize("name", SWITCHES)
-def test_other_switches_are_part_of_the_model(scene: Scene, name: str) -> None:
+def test_other_flags_are_part_of_the_model(scene: Scene, name: str) -> None:
     flags = scene.base({}).flags
     if name not in flags:
         pytest.skip("this engine lacks it")
@@ -122,14 +122,14 @@ def test_a_reference_is_solved_to_the_end(scene: Scene) -> None:
     assert settled.flags["island"]
 
 
-def test_a_twin_is_hardly_another(scene: Scene) -> None:
+def test_a_perturbed_copy_differs_by_next_to_nothing(scene: Scene) -> None:
     run = scene.resolve({}, 0, None)
     start = scene.starts([run])
     joints = joints_of(scene.base_of(run).model)
-    twin = perturbed_copy(start, joints, 3)
-    apart = np.concatenate([(twin.qpos - start.qpos)[0], (twin.qvel - start.qvel)[0]])
+    copy = perturbed_copy(start, joints, 3)
+    apart = np.concatenate([(copy.qpos - start.qpos)[0], (copy.qvel - start.qvel)[0]])
     assert 0 < np.abs(apart).max() <= 1e-8
-    assert (twin.qpos[0, 3:] == start.qpos[0, 3:]).all(), "rotations stay"
-    assert (twin.qvel != start.qvel).all()
-    assert (perturbed_copy(start, joints, 3).qpos == twin.qpos).all()
-    assert (perturbed_copy(start, joints, 4).qpos != twin.qpos).any()
+    assert (copy.qpos[0, 3:] == start.qpos[0, 3:]).all(), "rotations stay"
+    assert (copy.qvel != start.qvel).all()
+    assert (perturbed_copy(start, joints, 3).qpos == copy.qpos).all()
+    assert (perturbed_copy(start, joints, 4).qpos != copy.qpos).any()

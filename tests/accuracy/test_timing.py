@@ -1,4 +1,4 @@
-"""The timing pass: every run in turns, within bounds, with its work beside it."""
+"""The timing pass: interleaved runs, bounds on their time, and their work."""
 
 from typing import Any
 
@@ -61,8 +61,10 @@ def test_work_repeats_and_settings_tell_rounds_apart(sweeper: Any) -> None:
         assert one["timing_settings"] != two["timing_settings"]
 
 
-def test_runs_take_turns_within_each_round(sweeper: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    """First a few steps of each run for its pace, then round by round, always in plan order."""
+def test_runs_are_interleaved_within_each_round(
+    sweeper: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """First a few steps of each run for its pace, then rounds, always in plan order."""
     seen: list[tuple[int, float]] = []
 
     def watched(_: MujocoEngine, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
@@ -100,15 +102,17 @@ def test_the_plan_counts_what_passes_take(sweeper: Any) -> None:
         "held": TIMED.replace("timing: {rounds: 4}", "accuracy: {refine: 16}"),
         "finer": TIMED.replace("timing: {rounds: 4}", "accuracy: {refine: 32}"),
     }
-    told = {name: forecast(ask.plan, ask.scene, 1) for name, ask in _asks(sweeper, asks).items()}
-    assert told["plain"].accuracy_seconds == told["plain"].timing_seconds == 0
+    forecasts = {
+        name: forecast(ask.plan, ask.scene, 1) for name, ask in _asks(sweeper, asks).items()
+    }
+    assert forecasts["plain"].accuracy_seconds == forecasts["plain"].timing_seconds == 0
     # At least 20 ms for each of 8 runs in each of 4 rounds.
-    assert told["timed"].timing_seconds >= 4 * 8 * 0.02
-    assert told["timed"].seconds[0] > told["timed"].timing_seconds
+    assert forecasts["timed"].timing_seconds >= 4 * 8 * 0.02
+    assert forecasts["timed"].seconds[0] > forecasts["timed"].timing_seconds
     # Two seeds: two families, each with references of 200 * 16 and 200 * 32 steps of RK4.
-    assert told["held"].seconds[0] > told["held"].accuracy_seconds > 0
+    assert forecasts["held"].seconds[0] > forecasts["held"].accuracy_seconds > 0
     # Costs are measured anew for each; twice as fine takes twice as long.
-    ratio = told["finer"].accuracy_seconds / told["held"].accuracy_seconds
+    ratio = forecasts["finer"].accuracy_seconds / forecasts["held"].accuracy_seconds
     assert ratio == pytest.approx(2, rel=0.5)
 
 

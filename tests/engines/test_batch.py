@@ -157,11 +157,11 @@ def mixtures(draw: st.DrawFn) -> dict[str, Any]:
 
 @given(values=st.lists(mixtures(), min_size=2, max_size=4))
 @settings(max_examples=15)
-def test_any_mixture_in_one_chunk(values: list[dict[str, Any]], mixed: Scene, roll: Any) -> None:
+def test_any_mixture_in_one_batch(values: list[dict[str, Any]], mixed: Scene, roll: Any) -> None:
     roll(mixed, values, 40).assert_equals_loop(40)
 
 
-def test_timesteps_share_a_chunk_of_equal_step_count(roll: Any) -> None:
+def test_timesteps_share_a_batch_of_equal_step_count(roll: Any) -> None:
     values = [{"timestep": 0.0005 * (run + 1)} for run in range(4)]
     rolled = roll(Scene.open("ball_drop"), values, 300)
     rolled.assert_equals_loop(300)

@@ -1,4 +1,4 @@
-"""Memory is used again, and never shows."""
+"""Memory of rollouts is reused, without any effect on them."""
 
 from dataclasses import replace
 from typing import Any
@@ -48,7 +48,7 @@ def test_bytes_of_run_is_what_a_run_takes(name: str) -> None:
     assert bytes_of_run(model, 1000) == pytest.approx(taken, rel=2e-3)
 
 
-def test_the_hash_tells_the_last_bit(roll: Any) -> None:
+def test_the_hash_depends_on_the_last_bit(roll: Any) -> None:
     rollout = roll(Scene.open("ball_drop"), [{}, {}, {"cone": "elliptic"}], 50).rollout
     hashes = [trajectory_hash(rollout, run) for run in range(3)]
     again = roll(Scene.open("ball_drop"), [{}, {}], 50).rollout

@@ -79,15 +79,15 @@ def slow(
 
 numbers = st.floats(-5, 5, allow_subnormal=False)
 times = st.floats(0, 0.3, allow_subnormal=False)
-programmes = st.lists(st.tuples(times, numbers), min_size=1, max_size=5).map(sorted)
+knot_lists = st.lists(st.tuples(times, numbers), min_size=1, max_size=5).map(sorted)
 INPUTS = ["turn.ctrl", "move.ctrl", "box.fx", "box.tz", "cart.fx"]
 
 
 @given(
-    lines=st.dictionaries(st.sampled_from(INPUTS), programmes, min_size=1),
+    lines=st.dictionaries(st.sampled_from(INPUTS), knot_lists, min_size=1),
     timesteps=st.lists(st.sampled_from([5e-4, 1e-3, 2e-3, 3.7e-3]), min_size=1, max_size=3),
 )
-def test_any_programme_equals_the_slow_loop(
+def test_any_timed_input_equals_a_plain_loop(
     lines: dict[str, list[tuple[float, float]]], timesteps: list[float], make_scene: Make
 ) -> None:
     knots = {name: ([t for t, _ in line], [v for _, v in line]) for name, line in lines.items()}
@@ -162,16 +162,16 @@ def test_the_second_pass_sees_the_same_run(make_scene: Make, roll: Any) -> None:
     assert checks.jacobian.max() < 1e-6
 
 
-def test_a_nudged_twin_is_driven_alike(make_scene: Make) -> None:
+def test_a_nudged_copy_is_driven_alike(make_scene: Make) -> None:
     scene = driven(make_scene, "{turn.ctrl: {at: [0, 0.1], to: [0, 1]}}")
     runs = [scene.resolve({}, seed, None) for seed in (0, 1)]
     starts = scene.starts(runs)
-    twins = scene.initial.nudged(starts, runs)
-    assert not np.array_equal(twins.qpos, starts.qpos)
-    assert all(np.array_equal(a, b) for a, b in zip(twins[1:], starts[1:], strict=True))
+    copies = scene.initial.nudged(starts, runs)
+    assert not np.array_equal(copies.qpos, starts.qpos)
+    assert all(np.array_equal(a, b) for a, b in zip(copies[1:], starts[1:], strict=True))
 
 
-def test_a_programme_is_part_of_the_run(make_scene: Make) -> None:
+def test_timed_inputs_are_part_of_the_run_id(make_scene: Make) -> None:
     text = "{turn.ctrl: {at: [0, 0.1], to: [0, LAST]}}"
     ids = {
         scene.run_id(scene.resolve({}, 0, None))

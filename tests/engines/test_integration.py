@@ -60,7 +60,7 @@ def test_it_is_a_rollout_of_which_few_states_are_kept(
 
 
 @given(fraction=st.floats(0, 1), steps=st.integers(0, 20))
-def test_it_lands_between_steps_by_a_shorter_step(
+def test_it_reaches_times_between_steps_by_a_shorter_step(
     falling: Callable[[str], Any], fraction: float, steps: int
 ) -> None:
     """The semi-implicit rule: g (h^2 n (n+1)/2 + d n h + d^2) after n steps h and one of d.
@@ -78,7 +78,7 @@ def test_it_lands_between_steps_by_a_shorter_step(
 
 
 @given(when=st.lists(st.floats(1e-3, 0.5), min_size=1, max_size=5).map(sorted))
-def test_a_fourth_order_march_is_on_the_parabola_at_any_time(
+def test_a_fourth_order_integration_is_on_the_parabola_at_any_time(
     falling: Callable[[str], Any], when: list[float]
 ) -> None:
     """RK4 is exact for it; what is snapped to a step is off by 1e-6 of it, 1e-8 s at 5 m/s."""
@@ -89,7 +89,7 @@ def test_a_fourth_order_march_is_on_the_parabola_at_any_time(
     assert found.qpos[:, 2] == pytest.approx(100 - 5 * times**2, abs=6e-8)
 
 
-def test_it_goes_on_from_a_state_of_its_own(pushed: Scene) -> None:
+def test_it_restarts_from_a_given_state(pushed: Scene) -> None:
     """What drives the box goes by the clock of the whole run; friction is solved to 1e-8."""
     run = pushed.resolve({}, 1, None)
     start = pushed.starts([run])
@@ -103,7 +103,7 @@ def test_it_goes_on_from_a_state_of_its_own(pushed: Scene) -> None:
     assert whole.qvel[2, 0] > 2 * whole.qvel[0, 0] > 0
 
 
-def test_a_run_that_does_not_go_through_has_no_states(make_scene: Make) -> None:
+def test_a_run_that_does_not_complete_has_no_states(make_scene: Make) -> None:
     scene = make_scene(FALL)
     run = scene.resolve({"gravity": 1e12}, 0, None)
     start = scene.starts([run])

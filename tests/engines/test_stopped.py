@@ -1,4 +1,4 @@
-"""Runs that diverge or that the engine refuses are cut and told apart; others are unharmed."""
+"""Runs that diverge or that the engine refuses are cut and reported; others are unaffected."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -109,7 +109,7 @@ def test_a_start_without_numbers_stops_at_once(scene: Scene) -> None:
         (lambda model: model.geom_condim.fill(20), "condim"),
     ],
 )
-def test_an_engine_error_is_that_runs_alone(
+def test_an_error_of_mujoco_concerns_its_run_alone(
     spoil: Callable[[mujoco.MjModel], None], message: str, scene: Scene
 ) -> None:
     group = Group(scene, [{}, {}, {"cone": "elliptic"}])
