@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,10 @@ def test_all_commands_are_listed(contactlab: Run) -> None:
     assert code == 0
     assert all(f"\n  {name} " in out for name in COMMANDS)
     assert len(COMMANDS) >= 8
+
+
+def test_the_version_is_printed(contactlab: Run) -> None:
+    assert contactlab("--version") == (0, f"contactlab {version('contactlab')}\n", "")
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -90,4 +90,4 @@ def _check_target(page: Path) -> None:
     if page.is_dir() or page.suffix not in {".html", ".htm"}:
         raise OutputError(f"{page}: write a name that ends in .html")
     if not page.parent.is_dir():
-        raise OutputError(f"cannot write {page}: no folder {page.parent}")
+        raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")

@@ -70,7 +70,7 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
         check_figure(figure)
     for path in (figure, write):
         if path is not None and not path.parent.is_dir():
-            raise OutputError(f"cannot write {path}: no folder {path.parent}")
+            raise OutputError(f"cannot write {path}: no folder {path.parent}; create it first")
     if write is not None and write.exists():
         raise OutputError(f"{write} exists; choose another file with --write")
 
