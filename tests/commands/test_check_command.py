@@ -38,7 +38,7 @@ def test_a_model_that_fails(contactlab: Run, tmp_path: Path) -> None:
     assert code == 1
     assert err == "error: own.xml fails shells\n"
     assert "own, from keyframe high, for manipulation" in out
-    assert "a shell of 20 mm" in out
+    assert "a margin of 20 mm" in out
     assert '<geom margin="0"/>' in out
     page = (tmp_path / "results/check/own/check.md").read_text()
     assert page.startswith("# own: fails\n")

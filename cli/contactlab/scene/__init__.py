@@ -22,7 +22,7 @@ from contactlab.scene.scene_source import (
     menagerie_name,
     stored_scene,
 )
-from contactlab.scene.setting_values import as_number
+from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.written_inertia import InertiaFault, written_inertia_faults
 
 __all__ = [
@@ -48,6 +48,7 @@ __all__ = [
     "RowGroup",
     "Scene",
     "SceneSource",
+    "Settings",
     "actuated_limbs",
     "as_number",
     "can_collide",

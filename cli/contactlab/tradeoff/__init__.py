@@ -1,13 +1,11 @@
 """What accuracy costs in time: fronts, orders, floors and a recommendation, from stored runs."""
 
-from contactlab.tradeoff.analysis import analyse
-from contactlab.tradeoff.configuration_lines import MjcfLines, mjcf_lines
+from contactlab.tradeoff.analysis import ToleranceTable, analyse, tolerance_table
+from contactlab.tradeoff.configuration_export import MjcfLines, mjcf_lines, recommended_sweep
 from contactlab.tradeoff.configurations import ESTIMATES
 from contactlab.tradeoff.criteria import MODELLING, Criteria, chosen_error, find_store
 from contactlab.tradeoff.drawing import check_figure, draw, save_figure, specify
 from contactlab.tradeoff.pareto import EQUALLY_FAST, SAFE_MARGIN
-from contactlab.tradeoff.recommended_sweep import recommended_sweep
-from contactlab.tradeoff.tolerance_table import ToleranceTable, tolerance_table
 
 __all__ = [
     "EQUALLY_FAST",

@@ -1,8 +1,13 @@
 """From a store to the trade-off report: fronts, recommendations, blockers and notes."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
 from contactlab.schema import (
     Blocker,
     FrontPoint,
@@ -12,7 +17,7 @@ from contactlab.schema import (
     TradeoffReport,
 )
 from contactlab.store import Store
-from contactlab.tradeoff.configuration_lines import mjcf_lines
+from contactlab.tradeoff.configuration_export import mjcf_lines
 from contactlab.tradeoff.configurations import (
     Evaluated,
     ResolvedCriteria,
@@ -20,6 +25,7 @@ from contactlab.tradeoff.configurations import (
     evaluate,
     idle_knobs,
     is_chaotic,
+    magnitudes,
     read_runs,
     with_one_idle_value,
 )
@@ -240,3 +246,41 @@ def _numbers(values: Iterable[Setting]) -> list[float]:
     """Return the distinct numbers among some values, in order."""
     numbers = {each for each in values if isinstance(each, int | float)}
     return sorted(each for each in numbers if not isinstance(each, bool))
+
+
+@dataclass(frozen=True)
+class ToleranceTable:
+    """The c configurations of n runs without their tolerances.
+
+    Attributes:
+        configuration: (n,) the configuration of each run.
+        worst: metric to (c,) what tolerances are compared with: its largest magnitude over a
+            configuration's runs; NaN if a run has no value.
+        otherwise_feasible: (c,) whether a configuration is feasible but for tolerances.
+    """
+
+    configuration: NDArray[np.int64]
+    worst: Mapping[str, Floats]
+    otherwise_feasible: NDArray[np.bool_]
+
+
+def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
+    """Return the table from which other tolerances of a trade-off can be evaluated.
+
+    Args:
+        store: the store.
+        report: its trade-off.
+        names: metrics that may be tolerated.
+    """
+    runs = read_runs(store, (report.error.name, report.time.name, *names))
+    evaluated = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
+    order = np.concatenate([each.group.rows for each in evaluated])
+    counts = np.array([len(each.group.rows) for each in evaluated])
+    configuration = np.empty(len(order), dtype=np.int64)
+    configuration[order] = np.repeat(np.arange(len(evaluated)), counts)
+    starts = np.cumsum(counts) - counts
+    return ToleranceTable(
+        configuration=configuration,
+        worst={name: np.maximum.reduceat(magnitudes(runs, order, name), starts) for name in names},
+        otherwise_feasible=np.array([each.summary.feasible for each in evaluated]),
+    )

@@ -35,7 +35,7 @@ def test_a_shell_is_found_with_its_size(
     found = one(model, "shells")
     assert found.verdict == "fail"
     assert [(each.name, each.value) for each in missed(found)] == [("shell", pytest.approx(size))]
-    assert f"a shell of {size * 1e3:.3g} mm" in found.reason
+    assert f"a margin of {size * 1e3:.3g} mm" in found.reason
     # At rest it hovers by the shell less the 0.1078 mm that four corners sink by default.
     from_ = values(found, "pushes_from")["floor-box"]
     assert from_ is not None

@@ -119,7 +119,7 @@ def test_an_impossible_inertia_is_named_and_no_integrator_blamed(one: One, misse
     found = one(TWISTED, "free_motion")
     assert found.verdict == "fail"
     assert [each.of for each in missed(found) if each.name.startswith("inertia")] == ["rotor"]
-    assert found.reason.startswith("the inertia of 'rotor' is that of no body")
+    assert found.reason.startswith("the inertia of 'rotor' belongs to no physical body")
     assert any("rotor" in each and "0.01 + 0.01 < 0.03" in each for each in found.notes)
     assert found.changes == ()
 
@@ -151,7 +151,7 @@ def test_a_motion_that_diverges_fails(one: One, values: Values) -> None:
     found = one("free_arm", "free_motion", "integrator=Euler", "timestep=0.02")
     assert found.verdict == "fail"
     assert values(found, "energy_drift")["Euler at 20 ms"] is None
-    assert "Euler at 20 ms does not get to the end: the engine stopped" in found.reason
+    assert "the run with Euler at 20 ms is not complete: the engine stopped" in found.reason
     assert found.changes[0].lines == ('<option integrator="RK4"/>',)
 
 

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from contactlab.contact import rest_penetration
 from contactlab.studies.check.contact_sets import (
-    PRACTICE,
-    load_of,
+    STIFF_SOLREF,
+    load_at_depth,
     longest_timestep,
     rounded_down,
     stiff_solref,
@@ -43,7 +43,7 @@ def test_the_next_softer_one_does_not(
     load: float, inverse: float, solimp: np.ndarray, timestep: float, depth: float
 ) -> None:
     timeconst, ratio = stiff_solref(load, inverse, solimp, timestep, depth)
-    assume((timeconst, ratio) != PRACTICE)
+    assume((timeconst, ratio) != STIFF_SOLREF)
     digit = 10.0 ** (math.floor(math.log10(timeconst)) - 1)
     softer = timeconst + 2 * digit
     assert float(rest_penetration(load, inverse, (softer, ratio), solimp)) >= depth
@@ -53,12 +53,12 @@ def test_the_next_softer_one_does_not(
 def test_practice_comes_first_where_the_engine_keeps_it(
     load: float, inverse: float, solimp: np.ndarray, depth: float
 ) -> None:
-    enough = float(rest_penetration(load, inverse, PRACTICE, solimp)) < depth
-    kept = longest_timestep(PRACTICE[0])
-    assert (stiff_solref(load, inverse, solimp, kept, depth) == PRACTICE) >= enough
+    enough = float(rest_penetration(load, inverse, STIFF_SOLREF, solimp)) < depth
+    kept = longest_timestep(STIFF_SOLREF[0])
+    assert (stiff_solref(load, inverse, solimp, kept, depth) == STIFF_SOLREF) >= enough
     # Half as long again, and the engine would raise the time constant.
     timeconst, _ = stiff_solref(load, inverse, solimp, 1.5 * kept, depth)
-    assert timeconst != PRACTICE[0] or not enough or timeconst <= 2 * kept
+    assert timeconst != STIFF_SOLREF[0] or not enough or timeconst <= 2 * kept
 
 
 @given(LOADS, INVERSE, impedances(), st.floats(1e-3, 0.1))
@@ -68,7 +68,7 @@ def test_the_load_of_a_depth_is_that_which_gives_it(
     solref = (timeconst, 1.0)
     depth = float(rest_penetration(load, inverse, solref, solimp))
     # Where impedance is steep in depth, a depth to rounding is a load to some roundings more.
-    assert load_of(depth, inverse, solref, solimp) == pytest.approx(load, rel=1e-6)
+    assert load_at_depth(depth, inverse, solref, solimp) == pytest.approx(load, rel=1e-6)
 
 
 @pytest.mark.parametrize("weight", [9.81, 9.81 / 4])
@@ -77,8 +77,8 @@ def test_the_default_box_needs_more_than_the_default(weight: float) -> None:
     solimp = np.array([0.9, 0.95, 0.001, 0.5, 2])
     default = float(rest_penetration(weight, 1.0, (0.02, 1), solimp))
     assert default == pytest.approx({9.81: 3.672e-4, 9.81 / 4: 1.078e-4}[weight], rel=5e-4)
-    assert stiff_solref(weight, 1.0, solimp, 2e-3, 1e-4) == PRACTICE
-    assert PRACTICE[0] < stiff_solref(weight, 1.0, solimp, 4e-3, 1e-4)[0] < 0.02
+    assert stiff_solref(weight, 1.0, solimp, 2e-3, 1e-4) == STIFF_SOLREF
+    assert STIFF_SOLREF[0] < stiff_solref(weight, 1.0, solimp, 4e-3, 1e-4)[0] < 0.02
 
 
 @given(st.floats(1e-8, 1e8))

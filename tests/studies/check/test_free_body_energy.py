@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 
-from contactlab.studies.check.free_body_energy import free_body_energy, single_free_bodies
+from contactlab.studies.check.free_motion_runs import free_body_energy, single_free_bodies
 
 MODEL = """<mujoco>
   <option gravity="1 -2 -9"/>

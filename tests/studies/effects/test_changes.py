@@ -7,9 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.studies.effects import EffectsRequest
-from contactlab.studies.effects.effect_toggles import TrialOutcome
+from contactlab.studies.effects.effect_toggles import ConfigurationRows
 from contactlab.studies.effects.effects_request import AblationSetup
-from contactlab.studies.effects.metric_changes import TrialDifference, difference, judged_metrics
+from contactlab.studies.effects.metric_changes import (
+    ConfigurationDifference,
+    difference,
+    judged_metrics,
+)
 
 TOLERANCE = 1e-3
 
@@ -28,9 +32,9 @@ def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, A
     return tuple({**nothing, "drift": value, "label": label} for value in values)
 
 
-def compared(setup: AblationSetup, base: Any, other: Any) -> TrialDifference:
+def compared(setup: AblationSetup, base: Any, other: Any) -> ConfigurationDifference:
     """Compare two outcomes of one scenario."""
-    return difference(setup, [{}], TrialOutcome((base,)), TrialOutcome((other,)))
+    return difference(setup, [{}], ConfigurationRows((base,)), ConfigurationRows((other,)))
 
 
 @given(
@@ -82,8 +86,8 @@ def test_a_label_that_no_seed_shows_matters(setup: AblationSetup) -> None:
 
 
 def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
-    base = TrialOutcome((rows([0.0]), rows([0.0])))
-    other = TrialOutcome((rows([0.0]), rows([0.01])))
+    base = ConfigurationRows((rows([0.0]), rows([0.0])))
+    other = ConfigurationRows((rows([0.0]), rows([0.01])))
     found = difference(setup, [{"speed": 1.0}, {"speed": 2.0}], base, other)
     (change,) = found.changes
     assert change.scenario == {"speed": 2.0}

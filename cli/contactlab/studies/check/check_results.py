@@ -1,4 +1,4 @@
-"""From numbers and limits to the result of a check."""
+"""Measures against limits, changes with their MJCF, and the results of checks."""
 
 import math
 from collections.abc import Sequence
@@ -10,8 +10,8 @@ from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values
 
 
-def at_most(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
-    """Return a measure that must not be above its limit; what is not a number does not hold."""
+def upper_limit(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
+    """Return a measure whose limit holds if the value is at most the limit; NaN never holds."""
     return Measure(
         name=name,
         of=of,
@@ -22,23 +22,27 @@ def at_most(name: str, value: float, unit: str, limit: float, of: str | None = N
     )
 
 
-def below(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
-    """Return a measure that must be under its limit; what is not a number does not hold."""
-    return at_most(name, value, unit, limit, of).model_copy(update={"holds": bool(value < limit)})
+def strict_limit(
+    name: str, value: float, unit: str, limit: float, of: str | None = None
+) -> Measure:
+    """Return a measure whose limit holds if the value is below the limit; NaN never holds."""
+    return upper_limit(name, value, unit, limit, of).model_copy(
+        update={"holds": bool(value < limit)}
+    )
 
 
 def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
-    """Return a measure that only informs."""
+    """Return a measure without a limit."""
     kept = value if math.isfinite(value) else None
     return Measure(name=name, of=of, value=kept, unit=unit, limit=None, holds=None)
 
 
 def violated(measures: Sequence[Measure]) -> list[Measure]:
-    """Return the measures whose limit is not kept."""
+    """Return the measures whose limit does not hold."""
     return [each for each in measures if each.holds is False]
 
 
-def result(  # noqa: PLR0913 - the parts of a result
+def check_result(  # noqa: PLR0913 - the parts of a result
     name: CheckName,
     asks: str,
     reason: str,
@@ -48,7 +52,7 @@ def result(  # noqa: PLR0913 - the parts of a result
     notes: Sequence[str] = (),
     stores: Sequence[str] = (),
 ) -> CheckResult:
-    """Return the result of a check: a pass unless a limit is not kept."""
+    """Return the result of a check: a pass if every limit holds."""
     return CheckResult(
         name=name,
         asks=asks,

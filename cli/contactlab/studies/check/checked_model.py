@@ -1,11 +1,10 @@
-"""The model under check: opened with its settings, at its initial state, and run."""
+"""The model under check, with its settings and initial state, and its runs."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 from contactlab.engines import ChecksRuns, bytes_of_run, find_engine
 from contactlab.errors import SceneError, SweepFileError
@@ -20,6 +19,7 @@ from contactlab.scene import (
     PreparedModel,
     ResolvedRun,
     Scene,
+    Settings,
     actuated_limbs,
     make_setup,
 )
@@ -29,11 +29,11 @@ from contactlab.store.mcap import StoredTrace
 from contactlab.studies.session import Session, Values, read_settings
 
 _WALKING = 2
-"""Actuated limbs of a free body from which it is taken to walk."""
+"""Number of actuated limbs from which a free body is taken to walk."""
 
 
 def axis_value(name: str, value: object) -> object:
-    """Return a resolved setting as the axis of its name takes it."""
+    """Return a resolved setting in the form that its axis takes."""
     if name != "friction":
         return value
     assert isinstance(value, tuple)
@@ -45,10 +45,10 @@ class CheckedModel:
     """A model under check.
 
     Attributes:
-        reference: the model as it was asked for, and as sweeps name their scene.
-        scenes: the scenes opened so far.
-        given: the options `--set`, as typed.
-        values: what they set, by axis.
+        reference: the model as requested, and as sweeps name their scene.
+        scenes: opens scenes, each once.
+        given: the settings as requested, `NAME=VALUE` each.
+        values: the same settings, by axis.
         duration: simulated time of its nominal run [s].
         kind: the kind of task that it is for.
         kind_reason: why, in words.
@@ -69,27 +69,27 @@ class CheckedModel:
 
     @cached_property
     def resolved(self) -> ResolvedRun:
-        """Everything that decides its own run."""
+        """Everything that determines the nominal run."""
         return self.scene.resolve(self.values, 0, self.duration)
 
     @property
     def base(self) -> CompiledScene:
-        """Its compiled structure."""
+        """Its compiled scene, before settings are written."""
         return self.scene.base(self.resolved.structure)
 
     @cached_property
     def prepared(self) -> PreparedModel:
-        """Its model with the options set."""
+        """Its model with the settings written."""
         return self.base.prepare(self.resolved.edits())
 
     @property
     def start(self) -> InitialStates:
-        """Where its own run starts."""
+        """The initial state of the nominal run."""
         return self.scene.starts([self.resolved])
 
     @cached_property
     def free_masses(self) -> list[float]:
-        """Masses of the bodies on free joints, each with all that hangs on it [kg]."""
+        """Masses of the bodies on free joints, each with its subtree [kg]."""
         setup = make_setup(self.base, None, [self.resolved], [self.prepared.model], {})
         return [float(body.mass[0]) for body in setup.free_bodies]
 
@@ -103,23 +103,24 @@ class CheckedModel:
 
     @property
     def hold_window(self) -> tuple[float, float] | None:
-        """From when to when [s] the scene says that something is held, if it does."""
+        """Start and end [s] of the hold that the scene declares; None without one."""
         holding = self.base.holding
         return None if holding is None else holding.window(self.resolved.initial)
 
     def fits(self, timestep: float, seconds: float) -> bool:
-        """Say whether a run of so many seconds [s] at a timestep [s] can be held in memory."""
+        """Say whether a run of a duration [s] at a timestep [s] fits into memory."""
         return bytes_of_run(self.base.model, round(seconds / timestep)) <= RUN_BYTES
 
     @property
     def keyframe(self) -> str | None:
-        """The keyframe that it starts from; None for its own start."""
+        """The keyframe that it starts from; None for the scene's initial state."""
         start = self.resolved.keyframe
         return None if start == QPOS0 else start
 
-    def setting(self, name: str) -> Any:  # noqa: ANN401 - settings are of many kinds
-        """Return one resolved setting."""
-        return self.resolved.settings[name]
+    @property
+    def settings(self) -> Settings:
+        """Every resolved setting."""
+        return self.resolved.settings
 
 
 def open_model(reference: str, assign: Sequence[str], kind: TaskKind | None = None) -> CheckedModel:
@@ -162,7 +163,7 @@ def open_model(reference: str, assign: Sequence[str], kind: TaskKind | None = No
 
 
 def _settings(resolved: ResolvedRun, values: Values) -> dict[str, object]:
-    """Put the settings that values change in their place, so that a check may change them too."""
+    """Replace parts of settings, such as `solref.timeconst`, by the whole settings they change."""
     settings = resolved.settings
     whole: dict[str, object] = {}
     for name, value in values.items():
@@ -184,8 +185,8 @@ def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
     return "manipulation", "no free body has several actuated limbs"
 
 
-NOMINAL = "run"
-"""The store of the model's own run."""
+NOMINAL_STORE = "run"
+"""Name of the store of the nominal run, that of the model as it is."""
 
 
 @dataclass(frozen=True)
@@ -193,9 +194,9 @@ class CheckRun:
     """A run of the model and its evidence.
 
     Attributes:
-        row: what it was run with, over what is under check.
-        values: everything that it was run with.
-        store: where its evidence lies.
+        row: settings of this run, beyond those under check.
+        values: all settings of this run.
+        store: its store.
         record: its record.
     """
 
@@ -210,23 +211,23 @@ class CheckRun:
         return self.store.trace(self.record)
 
     @property
-    def kept(self) -> bool:
-        """Whether it left a trace, however short."""
+    def has_trace(self) -> bool:
+        """Whether it has a trace, however short."""
         return self.record.trace is not None
 
     @property
-    def whole(self) -> bool:
+    def is_complete(self) -> bool:
         """Whether it was simulated to its end, without an engine warning."""
         return self.record.status == "ok" and not self.record.warnings
 
 
 @dataclass
 class CheckRunner:
-    """Runs a model, and scenes in its stead, for checks.
+    """Runs a model, or other scenes with its parameters, for checks.
 
     Attributes:
         checked: the model.
-        session: where runs go, and how.
+        session: where and how sweeps are run.
     """
 
     checked: CheckedModel
@@ -236,12 +237,12 @@ class CheckRunner:
     @cached_property
     def nominal(self) -> CheckRun:
         """The run of the model as it is, with every check of its trace."""
-        return self.run(NOMINAL, "The model as it is", [{}], checks="all")[0]
+        return self.run(NOMINAL_STORE, "The model as it is", [{}], checks="all")[0]
 
     @property
     def has_nominal(self) -> bool:
         """Whether the nominal run was needed by any check."""
-        return NOMINAL in self._stores
+        return NOMINAL_STORE in self._stores
 
     def run(
         self,
@@ -252,13 +253,13 @@ class CheckRunner:
         duration: float | None = None,
         **keys: object,
     ) -> list[CheckRun]:
-        """Run the model with further settings.
+        """Run the model with more settings.
 
         Args:
             name: of the store.
             description: what the runs are for.
-            rows: settings of each run, over those under check.
-            duration: simulated time [s]; as under check if None.
+            rows: settings of each run, beyond those under check.
+            duration: simulated time [s]; that of the model if None.
             keys: further keys of the sweep file.
         """
         checked = self.checked

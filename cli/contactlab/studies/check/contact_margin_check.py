@@ -1,4 +1,4 @@
-"""Check 6: does the model offer forces at a distance, or softness, that a policy can exploit."""
+"""Check 6: can a policy exploit forces at a distance, or soft contacts."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -6,36 +6,36 @@ from collections.abc import Iterator, Sequence
 from contactlab.contact import DISTANCE, FORCE, stiffness_damping
 from contactlab.schema import Change, CheckResult, Measure
 from contactlab.studies.check.check_results import (
-    at_most,
     change,
+    check_result,
     informative,
     not_applicable,
-    result,
+    upper_limit,
     violated,
 )
 from contactlab.studies.check.checked_model import CheckedModel, CheckRunner
-from contactlab.studies.check.contact_sets import PRACTICE, kept_solref, longest_timestep
+from contactlab.studies.check.contact_sets import STIFF_SOLREF, effective_solref, longest_timestep
 
 NAME = "shells"
 MARGIN = 1e-4
-"""Distance [m] at which contact may push: as much as practice lets a body sink."""
+"""Largest accepted margin [m]: as much as the accepted penetration."""
 
 SOFT = 0.02
 """Time constant times damping ratio [s] of the engine's default contact. Grasps with 0.022 s sink
-by more than the 3 mm that practice calls exploited."""
+by more than 3 mm, which the guideline calls exploitation of the simulator."""
 
 _ASKS = "contacts push at touch only, and are no softer than the engine's default"
 _SLACK = 1 + 1e-9
 
 
 def check_contact_margin(runner: CheckRunner) -> CheckResult:
-    """Look for margins within which contact acts before touch, and for soft references."""
+    """Compare margins, and stiffnesses of solref, with their limits."""
     pairs = runner.checked.prepared.pairs
     if not pairs:
         return not_applicable(NAME, _ASKS, "the model has no graded contact pair")
-    reached = _reached(runner)
-    measures = list(_measures(runner, reached))
-    return result(
+    distances = _force_distances(runner)
+    measures = list(_measures(runner, distances))
+    return check_result(
         NAME,
         _ASKS,
         _reason(measures),
@@ -45,25 +45,25 @@ def check_contact_margin(runner: CheckRunner) -> CheckResult:
     )
 
 
-def _reached(runner: CheckRunner) -> dict[str, float]:
-    """Return by pair the largest positive distance [m] at which a contact carried force."""
-    reached: dict[str, float] = {}
-    for pair in runner.nominal.trace.pairs if runner.nominal.kept else ():
+def _force_distances(runner: CheckRunner) -> dict[str, float]:
+    """Return the largest positive distance [m] at which a contact carried force, by pair."""
+    distances: dict[str, float] = {}
+    for pair in runner.nominal.trace.pairs if runner.nominal.has_trace else ():
         points = pair.points
         pushing = points[points[:, FORCE.start] > 0, DISTANCE]
-        reached[pair.name] = max(float(pushing.max(initial=0.0)), 0.0)
-    return reached
+        distances[pair.name] = max(float(pushing.max(initial=0.0)), 0.0)
+    return distances
 
 
-def _measures(runner: CheckRunner, reached: dict[str, float]) -> Iterator[Measure]:
+def _measures(runner: CheckRunner, distances: dict[str, float]) -> Iterator[Measure]:
     checked = runner.checked
     for name, record in checked.prepared.pairs.items():
-        yield at_most("shell", record.margin, "m", MARGIN, name)
+        yield upper_limit("shell", record.margin, "m", MARGIN, name)
         if record.margin > 0:
-            yield informative("pushes_from", reached.get(name, 0.0), "m", name)
-        stiffness, _ = stiffness_damping(kept_solref(checked, record.solref))
+            yield informative("pushes_from", distances.get(name, 0.0), "m", name)
+        stiffness, _ = stiffness_damping(effective_solref(checked, record.solref))
         soft = float(stiffness) ** -0.5 if stiffness > 0 else math.inf
-        yield at_most("softness", soft, "s", SOFT * _SLACK, name)
+        yield upper_limit("softness", soft, "s", SOFT * _SLACK, name)
 
 
 def _reason(measures: Sequence[Measure]) -> str:
@@ -75,32 +75,32 @@ def _reason(measures: Sequence[Measure]) -> str:
         worst = max(shells, key=lambda each: each.value or 0.0)
         size, from_ = (worst.value or 0.0) * 1e3, pushes.get(worst.of, 0.0) * 1e3
         parts.append(
-            f"{worst.of} has a shell of {size:.3g} mm in which contact pushes before touch, "
-            f"and did in this run from {from_:.3g} mm"
+            f"{worst.of} has a margin of {size:.3g} mm, in which contact pushes before touch; "
+            f"in this run it did so from {from_:.3g} mm"
             if from_
-            else f"{worst.of} has a shell of {size:.3g} mm in which contact can push before touch"
+            else f"{worst.of} has a margin of {size:.3g} mm, in which contact can push before touch"
         )
         parts += [f"so have {len(shells) - 1} other pairs"] if len(shells) > 1 else []
     if soft:
         worst = max(soft, key=lambda each: math.inf if each.value is None else each.value)
-        said = "no stiffness" if worst.value is None else f"a softness of {worst.value:.3g} s"
-        parts.append(f"{worst.of} has {said}, above the default's {SOFT:g} s")
+        softness = "no stiffness" if worst.value is None else f"a softness of {worst.value:.3g} s"
+        parts.append(f"{worst.of} has {softness}, above the default's {SOFT:g} s")
     return "; ".join(parts) or "no pair pushes before touch, and none is softer than the default"
 
 
 def _changes(runner: CheckRunner, measures: Sequence[Measure]) -> Iterator[Change]:
     names = {each.name for each in violated(measures)}
     if "shell" in names:
-        shown = "contact begins at touch; `gap` keeps a distance at which it is found, forceless"
+        shown = "contact begins at touch; `gap` still detects it at a distance, without force"
         yield change(runner.checked, {"margin": 0.0}, cures=None, shown=shown)
     if "softness" in names:
-        shown = f"practice's stiffer contact, instead of {SOFT:g} s and more"
+        shown = f"the guideline's stiffer contact, instead of {SOFT:g} s and more"
         yield change(runner.checked, _stiffer(runner.checked), cures=None, shown=shown)
 
 
 def _stiffer(checked: CheckedModel) -> dict[str, object]:
-    """Return practice's solref, and a timestep at which the engine keeps it."""
-    settings: dict[str, object] = {"solref": PRACTICE}
-    if kept_solref(checked, PRACTICE) != PRACTICE:
-        settings["timestep"] = longest_timestep(PRACTICE[0])
+    """Return the guideline's solref, and a timestep at which refsafe does not raise it."""
+    settings: dict[str, object] = {"solref": STIFF_SOLREF}
+    if effective_solref(checked, STIFF_SOLREF) != STIFF_SOLREF:
+        settings["timestep"] = longest_timestep(STIFF_SOLREF[0])
     return settings

@@ -1,34 +1,93 @@
-"""What became of a motion's energy, and how its error goes with the timestep."""
+"""Runs in free motion, where nothing acts but gravity, springs and inertia, and their energy."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact import Floats, rotation_matrices
 from contactlab.scene import as_number
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
-from contactlab.studies.check.free_body_energy import free_body_energy, single_free_bodies
 from contactlab.studies.session import Values
 
+_FREE_DOFS = 6
+
+
+def single_free_bodies(model: mujoco.MjModel) -> tuple[int, ...]:
+    """Return the bodies on a free joint that carry no other moving body."""
+    joints = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
+    trees = model.dof_treeid[model.jnt_dofadr[joints]]
+    alone = model.tree_dofnum[trees] == _FREE_DOFS
+    return tuple(model.jnt_bodyid[joints[alone]].tolist())
+
+
+def free_body_energy(
+    model: mujoco.MjModel, bodies: Sequence[int], qpos: Floats, qvel: Floats
+) -> tuple[Floats, Floats]:
+    """Return the kinetic and the potential energy of some single free bodies [J], (N,) each.
+
+    Kinetic energy is v' M v / 2 with the body's 6 x 6 inertia M and its velocity v along its own
+    axes, where M does not change with the pose.
+
+    Args:
+        model: the run's model.
+        bodies: single free bodies.
+        qpos: (N, nq) configurations.
+        qvel: (N, nv) velocities.
+    """
+    kinetic, potential = np.zeros(len(qpos)), np.zeros(len(qpos))
+    for body in bodies:
+        joint = int(model.body_jntadr[body])
+        place, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        inertia = _inertia(model, place, dof)
+        turn = rotation_matrices(qpos[:, place + 3 : place + 7])
+        velocity = qvel[:, dof : dof + 6].copy()
+        velocity[:, :3] = np.einsum("nji,nj->ni", turn, velocity[:, :3])
+        kinetic += 0.5 * np.einsum("ni,ij,nj->n", velocity, inertia, velocity)
+        mass = float(model.body_subtreemass[body])
+        centre = qpos[:, place : place + 3] + turn @ (_moment(inertia) / mass)
+        potential -= mass * (centre @ np.asarray(model.opt.gravity))
+    return kinetic, potential
+
+
+def _inertia(model: mujoco.MjModel, place: int, dof: int) -> Floats:
+    """Return the 6 x 6 inertia of a free joint along its body's axes: linear, then angular."""
+    data = mujoco.MjData(model)
+    data.qpos[place : place + 7] = [0, 0, 0, 1, 0, 0, 0]
+    mujoco.mj_forward(model, data)
+    columns = np.zeros((_FREE_DOFS, model.nv))
+    units = np.zeros((_FREE_DOFS, model.nv))
+    units[np.arange(_FREE_DOFS), dof + np.arange(_FREE_DOFS)] = 1
+    for column, unit in zip(columns, units, strict=True):
+        mujoco.mj_mulM(model, data, column, unit)
+    return columns[:, dof : dof + _FREE_DOFS]
+
+
+def _moment(inertia: Floats) -> Floats:
+    """Return mass times centre of mass [kg m], which couples linear and angular velocity."""
+    return np.array([inertia[1, 5], inertia[2, 3], inertia[0, 4]])
+
+
 _SAMPLE = 0.25
-"""When trajectories are compared [s]: before a chaotic motion parts them for other reasons."""
+"""Time at which trajectories are compared [s], before chaos separates them."""
 
 _LEAST = 1e-12
-"""Difference [m or rad] below which there is rounding only."""
+"""Difference [m or rad] below which there is only rounding."""
 
 
 @dataclass(frozen=True)
 class EnergyBudget:
-    """The energy of one motion of N steps.
+    """The energy budget of one motion.
 
     Attributes:
-        seconds: how long it was.
-        change: mechanical energy at the end less that at the start [J].
-        most: largest distance of the energy from that at the start [J].
+        seconds: its duration [s].
+        change: mechanical energy at the end minus that at the start [J].
+        most: largest deviation of the energy from that at the start [J].
         peak: largest kinetic energy [J].
-        dampers: what viscous damping of the joints took [J].
+        dampers: energy taken by viscous damping of the joints [J].
     """
 
     seconds: float
@@ -38,30 +97,30 @@ class EnergyBudget:
     dampers: float
 
     def rate(self, peak: float) -> float:
-        """Return the change of energy over a peak kinetic energy [J] and time [1/s]."""
+        """Return the change of energy per peak kinetic energy [J] and time, in 1/s."""
         return self.change / peak / self.seconds
 
     def unexplained(self, peak: float) -> float:
-        """Return the same for the change that the dampers leave unexplained [1/s]."""
+        """Return the same for the change that damping does not explain, in 1/s."""
         return (self.change + self.dampers) / peak / self.seconds
 
 
 def energy_budget(
-    trace: StoredTrace, damping: Floats, apart: tuple[Floats, Floats]
+    trace: StoredTrace, damping: Floats, excluded: tuple[Floats, Floats]
 ) -> EnergyBudget:
-    """Return the ledger of a trace.
+    """Return the energy budget of a trace.
 
-    A damper with coefficient b takes the power b qvel^2; its integral is by the trapezoidal rule,
-    whose error goes with the square of the timestep.
+    A damper with coefficient b takes the power b qvel^2; it is integrated by the trapezoidal rule,
+    whose error is of second order in the timestep.
 
     Args:
         trace: a run of at least two steps.
         damping: (nv,) viscous coefficient of each degree of freedom.
-        apart: (N + 1,) each, kinetic and potential energy of what is left out [J].
+        excluded: (N + 1,) each, kinetic and potential energy of excluded bodies [J].
     """
     rows = len(trace.kinetic)
-    kinetic = trace.kinetic - apart[0][:rows]
-    energy = kinetic + trace.potential - apart[1][:rows]
+    kinetic = trace.kinetic - excluded[0][:rows]
+    energy = kinetic + trace.potential - excluded[1][:rows]
     power = (trace.qvel[:rows] ** 2) @ damping
     return EnergyBudget(
         seconds=float(trace.time[rows - 1] - trace.time[0]),
@@ -73,7 +132,7 @@ def energy_budget(
 
 
 def convergence_order(coarse: StoredTrace, middle: StoredTrace, fine: StoredTrace) -> float:
-    """Return p of an error that goes with the timestep to the power p, by Richardson's ratio.
+    """Return the order p of an error of h^p, by the ratio of Richardson extrapolation.
 
     Args:
         coarse: a run at timestep h.
@@ -99,7 +158,7 @@ def _largest_difference(some: Floats, others: Floats) -> float:
 
 SECONDS = 5.0
 BEST = "RK4"
-"""The integrator of highest order."""
+"""The integrator of the highest order."""
 
 _OFF = ("contact", "limit", "frictionloss", "equality", "actuation", "damper")
 _MEDIUM = ("density", "viscosity")
@@ -108,37 +167,37 @@ _TIMEOUT = 300.0
 
 
 @dataclass(frozen=True)
-class FreeMotion:
-    """One free motion of the model.
+class FreeMotionRun:
+    """A run of the model in free motion.
 
     Attributes:
         tried: its run.
         integrator: the integrator.
         timestep: length of a step [s].
-        damped: whether the model's own damping was on.
-        ledger: what became of its energy, without that of bodies that only fall beside a
-            mechanism; None if it was not simulated to its end.
+        damped: whether the model's damping was on.
+        budget: its energy budget, without bodies that fly freely beside a mechanism; None if it
+            is not complete.
     """
 
     tried: CheckRun
     integrator: str
     timestep: float
     damped: bool
-    ledger: EnergyBudget | None
+    budget: EnergyBudget | None
 
     @property
     def drift(self) -> float:
-        """Size of the change of energy over peak kinetic energy and time [1/s]."""
-        return abs(self.ledger.rate(self.ledger.peak)) if self.ledger else math.inf
+        """Magnitude of the change of energy per peak kinetic energy and time [1/s]."""
+        return abs(self.budget.rate(self.budget.peak)) if self.budget else math.inf
 
     @property
     def name(self) -> str:
-        """The integrator and the timestep, in words."""
+        """The integrator and the timestep, as text."""
         return f"{self.integrator} at {self.timestep * 1e3:g} ms"
 
 
 def why_not_applicable(checked: CheckedModel) -> str:
-    """Say why the energy of a model's free motion says nothing; empty if it does."""
+    """Return why energy in free motion cannot be judged; empty if it can."""
     model = checked.base.model
     if not model.nv:
         return "the model has nothing that moves"
@@ -151,22 +210,22 @@ def why_not_applicable(checked: CheckedModel) -> str:
     return ""
 
 
-def free_motions(runner: CheckRunner, store: str) -> list[FreeMotion]:
-    """Run the model's free motion with its own integrator and the best, by timestep.
+def free_motions(runner: CheckRunner, store: str) -> list[FreeMotionRun]:
+    """Run the free motion with the model's integrator and RK4, at three timesteps each.
 
-    The first is at the model's own settings; the last, if the model has any damping, with that on.
+    The first run has the model's settings; the last, if the model has damping, keeps that on.
     """
     checked = runner.checked
-    own, timestep = str(checked.setting("integrator")), checked.resolved.timestep
+    own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
     rows: list[Values] = [
-        {**_still(checked), "integrator": integrator, "timestep": timestep * share}
+        {**_free_settings(checked), "integrator": integrator, "timestep": timestep * share}
         for integrator in dict.fromkeys((own, BEST))
         for share in _SHARES
         if share == 1 or checked.fits(timestep * share, SECONDS)
     ]
     undamped = len(rows)
     if is_damped(checked):
-        rows.append({**_without(checked, _MEDIUM, "damper"), "integrator": own})
+        rows.append({**_damped_settings(checked, _MEDIUM, "damper"), "integrator": own})
     runs = runner.run(
         store,
         "Free motion: contacts, limits and all that gives or takes energy are off",
@@ -179,55 +238,63 @@ def free_motions(runner: CheckRunner, store: str) -> list[FreeMotion]:
 
 
 def is_damped(checked: CheckedModel) -> bool:
-    """Say whether the model's own joints, tendons or medium take energy."""
+    """Say whether joints, tendons or the medium dissipate energy."""
     model = checked.prepared.model
-    fluid = any(checked.setting(name) for name in _MEDIUM)
+    fluid = any(checked.settings[name] for name in _MEDIUM)
     viscous = model.dof_damping.any() or model.tendon_damping.any()
     return bool(fluid or (viscous and checked.resolved.flags["damper"]))
 
 
 def is_accounted(checked: CheckedModel) -> bool:
-    """Say whether all that damps is linear in the speed of a joint, so that its work is known."""
+    """Say whether all damping is linear in joint velocities, so that its work is known."""
     model = checked.prepared.model
     curved = getattr(model, "dof_dampingpoly", np.zeros(1))
-    fluid = any(checked.setting(name) for name in _MEDIUM)
+    fluid = any(checked.settings[name] for name in _MEDIUM)
     return not (fluid or model.tendon_damping.any() or np.any(curved))
 
 
-def _motion(checked: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotion:
+def _motion(checked: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotionRun:
     settings = tried.record.settings
     damping = np.array(checked.prepared.model.dof_damping, dtype=np.float64) * damped
-    return FreeMotion(
+    return FreeMotionRun(
         tried=tried,
         integrator=str(settings["integrator"]),
         timestep=as_number(settings["timestep"]),
         damped=damped,
-        ledger=energy_budget(tried.trace, damping, _apart(checked, tried)) if tried.whole else None,
+        budget=energy_budget(tried.trace, damping, _excluded_energy(checked, tried))
+        if tried.is_complete
+        else None,
     )
 
 
 def free_flying_bodies(checked: CheckedModel) -> tuple[int, ...]:
-    """Return the bodies that fly by themselves beside a mechanism; none if there is no other."""
+    """Return the single free bodies beside a mechanism; none if there is no mechanism."""
     model = checked.prepared.model
     loose = single_free_bodies(model)
     return loose if model.nv > 6 * len(loose) else ()
 
 
-def _apart(checked: CheckedModel, tried: CheckRun) -> tuple[Floats, Floats]:
+def _excluded_energy(checked: CheckedModel, tried: CheckRun) -> tuple[Floats, Floats]:
     trace = tried.trace
     return free_body_energy(
         checked.prepared.model, free_flying_bodies(checked), trace.qpos, trace.qvel
     )
 
 
-def _still(checked: CheckedModel) -> dict[str, object]:
-    """Return the switches and settings that leave gravity, springs and inertia alone."""
+def _free_settings(checked: CheckedModel) -> dict[str, object]:
+    """Return the effects to switch off and settings to zero for free motion."""
     model = checked.base.model
     values: dict[str, object] = dict.fromkeys(_OFF, False)
-    values |= {name: 0.0 for name in _MEDIUM if checked.setting(name)}
+    values |= {name: 0.0 for name in _MEDIUM if checked.settings[name]}
     compensated = np.flatnonzero(model.body_gravcomp)
     return values | {f"body_gravcomp[{model.body(index).name}]": 0.0 for index in compensated}
 
 
-def _without(checked: CheckedModel, medium: tuple[str, ...], switch: str) -> dict[str, object]:
-    return {name: value for name, value in _still(checked).items() if name not in {*medium, switch}}
+def _damped_settings(
+    checked: CheckedModel, medium: tuple[str, ...], switch: str
+) -> dict[str, object]:
+    return {
+        name: value
+        for name, value in _free_settings(checked).items()
+        if name not in {*medium, switch}
+    }

@@ -1,4 +1,4 @@
-"""What each graded pair did in a part of a stored run."""
+"""Check 4: do the pairs that carry force hold, and what changes help if not."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,37 +11,37 @@ from contactlab.scene import MonitoredPair, as_number, make_setup
 from contactlab.schema import Change, CheckResult, Measure
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.check_results import (
-    at_most,
-    below,
     change,
+    check_result,
     informative,
     mjcf_text,
     not_applicable,
-    result,
+    strict_limit,
+    upper_limit,
     violated,
 )
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.session import Values
 
 _HELD = 0.5
-"""Share of the steps in which a pair must bear force to be held; chattering ones lose it."""
+"""Fraction of steps with force from which a pair counts as held; chattering pairs lose it."""
 
 _SLIDES = 0.9
-"""Share of the steps from which a pair simply slides."""
+"""Fraction of these steps with sliding from which a pair just slides."""
 
 
 @dataclass(frozen=True)
 class HeldPair:
-    """One pair in a window.
+    """One pair in a time window.
 
     Attributes:
         name: the pair's name.
-        share: share of the steps in which it bears force.
-        sliding: share of these in which it slides.
-        force: its mean net normal force over the window [N].
-        switches: changes between stick and slide, and of contact while it sticks [1/s].
-        depth: mean depth [m].
-        slip: farthest that it slips from where it was at the start of the window [m].
+        share: fraction of steps in which it carries force.
+        sliding: fraction of these in which it slides.
+        force: mean net normal force over the window [N].
+        switches: changes between stick and slide, and losses of contact while sticking [1/s].
+        depth: mean penetration [m].
+        slip: largest slip from its place at the start of the window [m].
     """
 
     name: str
@@ -54,12 +54,12 @@ class HeldPair:
 
     @property
     def holds(self) -> bool:
-        """Whether it carries force, and does not simply slide."""
+        """Whether it carries force, and does not just slide."""
         return self.share >= _HELD and self.sliding < _SLIDES
 
 
 def held_pairs(checked: CheckedModel, tried: CheckRun, start: float, stop: float) -> list[HeldPair]:
-    """Return what each graded pair did between two times [s] of a run of the model."""
+    """Return every monitored pair between two times [s] of a run of the model."""
     scene = checked.scene
     resolved = scene.resolve(tried.values, 0, tried.record.duration)
     base = scene.base(resolved.structure)
@@ -100,7 +100,7 @@ def _held(
 
 
 def slots_of(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
-    """Put the contact points of a pair back into the slots (1, N, S, 23) of some steps."""
+    """Return the stored contact points of a pair as slots (1, N, S, 23) of some steps."""
     stored = next(each for each in trace.pairs if each.name == pair.name)
     slots = np.zeros((1, steps.stop - steps.start, pair.slots, SLOT_WIDTH))
     first = np.cumsum(stored.contacts) - stored.contacts
@@ -112,7 +112,7 @@ def slots_of(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
 
 
 def part_of(trace: StoredTrace, steps: slice, pairs: tuple[PairTrace, ...]) -> Trace:
-    """Return some steps of a stored run as a trace of one run, without its momenta."""
+    """Return some steps of a stored run as the trace of one run, without momenta."""
     states = slice(steps.start, steps.stop + 1)
     return Trace(
         timestep=np.diff(trace.time[:2]),
@@ -142,20 +142,20 @@ _FIRM: dict[str, object] = {"cone": "elliptic", "impratio": 10.0}
 _FIRMEST: dict[str, object] = {**_FIRM, "solref": (0.005, 1.0)}
 
 
-def mend(
+def try_remedies(
     runner: CheckRunner,
     measures: Sequence[Measure],
     measured: Callable[[CheckRun], Sequence[Measure]],
 ) -> list[Change]:
-    """Try what should mend the measures that miss their limits, and say what each came to.
+    """Try changes against the measures that miss their limits.
 
     Args:
         runner: runs the model.
         measures: of the model as it is.
-        measured: gives the same measures of another run.
+        measured: returns the same measures of another run.
 
     Returns:
-        The changes that were tried, those that cure first.
+        The changes that were tried, those that help first.
     """
     failed = {each.name for each in violated(measures)}
     rows = list(_remedies(runner.checked, failed))
@@ -167,7 +167,7 @@ def mend(
 
 
 def verdict_on_chatter(changes: Sequence[Change]) -> Iterator[str]:
-    """Yield which of practice's two remedies against chatter cured it, if they were tried."""
+    """Yield which of the guideline's two remedies against chatter helped, if they were tried."""
     hard = [each for each in changes if each.settings.keys() == _HARD.keys()]
     shorter = [each for each in changes if each.settings.keys() == {"timestep"}]
     if not hard:
@@ -185,9 +185,9 @@ def _timestep(change: Change) -> float:
 
 
 def _remedies(checked: CheckedModel, failed: set[str]) -> Iterator[Values]:
-    """Yield settings: against chatter an impedance or a smaller timestep; else firmer friction.
+    """Yield settings: a harder impedance or smaller timestep against chatter, else more friction.
 
-    A run that does not get to its end may with a smaller timestep.
+    An incomplete run may complete with a smaller timestep.
     """
     if failed & _CHATTER:
         yield _HARD
@@ -202,7 +202,7 @@ def _remedies(checked: CheckedModel, failed: set[str]) -> Iterator[Values]:
 def _outcome(
     checked: CheckedModel, failed: set[str], tried: CheckRun, measures: Sequence[Measure]
 ) -> Change:
-    """Say whether a remedy mends what it is for: chatter, or everything else that failed."""
+    """Return a change with whether it helps against its aim: chatter, or all other failures."""
     firm = _FIRM.keys() <= tried.row.keys()
     aimed = failed - _CHATTER if firm else failed & {*_CHATTER, _LOST}
     left = [each for each in violated(measures) if each.name in {*aimed, _LOST}]
@@ -227,16 +227,16 @@ def _worst(measures: Sequence[Measure], name: str) -> str:
 
 NAME = "hold"
 SWITCHES = 5.0
-"""Mode switches a second from which practice calls a pad chattering."""
+"""Mode switches a second from which a pad chatters."""
 
 DEPTH = 1e-3
-"""Mean depth [m] under which practice calls a grasp plausible."""
+"""Mean penetration [m] below which a grasp is plausible."""
 
 SLIP = 1e-4
-"""Distance [m] by which what is held may slip."""
+"""Largest accepted slip of a held pair [m]."""
 
 LOOSE = 0.5
-"""Share of the time in which nothing may bear force where a scene says that it holds."""
+"""Largest accepted fraction of a declared hold without contact force."""
 
 _BANDS = ((5e-3, "broken"), (3e-3, "exploited"), (DEPTH, "a compromise"))
 _UNITS = {"m": (1e3, " mm"), "1": (1.0, "")}
@@ -245,13 +245,13 @@ _ASKS = "what is held stays: below 5 mode switches a second, 1 mm of mean depth,
 
 
 @dataclass(frozen=True)
-class HoldState:
-    """What is held in a window of a run.
+class HoldMeasurement:
+    """What a run holds in a time window.
 
     Attributes:
         window: its start and end [s].
-        pairs: the pairs that bear force in it.
-        measures: what was measured.
+        pairs: the pairs that carry force in it.
+        measures: the measures of what is held.
     """
 
     window: tuple[float, float]
@@ -260,76 +260,76 @@ class HoldState:
 
 
 def check_hold(runner: CheckRunner) -> CheckResult:
-    """Look at the pairs that carry force in the window of a hold; if they do not, try remedies."""
-    checked, own = runner.checked, runner.nominal
-    grip = grip_of(checked, own)
-    if not grip.measures:
-        return not_applicable(NAME, _ASKS, _nothing(grip), stores=runner.stores("run"))
-    changes = mend(runner, grip.measures, lambda tried: grip_of(checked, tried).measures)
-    return result(
+    """Measure the pairs that carry force in the window of a hold; if they fail, try remedies."""
+    checked, nominal = runner.checked, runner.nominal
+    hold = hold_of(checked, nominal)
+    if not hold.measures:
+        return not_applicable(NAME, _ASKS, _nothing(hold), stores=runner.stores("run"))
+    changes = try_remedies(runner, hold.measures, lambda tried: hold_of(checked, tried).measures)
+    return check_result(
         NAME,
         _ASKS,
-        "; ".join([_reason(grip, own), *verdict_on_chatter(changes)]),
-        grip.measures,
+        "; ".join([_reason(hold, nominal), *verdict_on_chatter(changes)]),
+        hold.measures,
         changes=changes,
         stores=runner.stores("run", "hold_remedies"),
     )
 
 
-def grip_of(checked: CheckedModel, tried: CheckRun) -> HoldState:
-    """Return what is held in a run of the model."""
+def hold_of(checked: CheckedModel, tried: CheckRun) -> HoldMeasurement:
+    """Return what a run of the model holds."""
     end, declared = tried.record.duration, checked.hold_window
     window = declared or (max(0.0, end - _WINDOW), end)
-    if not tried.whole:
+    if not tried.is_complete:
         lost = tried.record.steps_asked - tried.record.steps
-        return HoldState(window, (), (below("steps_lost", lost, "1", 1),))
+        return HoldMeasurement(window, (), (strict_limit("steps_lost", lost, "1", 1),))
     bearing = tuple(each for each in held_pairs(checked, tried, *window) if each.share > 0)
     kept = bearing if declared else tuple(each for each in bearing if each.holds)
     measures = [measure for each in kept for measure in _measures(each)]
     if declared:
         measures += _declared(tried)
-    return HoldState(window, bearing, tuple(measures))
+    return HoldMeasurement(window, bearing, tuple(measures))
 
 
 def _measures(held: HeldPair) -> list[Measure]:
     return [
-        below("mode_switches", held.switches, "1/s", SWITCHES, held.name),
-        below("penetration_mean", held.depth, "m", DEPTH, held.name),
-        below("slip", held.slip, "m", SLIP, held.name),
+        strict_limit("mode_switches", held.switches, "1/s", SWITCHES, held.name),
+        strict_limit("penetration_mean", held.depth, "m", DEPTH, held.name),
+        strict_limit("slip", held.slip, "m", SLIP, held.name),
         informative("force_mean", held.force, "N", held.name),
     ]
 
 
 def _declared(tried: CheckRun) -> list[Measure]:
-    """Return what says of a scene that declares its hold whether it still holds, and how well."""
+    """Return the measures of a hold that the scene declares."""
     contact, drop = (tried.record.metrics.get(name) for name in ("hold_contact", "hold_drop"))
     share = np.nan if contact is None else contact
     more = [] if drop is None else [informative("drop", drop, "m")]
-    return [at_most("loose_share", 1 - share, "1", LOOSE), *more]
+    return [upper_limit("loose_share", 1 - share, "1", LOOSE), *more]
 
 
-def _nothing(grip: HoldState) -> str:
-    start, stop = grip.window
+def _nothing(hold: HoldMeasurement) -> str:
+    start, stop = hold.window
     span = f"from {start:g} to {stop:g} s"
-    loose = [each.name for each in grip.pairs]
+    loose = [each.name for each in hold.pairs]
     if not loose:
-        return f"no graded pair carries force {span}: nothing is held"
+        return f"no monitored pair carries force {span}: nothing is held"
     return (
-        f"{span} {', '.join(loose[:3])} carry force, but now and then or only as they slide: "
-        "nothing is held; a scene that holds something says so under `hold`"
+        f"{span} {', '.join(loose[:3])} carry force, but intermittently or while sliding: "
+        "nothing is held; a scene that holds something declares it under `hold`"
     )
 
 
-def _reason(grip: HoldState, own: CheckRun) -> str:
-    """Say the worst value of each measure, those that miss their limit first."""
-    if not own.whole:
-        return f"the model's run does not get to its end: {own.record.status_reason}"
-    worst = {each.name: each for each in sorted(grip.measures, key=_size)}
-    limited = [worst[name] for name in dict.fromkeys(each.name for each in grip.measures)]
+def _reason(hold: HoldMeasurement, nominal: CheckRun) -> str:
+    """Return the worst value of each measure as text, those beyond their limit first."""
+    if not nominal.is_complete:
+        return f"the run is not complete: {nominal.record.status_reason}"
+    worst = {each.name: each for each in sorted(hold.measures, key=_size)}
+    limited = [worst[name] for name in dict.fromkeys(each.name for each in hold.measures)]
     told = sorted(
         (each for each in limited if each.limit is not None), key=lambda each: bool(each.holds)
     )
-    start, stop = grip.window
+    start, stop = hold.window
     return f"from {start:g} to {stop:g} s: {', '.join(_said(each) for each in told)}"
 
 
@@ -340,7 +340,7 @@ def _size(measure: Measure) -> float:
 def _said(measure: Measure) -> str:
     words = measure.name.replace("_", " ")
     if measure.value is None:
-        return f"{words} cannot be measured, for nothing holds"
+        return f"{words} cannot be measured, since nothing is held"
     scale, unit = _UNITS.get(measure.unit, (1.0, f" {measure.unit}"))
     value, limit = measure.value * scale, (measure.limit or 0) * scale
     band = next((word for least, word in _BANDS if measure.value >= least), "")

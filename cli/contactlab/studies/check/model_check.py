@@ -1,4 +1,4 @@
-"""All checks of a model, and the files that they leave."""
+"""All checks of a model, and their page."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -102,7 +102,7 @@ def _head(report: CheckReport) -> Iterator[str]:
     given = "".join(f" --set '{each}'" for each in report.overrides)
     yield f"    contactlab check {report.model}{given}"
     yield ""
-    start = f"keyframe `{report.keyframe}`" if report.keyframe else "its own start"
+    start = f"keyframe `{report.keyframe}`" if report.keyframe else "its initial state"
     yield (
         f"Model `{report.model}` ({report.scene_hash}), from {start}, for {report.kind} "
         f"({report.kind_reason}); {report.engine.name} {report.engine.version}."
@@ -111,7 +111,7 @@ def _head(report: CheckReport) -> Iterator[str]:
 
 
 def _overview(report: CheckReport) -> Iterator[str]:
-    yield "| check | verdict | what came out |"
+    yield "| check | verdict | result |"
     yield "|---|---|---|"
     for each in report.checks:
         yield f"| {each.name} | {each.verdict} | {_cell(each.reason)} |"
@@ -126,7 +126,7 @@ def _checks(report: CheckReport) -> Iterator[str]:
 def _check(check: CheckResult) -> Iterator[str]:
     yield f"## {check.name}: {check.verdict}"
     yield ""
-    yield f"Asked: {check.asks}."
+    yield f"Criterion: {check.asks}."
     yield ""
     yield f"{check.reason[:1].upper()}{check.reason[1:]}."
     yield ""
@@ -147,7 +147,7 @@ def _measures(measures: tuple[Measure, ...]) -> Iterator[str]:
     yield "| number | of | value | limit | |"
     yield "|---|---|---|---|---|"
     for each in measures:
-        verdict = "" if each.holds is None else "holds" if each.holds else "**missed**"
+        verdict = "" if each.holds is None else "holds" if each.holds else "**violated**"
         limit = "" if each.limit is None else _number(each.limit, each.unit)
         name, of = each.name.replace("_", " "), _cell(each.of or "")
         yield f"| {name} | {of} | {_number(each.value, each.unit)} | {limit} | {verdict} |"
@@ -161,7 +161,7 @@ def _number(value: float | None, unit: str) -> str:
 
 
 def _change(change: Change) -> Iterator[str]:
-    heads = {True: "This cures it", False: "This does not cure it", None: "To change"}
+    heads = {True: "This fixes it", False: "This does not fix it", None: "Suggested change"}
     yield f"{heads[change.cures]}: {change.shown}"
     yield ""
     yield "```xml"

@@ -1,41 +1,41 @@
-"""Check 5: does the model's run repeat bit for bit, and what must a parallel engine meet."""
+"""Check 5: does the model repeat bit for bit, and what must a parallel engine reproduce."""
 
 from dataclasses import replace
 
 from contactlab.measure import METRICS
 from contactlab.schema import CheckResult, Measure, Reference
-from contactlab.studies.check.check_results import at_most, not_applicable, result
-from contactlab.studies.check.checked_model import NOMINAL, CheckRun, CheckRunner
+from contactlab.studies.check.check_results import check_result, not_applicable, upper_limit
+from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckRun, CheckRunner
 
 NAME = "repeat"
 TOLERANCE = 0.05
-"""Difference that practice accepts between one environment and many in parallel."""
+"""Largest accepted relative difference between one environment and many in parallel."""
 
 _ASKS = "the same run in another process is the same bit for bit"
 
 
 def check_repeat(runner: CheckRunner) -> CheckResult:
-    """Run the model once more in another process, and compare the trajectories."""
-    own = runner.nominal
-    if own.record.trajectory_hash is None:
-        reason = f"the model's run was lost: {own.record.status_reason}"
-        return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL))
+    """Run the model again in another process, and compare the trajectories."""
+    nominal = runner.nominal
+    if nominal.record.trajectory_hash is None:
+        reason = f"the model could not be run: {nominal.record.status_reason}"
+        return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL_STORE))
     again = _again(runner)
-    measures = [_differs("in another process", own, again), *_in_this_process(own)]
+    measures = [_differs("in another process", nominal, again), *_in_this_process(nominal)]
     wrong = [each for each in measures if not each.holds]
     if wrong:
         reason = f"the trajectory differs {' and '.join(str(each.of) for each in wrong)}"
     else:
         reason = (
-            f"{own.record.steps} steps are equal bit for bit; reference.json holds what a parallel "
-            f"engine must meet within {TOLERANCE:.0%}"
+            f"{nominal.record.steps} steps are equal bit for bit; reference.json has what a "
+            f"parallel engine must reproduce within {TOLERANCE:.0%}"
         )
-    return result(NAME, _ASKS, reason, measures, stores=runner.stores(NOMINAL, NAME))
+    return check_result(NAME, _ASKS, reason, measures, stores=runner.stores(NOMINAL_STORE, NAME))
 
 
-def reference_of(own: CheckRun) -> Reference:
-    """Return what another engine must meet: the model's own run."""
-    record = own.record
+def reference_of(nominal: CheckRun) -> Reference:
+    """Return what another engine must reproduce: the nominal run."""
+    record = nominal.record
     assert record.trajectory_hash is not None
     metrics = {
         name: value
@@ -45,7 +45,7 @@ def reference_of(own: CheckRun) -> Reference:
     return Reference(
         scene=record.scene,
         scene_hash=record.scene_hash,
-        store=NOMINAL,
+        store=NOMINAL_STORE,
         run_id=record.run_id,
         trajectory_hash=record.trajectory_hash,
         engine=record.engine,
@@ -62,18 +62,18 @@ def reference_of(own: CheckRun) -> Reference:
 
 
 def _again(runner: CheckRunner) -> CheckRun:
-    """Run the model in a worker process of its own."""
+    """Run the model again, in another process."""
     other = replace(runner, session=replace(runner.session, workers=1))
     return other.run(NAME, "The model once more", [{}], checks="none")[0]
 
 
 def _differs(where: str, some: CheckRun, other: CheckRun) -> Measure:
     unequal = some.record.trajectory_hash != other.record.trajectory_hash
-    return at_most("trajectories_differ", float(unequal), "1", 0.0, where)
+    return upper_limit("trajectories_differ", float(unequal), "1", 0.0, where)
 
 
-def _in_this_process(own: CheckRun) -> list[Measure]:
-    repeats = own.record.metrics.get("repeats")
+def _in_this_process(nominal: CheckRun) -> list[Measure]:
+    repeats = nominal.record.metrics.get("repeats")
     if repeats is None:
         return []
-    return [at_most("trajectories_differ", 1.0 - repeats, "1", 0.0, "in the same process")]
+    return [upper_limit("trajectories_differ", 1.0 - repeats, "1", 0.0, "in the same process")]

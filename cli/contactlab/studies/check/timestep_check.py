@@ -9,57 +9,65 @@ import numpy as np
 from contactlab.contact import Floats, stiffness_damping
 from contactlab.scene import MonitoredPair, make_setup
 from contactlab.schema import Change, CheckResult, Measure, TaskKind
-from contactlab.studies.check.check_results import at_most, change, informative, result, violated
-from contactlab.studies.check.checked_model import NOMINAL, CheckedModel, CheckRunner
+from contactlab.studies.check.check_results import (
+    change,
+    check_result,
+    informative,
+    upper_limit,
+    violated,
+)
+from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel, CheckRunner
 from contactlab.studies.check.contact_sets import ContactSet, contact_sets, rounded_down
 
 NAME = "timestep"
 LONGEST: dict[TaskKind, float] = {"manipulation": 2e-3, "locomotion": 4e-3}
-"""Longest timestep [s] that practice takes for a kind of task."""
+"""Longest accepted timestep [s] by kind of task."""
 
 RATIO = 0.8
-"""Timestep over time constant times damping ratio, up to which an Euler contact adds no energy."""
+"""Limit of h / (timeconst dampratio): up to it a contact gains no energy with Euler."""
 
 _ASKS = "the timestep suits the task, the thinnest geometry and the stiffest contact"
 _SLACK = 1 + 1e-9
 
 
 def check_timestep(runner: CheckRunner) -> CheckResult:
-    """Hold the timestep against the kind of task, speeds against geometry, and contacts."""
+    """Compare the timestep with the kind of task, the thinnest geoms and the stiffest contact."""
     checked = runner.checked
     measures = [
-        at_most("timestep", checked.resolved.timestep, "s", LONGEST[checked.kind], checked.kind),
+        upper_limit(
+            "timestep", checked.resolved.timestep, "s", LONGEST[checked.kind], checked.kind
+        ),
         *_ratios(checked),
         *_travels(runner),
     ]
-    return result(
+    return check_result(
         NAME,
         _ASKS,
         _reason(checked, measures),
         measures,
         changes=list(_changes(checked, measures)),
         notes=list(_notes(checked)),
-        stores=runner.stores(NOMINAL),
+        stores=runner.stores(NOMINAL_STORE),
     )
 
 
 def _ratios(checked: CheckedModel) -> Iterator[Measure]:
-    """Yield h / (tc dr) of each distinct contact, with time constants as the engine keeps them."""
+    """Yield h / (timeconst dampratio) of each contact, with the engine's effective solref."""
     for each in contact_sets(checked):
-        yield at_most("step_ratio", step_ratio(checked, each), "1", RATIO * _SLACK, each.name)
+        yield upper_limit("step_ratio", step_ratio(checked, each), "1", RATIO * _SLACK, each.name)
 
 
 def step_ratio(checked: CheckedModel, contact: ContactSet) -> float:
-    """Return the timestep times the contact's natural frequency, which is h / (tc dr)."""
+    """Return the timestep times the natural frequency of a contact: h / (timeconst dampratio)."""
     stiffness, _ = stiffness_damping(contact.solref)
     return checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
 
 
 def _travels(runner: CheckRunner) -> Iterator[Measure]:
-    """Yield how far each pair's surfaces move in a step, against half its thinnest geom."""
+    """Yield the travel of each pair's surfaces in a step, against half its thinnest geom."""
     checked = runner.checked
     base, model = checked.base, checked.prepared.model
-    if not base.pairs or not runner.nominal.whole:
+    if not base.pairs or not runner.nominal.is_complete:
         return
     trace = runner.nominal.trace
     speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel)
@@ -67,8 +75,10 @@ def _travels(runner: CheckRunner) -> Iterator[Measure]:
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
         if math.isfinite(half):
             travel = float(speed) * checked.resolved.timestep
-            yield at_most("travel", travel, "m", float(half), pair.name)
-    fall = math.sqrt(2 * float(np.linalg.norm(checked.setting("gravity"))) * model.stat.extent)
+            yield upper_limit("travel", travel, "m", float(half), pair.name)
+    fall = math.sqrt(
+        2 * float(np.linalg.norm(checked.settings.vector("gravity"))) * model.stat.extent
+    )
     yield informative(
         "travel_of_a_fall", fall * checked.resolved.timestep, "m", "over the model's extent"
     )
@@ -85,7 +95,7 @@ def _reason(checked: CheckedModel, measures: Sequence[Measure]) -> str:
         parts.append(f"h/(tc dr) is {worst.value:.2g} at most (limit {RATIO:g})")
     travels = [each for each in measures if each.name == "travel"]
     if travels:
-        worst = max(travels, key=_use)
+        worst = max(travels, key=_utilization)
         parts.append(
             f"a step moves {worst.of} by {(worst.value or 0) * 1e3:.2g} mm at most, "
             f"against a half thickness of {(worst.limit or 0) * 1e3:.2g} mm"
@@ -93,23 +103,23 @@ def _reason(checked: CheckedModel, measures: Sequence[Measure]) -> str:
     return "; ".join(parts)
 
 
-def _use(measure: Measure) -> float:
-    """Return the share of its limit that a measure takes."""
+def _utilization(measure: Measure) -> float:
+    """Return a measure as a fraction of its limit."""
     return (measure.value if measure.value is not None else math.inf) / (measure.limit or 1e-300)
 
 
 def _changes(checked: CheckedModel, measures: Sequence[Measure]) -> Iterator[Change]:
-    """Yield the longest timestep, to two digits, that keeps every limit."""
+    """Yield the longest timestep, to two digits, at which every limit holds."""
     failed = violated(measures)
     if not failed:
         return
     timestep = checked.resolved.timestep
-    longest = [timestep / _use(each) for each in failed if each.name != "step_ratio"]
+    longest = [timestep / _utilization(each) for each in failed if each.name != "step_ratio"]
     if any(each.name == "step_ratio" for each in failed):
-        # By the time constants as written: raised ones fall with the timestep.
+        # By solref as the model has it: raised time constants shrink with the timestep.
         stiffness, _ = stiffness_damping([each.record.solref for each in contact_sets(checked)])
         longest.append(RATIO / float(stiffness.max()) ** 0.5)
-    shown = "not run; every limit is kept at this timestep if the motion stays the same"
+    shown = "not run; every limit holds at this timestep if the motion stays the same"
     yield change(checked, {"timestep": rounded_down(min(longest))}, cures=None, shown=shown)
 
 

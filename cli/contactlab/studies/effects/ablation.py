@@ -19,16 +19,16 @@ from contactlab.schema import (
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,
+    ConfigurationRows,
+    ConfigurationRunner,
     Toggle,
-    TrialOutcome,
-    TrialRunner,
     find_toggles,
     settings_mjcf,
     settings_sweep,
 )
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.effects.metric_changes import (
-    TrialDifference,
+    ConfigurationDifference,
     cost_ratio,
     difference,
     unmeasured_metrics,
@@ -47,8 +47,8 @@ class SmallestSetSearch:
         tried: how many stores were written.
     """
 
-    trials: TrialRunner
-    base: TrialOutcome
+    trials: ConfigurationRunner
+    base: ConfigurationRows
     tried: int = field(default=0)
 
     def smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
@@ -100,15 +100,15 @@ class SmallestSetSearch:
 
     def _run(
         self, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
-    ) -> Mapping[Changed, TrialOutcome]:
+    ) -> Mapping[Changed, ConfigurationRows]:
         self.tried += 1
         return self.trials.run(
             f"search-{self.tried:02}", "Effects changed together", configurations, seeds=seeds
         )
 
     def _difference(
-        self, changed: Changed, base: TrialOutcome, other: TrialOutcome
-    ) -> TrialDifference:
+        self, changed: Changed, base: ConfigurationRows, other: ConfigurationRows
+    ) -> ConfigurationDifference:
         setup = self.trials.setup
         exempt = exempted(changed, setup.tolerances)
         return difference(setup, setup.scenarios, base, other, exempt)
@@ -145,7 +145,7 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     """
     setup = request.setup
     toggles = {each.effect: each for each in find_toggles(setup)}
-    trials = TrialRunner(setup, toggles, session, request.rounds)
+    trials = ConfigurationRunner(setup, toggles, session, request.rounds)
     singles, proven = _singles(toggles), _proven(toggles)
     configurations = [BASE, *singles.values(), *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
@@ -187,14 +187,14 @@ def _proven(toggles: Mapping[str, Toggle]) -> Changed:
 
 
 def _timed(
-    trials: TrialRunner,
+    trials: ConfigurationRunner,
     name: str,
     configurations: Sequence[Changed],
     seeds: Sequence[int] | None = None,
-) -> dict[Changed, TrialOutcome]:
+) -> dict[Changed, ConfigurationRows]:
     """Time configurations, interleaved, in at most six matched pairs of each with the base."""
     if trials.rounds is None:
-        return dict.fromkeys(configurations, TrialOutcome(()))
+        return dict.fromkeys(configurations, ConfigurationRows(()))
     setup = trials.setup
     scenarios = setup.scenarios[:: max(1, len(setup.scenarios) // _PAIRS)][:_PAIRS]
     seeds = (setup.seeds if seeds is None else seeds)[: max(1, _PAIRS // len(scenarios))]
@@ -205,8 +205,8 @@ def _timed(
 def _finding(
     setup: AblationSetup,
     toggle: Toggle,
-    outcomes: Mapping[Changed, TrialOutcome],
-    timed: Mapping[Changed, TrialOutcome],
+    outcomes: Mapping[Changed, ConfigurationRows],
+    timed: Mapping[Changed, ConfigurationRows],
     proven: Changed,
 ) -> EffectFinding:
     """Return what is found of one effect; those that are unused by proof were changed at once."""
@@ -231,7 +231,7 @@ def _finding(
     )
 
 
-def _need(toggle: Toggle, found: TrialDifference, cost: Ratio | None) -> Need:
+def _need(toggle: Toggle, found: ConfigurationDifference, cost: Ratio | None) -> Need:
     if toggle.on:
         if found.matters:
             return "needed"
@@ -279,7 +279,7 @@ def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> Small
     )
 
 
-def _verified(trials: TrialRunner, free: Changed) -> Verification:
+def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
     """Run the smallest set and the base configuration from fresh seeds, in fresh scenarios."""
     setup = trials.setup
     first = max(setup.seeds) + 1

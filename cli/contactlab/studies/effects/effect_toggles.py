@@ -112,7 +112,7 @@ BASE: Changed = ()
 
 
 @dataclass(frozen=True)
-class TrialOutcome:
+class ConfigurationRows:
     """What came of one configuration: rows of the store, by scenario and by seed."""
 
     rows: tuple[tuple[Row, ...], ...]
@@ -124,7 +124,7 @@ class TrialOutcome:
 
 
 @dataclass
-class TrialRunner:
+class ConfigurationRunner:
     """Runs configurations.
 
     Attributes:
@@ -150,7 +150,7 @@ class TrialRunner:
         seeds: Sequence[int] | None = None,
         scenarios: Sequence[Values] | None = None,
         timed: bool = False,
-    ) -> dict[Changed, TrialOutcome]:
+    ) -> dict[Changed, ConfigurationRows]:
         """Run configurations in all scenarios, each from the same seeds.
 
         Args:
@@ -184,7 +184,7 @@ class TrialRunner:
         self.stores.append(name)
         runs = {row["run_id"]: row for row in table.to_pylist()}
         return {
-            each: TrialOutcome(
+            each: ConfigurationRows(
                 tuple(tuple(runs[self._id(row, seed)] for seed in seeds) for row in of_each)
             )
             for each, of_each in zip(each_once, rows, strict=True)

@@ -9,7 +9,7 @@ from statistics import fmean, median
 from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema import MetricChange, Ratio
-from contactlab.studies.effects.effect_toggles import Row, TrialOutcome
+from contactlab.studies.effects.effect_toggles import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values
 
@@ -44,7 +44,7 @@ def tolerance_of(name: str, given: Mapping[str, float], values: Sequence[float])
 
 
 @dataclass(frozen=True)
-class TrialDifference:
+class ConfigurationDifference:
     """What changed between matched pairs of runs.
 
     Attributes:
@@ -90,10 +90,10 @@ class TrialDifference:
 def difference(
     setup: AblationSetup,
     scenarios: Sequence[Values],
-    base: TrialOutcome,
-    other: TrialOutcome,
+    base: ConfigurationRows,
+    other: ConfigurationRows,
     exempt: Collection[str] = (),
-) -> TrialDifference:
+) -> ConfigurationDifference:
     """Return what a configuration changes over scenarios and seeds.
 
     Args:
@@ -109,7 +109,7 @@ def difference(
     labels: Counter[str] = Counter()
     for first, second in zip(base.rows, other.rows, strict=True):
         labels.update(_label_changes(first, second))
-    return TrialDifference(tuple(changes), dict(labels))
+    return ConfigurationDifference(tuple(changes), dict(labels))
 
 
 def _weight(change: MetricChange) -> tuple[bool, float]:
@@ -120,8 +120,8 @@ def _changes(
     name: str,
     setup: AblationSetup,
     scenarios: Sequence[Values],
-    base: TrialOutcome,
-    other: TrialOutcome,
+    base: ConfigurationRows,
+    other: ConfigurationRows,
 ) -> Iterator[MetricChange]:
     for scenario, first, second in zip(scenarios, base.rows, other.rows, strict=True):
         yield _change(name, setup.tolerances, scenario, first, second)
@@ -183,7 +183,7 @@ def _told(change: MetricChange) -> str:
 _WORK = ("work_iterations", "work_contacts", "work_rows")
 
 
-def cost_ratio(base: TrialOutcome, other: TrialOutcome) -> Ratio | None:
+def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> Ratio | None:
     """Return the ratio of CPU times, or None if no pair went through."""
     ratios = list(_ratios(base, other, "time_min"))
     if not ratios:
@@ -191,13 +191,13 @@ def cost_ratio(base: TrialOutcome, other: TrialOutcome) -> Ratio | None:
     return Ratio(ratio=median(ratios), low=min(ratios), high=max(ratios), pairs=len(ratios))
 
 
-def work_ratios(base: TrialOutcome, other: TrialOutcome) -> dict[str, float]:
+def work_ratios(base: ConfigurationRows, other: ConfigurationRows) -> dict[str, float]:
     """Return the ratio of each work counter, of those that the base has."""
     found = {name: list(_ratios(base, other, name)) for name in _WORK}
     return {name: median(each) for name, each in found.items() if each}
 
 
-def _ratios(base: TrialOutcome, other: TrialOutcome, name: str) -> Iterator[float]:
+def _ratios(base: ConfigurationRows, other: ConfigurationRows, name: str) -> Iterator[float]:
     for first, second in zip(base.flat, other.flat, strict=True):
         below, above = first.get(name), second.get(name)
         if below and above is not None and isfinite(above / below):

@@ -9,7 +9,7 @@ import pytest
 from contactlab.mjcf import CONTACT, FLAGS, OPTIONS
 from contactlab.scene import FLAGS as SWITCHES
 from contactlab.schema import EvidenceRecord
-from contactlab.tradeoff.configuration_lines import MjcfLines, mjcf_lines
+from contactlab.tradeoff.configuration_export import MjcfLines, mjcf_lines
 
 SETTINGS: dict[str, Any] = {
     "timestep": 1e-3 / 3,
