@@ -90,5 +90,5 @@ def test_a_trace_is_found_by_the_start_of_its_run(store: Store) -> None:
     )
     with pytest.raises(StoreError, match="no pair 'floor-bal' was recorded; did you mean"):
         store.trace(record).pair("floor-bal")
-    with pytest.raises(StoreError, match="no pair 'x' was recorded; there is floor-ball"):
+    with pytest.raises(StoreError, match="no pair 'x' was recorded; recorded pairs: floor-ball"):
         store.trace(record).pair("x")

@@ -35,7 +35,7 @@ from contactlab.store.store_lease import StoreLease, hold_lease
 from contactlab.store.store_manifest import check_same_sweep, document_json, parse_manifest
 
 _BATCHES = {JOURNAL: "journal", NOTES: "notes"}
-"""The folder of objects that stands for each local file of lines."""
+"""The folder of batches for each local file of lines."""
 _OWN = {SCENES, TRACES, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
 _TEMPORARY_PREFIX = "contactlab-"
 _DOWNLOADS = 16

@@ -1,4 +1,4 @@
-"""What a trace file gives back."""
+"""The arrays of a stored trace."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -40,16 +40,16 @@ class StoredPair:
     Attributes:
         name: the pair's name.
         steps: (M,) index of each such step, ascending.
-        contacts: (M,) contact points stored.
-        found: (M,) contacts that matched; more than `contacts` where the slots did not suffice.
+        contacts: (M,) number of contact points stored.
+        found: (M,) number of contacts of the pair; more than `contacts` if they exceed the slots.
         mode: (M,) NO_CONTACT, STICK or SLIDE.
         normal: (M,) net normal force [N].
         tangential: (M,) magnitude of the net tangential force [N].
-        usage: (M,) share of the friction bound in use.
+        usage: (M,) fraction of the friction limit in use.
         slip: (M,) magnitude of the force-weighted tangential velocity [m/s].
         distance: (M,) least signed distance [m].
-        points: (K, 23) the contact points of all steps one after the other, each a contact slot
-            as `PairTrace` describes it, rounded to single precision.
+        points: (K, 23) the contact points of all steps, concatenated; each a contact slot as in
+            `PairTrace`, rounded to single precision.
     """
 
     name: str
@@ -79,7 +79,7 @@ class StoredPair:
 class StoredTrace:
     """One run of N steps; see `Trace` for the time alignment.
 
-    All but single contact points is bit for bit as it was recorded.
+    Everything but individual contact points is bit for bit as recorded.
 
     Attributes:
         time: (N + 1,) simulated time [s].
@@ -87,13 +87,13 @@ class StoredTrace:
         qvel: (N + 1, nv) velocity.
         kinetic: (N,) kinetic energy [J].
         potential: (N,) potential energy [J].
-        contacts: (N,) contacts in the whole model.
+        contacts: (N,) number of contacts in the whole model.
         least_distance: (N,) smallest signed distance of any contact [m]; 0 where none.
         iterations: (N,) solver iterations, summed over contact islands.
         iterations_most: (N,) solver iterations of the busiest island.
         momentum: (N, 3) linear momentum [kg m/s], or None where it was not recorded.
         angular_momentum: (N, 3) angular momentum [kg m^2/s], or None likewise.
-        pairs: the graded contact pairs.
+        pairs: the monitored contact pairs.
         record_json: the EvidenceRecord.
         metadata: the run's identity.
         model_xml: the MJCF as simulated.
@@ -117,18 +117,18 @@ class StoredTrace:
 
     @property
     def units(self) -> Mapping[str, str]:
-        """The unit of each array; of coordinates that of sliding and that of turning joints."""
+        """The unit of each array; for coordinates, of slide and of hinge joints."""
         return _UNITS
 
     def pair(self, name: str) -> StoredPair:
         """Return a pair by its name.
 
         Raises:
-            StoreError: no graded pair has it.
+            StoreError: no monitored pair has it.
         """
         for pair in self.pairs:
             if pair.name == name:
                 return pair
         known = [pair.name for pair in self.pairs]
-        hint = did_you_mean(name, known) or f"; there is {', '.join(known) or 'none'}"
+        hint = did_you_mean(name, known) or f"; recorded pairs: {', '.join(known) or 'none'}"
         raise StoreError(f"no pair '{name}' was recorded{hint}")

@@ -162,8 +162,8 @@ def _log_times(time: Floats) -> Times:
     in_range = np.all((times >= 0) & (times < _MAX_LOG_TIME))
     if not (in_range and np.all(times[1:] > times[:-1])):
         raise OutputError(
-            "cannot write a trace: the run's time must start at zero or later and grow by a "
-            "nanosecond or more each step; cut the run where the engine stopped it"
+            "cannot write a trace: the run's time must not be negative and must grow by at least "
+            "a nanosecond each step; cut the run where the engine stopped it"
         )
     return times.astype(np.uint64)
 
