@@ -23,7 +23,6 @@ axes:
 """
 RUNS = 18
 CULPRIT = 7
-LOST = "error: 1 of 18 runs crashed or timed out\n"
 # The innermost frame of what hung comes first.
 HUNG = r"over 1 s: Stack \(most recent call first\): / File \"\S+injected_faults.py\", line \d+ in "
 
@@ -49,29 +48,27 @@ def sweep(command: Any, inject: Any, tmp_path: Path) -> Callable[..., tuple[int,
     return run
 
 
-@pytest.mark.parametrize(
-    "told",
-    [
-        ("segfault", "crashed", "the worker was ended by SIGSEGV"),
-        ("exit 0", "crashed", "the worker exited with code 0"),
-        ("memory", "crashed", "out of memory: the worker can have no more"),
-        ("hang", "timeout", HUNG),
-    ],
-)
-def test_only_the_culprit_is_lost(
-    told: tuple[str, str, str], sweep: Any, quiet: Any, sweeper: Any, but: Any
-) -> None:
-    fault, label, reason = told
-    code, out, err = sweep({CULPRIT: fault}, "--workers", "2")
-    assert (code, err) == (4, LOST)
-    assert json.loads(out)["statuses"] == {"ok": RUNS - 1, label: 1}
+FAULTS = {
+    2: ("segfault", "crashed", "the worker was ended by SIGSEGV"),
+    7: ("exit 0", "crashed", "the worker exited with code 0"),
+    11: ("memory", "crashed", "out of memory: the worker can have no more"),
+    16: ("hang", "timeout", HUNG),
+}
+
+
+def test_only_the_culprits_are_lost(sweep: Any, quiet: Any, sweeper: Any, but: Any) -> None:
+    faults = {place: fault for place, (fault, _, _) in FAULTS.items()}
+    code, out, err = sweep(faults, "--workers", "2")
+    assert (code, err) == (4, "error: 4 of 18 runs crashed or timed out\n")
+    assert json.loads(out)["statuses"] == {"ok": RUNS - 4, "crashed": 3, "timeout": 1}
     table, _ = sweeper.outcome()
     assert table["index"] == list(range(RUNS))
-    assert table["label"][CULPRIT] == table["status"][CULPRIT] == label
-    assert re.match(reason, table["status_reason"][CULPRIT])
-    assert table["label_reason"][CULPRIT] == table["status_reason"][CULPRIT]
-    assert table["trajectory_hash"][CULPRIT] is table["trace_file"][CULPRIT] is None
-    assert but(sweeper.outcome(), {CULPRIT}) == but(quiet, {CULPRIT})
+    for place, (_, label, reason) in FAULTS.items():
+        assert table["label"][place] == table["status"][place] == label
+        assert re.match(reason, table["status_reason"][place])
+        assert table["label_reason"][place] == table["status_reason"][place]
+        assert table["trajectory_hash"][place] is table["trace_file"][place] is None
+    assert but(sweeper.outcome(), FAULTS) == but(quiet, FAULTS)
     assert verify(sweeper.folder / "store") == []
 
 

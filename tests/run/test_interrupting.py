@@ -171,7 +171,7 @@ def test_every_command_that_sweeps_can_be_told(
     ("workers", "numbers", "tell"),
     [
         (2, (signal.SIGINT, signal.SIGINT), os.killpg),
-        (1, (signal.SIGTERM, signal.SIGTERM), os.killpg),
+        pytest.param(1, (signal.SIGTERM, signal.SIGTERM), os.killpg, marks=pytest.mark.slow),
         pytest.param(1, (signal.SIGTERM, signal.SIGINT), os.kill, marks=pytest.mark.slow),
     ],
 )

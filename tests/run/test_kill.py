@@ -58,7 +58,9 @@ def test_killed_ten_times(
     assert (table, traces) == outcome(tmp_path / "whole")
 
 
-@pytest.mark.parametrize("begun", ["store", "servers", "workers"])
+@pytest.mark.parametrize(
+    "begun", [pytest.param("store", marks=pytest.mark.slow), "servers", "workers"]
+)
 def test_interrupted_while_workers_start(
     command: Any, tmp_path: Path, until: Until, begun: str
 ) -> None:

@@ -103,7 +103,13 @@ if "forkserver" in " ".join(sys.orig_argv):
 """
 
 
-@pytest.mark.parametrize(("purpose", "column"), [("errors", "error_final"), ("work", "time_min")])
+@pytest.mark.parametrize(
+    ("purpose", "column"),
+    [
+        ("errors", "error_final"),
+        pytest.param("work", "time_min", marks=pytest.mark.slow),
+    ],
+)
 def test_a_pass_that_ends_a_worker_leaves_its_runs_without(
     command: Any, sweeper: Any, purpose: str, column: str
 ) -> None:

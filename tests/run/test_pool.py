@@ -56,7 +56,11 @@ def test_killing_workers_from_outside_loses_nothing(
 @pytest.mark.parametrize(
     ("death", "reason"),
     [
-        ("os.kill(os.getpid(), signal.SIGSEGV)", "the worker was ended by SIGSEGV"),
+        pytest.param(
+            "os.kill(os.getpid(), signal.SIGSEGV)",
+            "the worker was ended by SIGSEGV",
+            marks=pytest.mark.slow,
+        ),
         pytest.param("os.abort()", "the worker was ended by SIGABRT", marks=pytest.mark.slow),
         ("os._exit(3)", "the worker exited with code 3"),
     ],
