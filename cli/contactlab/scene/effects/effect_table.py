@@ -2,7 +2,7 @@
 
 from contactlab.registry import Registry
 from contactlab.scene.effects import proofs
-from contactlab.scene.effects.effect import Effect
+from contactlab.scene.effects.effect import Effect, Kind, Proof, never
 from contactlab.scene.effects.effect_switches import (
     by_compiling,
     by_condim,
@@ -17,12 +17,16 @@ EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
 
 
+def _flag(name: str, kind: Kind, what: str, called_by: str, unused: Proof = never) -> Effect:
+    """Return the effect of one of MuJoCo's flags, which has its name."""
+    return Effect(name, kind, what, by_flag(name), called_by, unused)
+
+
 _EFFECTS = (
-    Effect(
+    _flag(
         "contact",
         "physical",
         "normal force between bodies that touch",
-        by_flag("contact"),
         "geoms that can touch",
         proofs.no_contact,
     ),
@@ -91,19 +95,17 @@ _EFFECTS = (
         on={"impratio": 10.0},
         off={"impratio": 1.0},
     ),
-    Effect(
+    _flag(
         "multiccd",
         "numerical",
         "several contacts between two convex shapes that meet in a face",
-        by_flag("multiccd"),
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
     ),
-    Effect(
+    _flag(
         "nativeccd",
         "numerical",
         "the engine's own general collision function",
-        by_flag("nativeccd"),
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
     ),
@@ -116,11 +118,10 @@ _EFFECTS = (
         proofs.no_contact,
         on={"speculative": True},
     ),
-    Effect(
+    _flag(
         "midphase",
         "numerical",
         "sorting the geoms of a body before they are compared",
-        by_flag("midphase"),
         "bodies of several geoms",
         proofs.no_crowd,
     ),
@@ -140,11 +141,10 @@ _EFFECTS = (
         "anything to solve",
         studied=False,
     ),
-    Effect(
+    _flag(
         "island",
         "numerical",
         "groups of bodies that touch are solved apart",
-        by_flag("island"),
         "several trees of bodies",
         proofs.one_tree,
     ),
@@ -157,19 +157,17 @@ _EFFECTS = (
         # What sleeps is an island; where islands are left out, sleep brings them back.
         on={"sleep": True, "island": True},
     ),
-    Effect(
+    _flag(
         "warmstart",
         "numerical",
         "the solver starts from the last step's solution",
-        by_flag("warmstart"),
         "anything to solve",
         proofs.no_constraint,
     ),
-    Effect(
+    _flag(
         "refsafe",
         "numerical",
         "time constants of at least two steps",
-        by_flag("refsafe"),
         "contacts too stiff for the timestep",
     ),
     Effect(
@@ -204,54 +202,24 @@ _EFFECTS = (
         "a medium of some density or viscosity",
         proofs.no_air,
     ),
-    Effect(
-        "spring",
-        "physical",
-        "springs of joints and tendons",
-        by_flag("spring"),
-        "springs",
-        proofs.no_spring,
-    ),
-    Effect(
-        "damper",
-        "physical",
-        "damping of joints and tendons",
-        by_flag("damper"),
-        "damping",
-        proofs.no_damping,
-    ),
-    Effect(
+    _flag("spring", "physical", "springs of joints and tendons", "springs", proofs.no_spring),
+    _flag("damper", "physical", "damping of joints and tendons", "damping", proofs.no_damping),
+    _flag(
         "eulerdamp",
         "numerical",
         "joint damping taken at the step's end by the Euler integrator",
-        by_flag("eulerdamp"),
         "joint damping",
         zero("no joint is damped", "dof_damping", "dof_dampingpoly", "actuator_damping"),
     ),
-    Effect(
+    _flag(
         "frictionloss",
         "physical",
         "dry friction in joints and tendons",
-        by_flag("frictionloss"),
         "friction loss above zero",
         zero("no joint or tendon has friction loss", "dof_frictionloss", "tendon_frictionloss"),
     ),
-    Effect(
-        "limit",
-        "physical",
-        "ends of joints and tendons",
-        by_flag("limit"),
-        "limits",
-        proofs.no_limit,
-    ),
-    Effect(
-        "equality",
-        "physical",
-        "equality constraints",
-        by_flag("equality"),
-        "equalities",
-        proofs.no_equality,
-    ),
+    _flag("limit", "physical", "ends of joints and tendons", "limits", proofs.no_limit),
+    _flag("equality", "physical", "equality constraints", "equalities", proofs.no_equality),
     Effect(
         "tendon",
         "physical",
@@ -260,22 +228,8 @@ _EFFECTS = (
         "tendons",
         proofs.idle_tendons,
     ),
-    Effect(
-        "actuation",
-        "physical",
-        "actuators",
-        by_flag("actuation"),
-        "actuators",
-        proofs.no_actuator,
-    ),
-    Effect(
-        "clampctrl",
-        "physical",
-        "limits of controls",
-        by_flag("clampctrl"),
-        "limited controls",
-        proofs.no_ctrl_limit,
-    ),
+    _flag("actuation", "physical", "actuators", "actuators", proofs.no_actuator),
+    _flag("clampctrl", "physical", "limits of controls", "limited controls", proofs.no_ctrl_limit),
     Effect(
         "implicit",
         "numerical",
@@ -311,10 +265,7 @@ _EFFECTS = (
         by_compiling(lambda run: run.facts.energy),
         "metrics of energy and speed",
     ),
-    *(
-        Effect(name, "numerical", "engine switch", by_flag(name), "whoever sets it")
-        for name in FLAGS
-    ),
+    *(_flag(name, "numerical", "engine switch", "whoever sets it") for name in FLAGS),
 )
 
 for effect in _EFFECTS:
