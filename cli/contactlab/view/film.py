@@ -46,7 +46,7 @@ class RunPictures:
         """Write a film or a sheet, as the file's suffix says."""
         suffix = target.suffix.lower()
         if suffix == SHEET:
-            write_png(target, self.sheet())
+            write_sheet(target, self.sheet())
         else:
             write_film = write_mp4 if suffix == ".mp4" else write_gif
             write_film(target, self.film(FILMS[suffix]), FILMS[suffix])
@@ -117,12 +117,6 @@ def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
         )
 
 
-def write_png(target: Path, pictures: Sequence[Picture]) -> None:
-    """Write pictures as one sheet."""
-    with atomic_write(target) as temporary:
-        tiled(pictures).save(temporary, format="PNG")
-
-
 def captioned(picture: Picture, text: str) -> Picture:
     """Return a picture with a line of text below it; its height is even, as H.264 requires."""
     height, width, _ = picture.shape
@@ -135,13 +129,14 @@ def captioned(picture: Picture, text: str) -> Picture:
     return np.asarray(image)
 
 
-def tiled(pictures: Sequence[Picture]) -> Image.Image:
-    """Return pictures of one size as an image, row by row, at most three in a row."""
+def write_sheet(target: Path, pictures: Sequence[Picture]) -> None:
+    """Write pictures of one size as one PNG, row by row, at most three in a row."""
     columns = min(len(pictures), 3)
     rows = math.ceil(len(pictures) / columns)
     height, width, _ = pictures[0].shape
-    image = Image.new("RGB", (columns * width, rows * height), _BACKGROUND)
-    for place, picture in enumerate(pictures):
-        row, column = divmod(place, columns)
-        image.paste(Image.fromarray(picture), (column * width, row * height))
-    return image
+    sheet = Image.new("RGB", (columns * width, rows * height), _BACKGROUND)
+    for index, picture in enumerate(pictures):
+        row, column = divmod(index, columns)
+        sheet.paste(Image.fromarray(picture), (column * width, row * height))
+    with atomic_write(target) as temporary:
+        sheet.save(temporary, format="PNG")

@@ -80,7 +80,7 @@ def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
 def _archetype(shape: BodyShape) -> rr.AsComponents:
     if shape.form is Form.mesh:
         return rr.Mesh3D(
-            vertex_positions=_placed(shape),
+            vertex_positions=rotate(shape.rotation, shape.vertices) + shape.position,
             triangle_indices=shape.triangles,
             albedo_factor=shape.colour,
         )
@@ -100,11 +100,6 @@ def _archetype(shape: BodyShape) -> rr.AsComponents:
     return kind(
         half_sizes=[half], centers=centre, quaternions=turn, colors=colours, fill_mode=solid
     )
-
-
-def _placed(shape: BodyShape) -> Floats:
-    """Return a mesh's vertices in its body's frame."""
-    return rotate(shape.rotation, shape.vertices) + shape.position
 
 
 def _send_forces(recording: rr.RecordingStream, motion: BodyMotion) -> None:
