@@ -9,18 +9,18 @@ from contactlab.accuracy.discretization import (
 )
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.accuracy.refsafe import raises_solref
-from contactlab.accuracy.timing import InterleavedTimer, count_works, timing_seconds, timings
+from contactlab.accuracy.timing import InterleavedTimer, timing_seconds, timings, work_of_runs
 
 __all__ = [
     "InterleavedTimer",
     "Note",
     "PlannedModel",
     "accuracies",
-    "count_works",
     "discretization_errors",
     "families",
     "raises_solref",
     "reference_steps",
     "timing_seconds",
     "timings",
+    "work_of_runs",
 ]

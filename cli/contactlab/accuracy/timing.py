@@ -36,7 +36,7 @@ _CLOCKED = ("time_min", "time_median", "step_p50", "step_p99", "compile_time")
 _COUNTED = ("steps", "iterations", "contacts", "rows")
 
 
-def count_works(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> Iterator[Note]:
+def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> Iterator[Note]:
     """Yield a note of the work of each run, and of states along it from which to time it.
 
     The models are those that are timed, so that the states fit them.

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from pydantic_core import to_json
 
-from contactlab.accuracy import count_works, discretization_errors
+from contactlab.accuracy import discretization_errors, work_of_runs
 from contactlab.contact import SelfChecks, Setup, Trace
 from contactlab.engines import (
     Buffers,
@@ -270,7 +270,7 @@ def _work(preparer: Preparer, job: Job) -> list[Finished]:
     """Return a note of the work of each run of a job."""
     plans = preparer.plans(job)
     with preparer.watchdog_or_give_up() as watch:
-        works = list(count_works(preparer.scene, plans, watch))
+        works = list(work_of_runs(preparer.scene, plans, watch))
     return [note("work", run.run_id, each) for run, each in zip(job, works, strict=True)]
 
 
