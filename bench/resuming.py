@@ -75,7 +75,6 @@ def _store_of(file: Path) -> Path:
 def resume(file: Path) -> None:
     """Go on with a sweep of which all runs are stored, and print what it takes as JSON."""
     times = [(time.time(), 0.0, 0)]
-    from contactlab.commands.options import Format  # noqa: PLC0415 - imports are measured
     from contactlab.commands.show_command import print_summary  # noqa: PLC0415
     from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
 
@@ -87,7 +86,7 @@ def resume(file: Path) -> None:
     manifest = run_sweep(ask, take, lambda _: None)
     take()
     with contextlib.redirect_stdout(io.StringIO()):
-        print_summary(_store_of(file), manifest, Format.text)
+        print_summary(_store_of(file), manifest, "text")
     take()
     spent = zip(("going on", "finishing", "summary"), times[:-1], times[1:], strict=True)
     print(json.dumps({name: (b[0] - a[0], b[1] - a[1], b[2]) for name, a, b in spent}))

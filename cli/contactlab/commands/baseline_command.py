@@ -23,14 +23,14 @@ def update(
         opt.store_argument("STORE", "Store to take as the baseline."),
     ],
     dest: Annotated[Path, typer.Argument(help="Folder of the baseline, created or replaced.")],
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Write a store without its traces, small enough to commit."""
     from contactlab.store import write_baseline
 
     manifest = write_baseline(store, dest)
     size = sum(path.stat().st_size for path in dest.rglob("*") if path.is_file())
-    if output is opt.Format.json:
+    if output == "json":
         print_json({"baseline": str(dest), "runs": manifest.runs, "bytes": size})
         return
     typer.echo(f"{dest} holds the {manifest.runs} runs of {store} without traces: {_size(size)}")

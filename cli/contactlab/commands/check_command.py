@@ -1,9 +1,8 @@
 """`contactlab check`: whether a model can be trusted, and what to change where it cannot."""
 
 from collections.abc import Iterator
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -14,14 +13,6 @@ from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
     from contactlab.schema import Change, CheckReport
-
-
-class Task(StrEnum):
-    """The kind of task that a model is for."""
-
-    auto = "auto"
-    manipulation = "manipulation"
-    locomotion = "locomotion"
 
 
 def check(
@@ -41,10 +32,13 @@ def check(
             metavar="NAME", help="Keyframe to start from; qpos0 is the model's default pose."
         ),
     ] = None,
-    kind: Annotated[Task, typer.Option(help="Task that the timestep has to suit.")] = Task.auto,
+    kind: Annotated[
+        Literal["auto", "manipulation", "locomotion"],
+        typer.Option(help="Task that the timestep has to suit."),
+    ] = "auto",
     workers: opt.WorkersOption = None,
     plugin: opt.PluginOption = None,
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
     from contactlab.studies.check import CheckRequest, run
@@ -54,12 +48,12 @@ def check(
         model=model,
         assign=[*(assign or ()), *([f"keyframe={keyframe}"] if keyframe else [])],
         only=only or (),
-        kind=None if kind is Task.auto else kind.value,
+        kind=None if kind == "auto" else kind,
     )
     target = folder or opt.RESULTS / "check" / _name(model)
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
-    if output is opt.Format.json:
+    if output == "json":
         typer.echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)

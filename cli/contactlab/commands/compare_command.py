@@ -4,10 +4,9 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from datetime import date, datetime
-from enum import StrEnum
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -19,28 +18,13 @@ if TYPE_CHECKING:
     from contactlab.schema import ComparePolicy, ComparisonReport
 
 
-class ReportFormat(StrEnum):
-    """How a comparison is printed."""
-
-    text = "text"
-    json = "json"
-    markdown = "markdown"
-    junit = "junit"
-    github = "github"
-
-
-class Match(StrEnum):
-    """How runs are paired."""
-
-    id = "id"
-    axes = "axes"
-
-
-_SUFFIXES = {
-    ".txt": ReportFormat.text,
-    ".json": ReportFormat.json,
-    ".md": ReportFormat.markdown,
-    ".xml": ReportFormat.junit,
+ReportFormat = Literal["text", "json", "markdown", "junit", "github"]
+Match = Literal["id", "axes"]
+_FORMATS: dict[str, ReportFormat] = {
+    ".txt": "text",
+    ".json": "json",
+    ".md": "markdown",
+    ".xml": "junit",
 }
 
 
@@ -65,7 +49,7 @@ def compare(
     ] = None,
     output: Annotated[
         ReportFormat, typer.Option("--format", help="How results are printed.")
-    ] = ReportFormat.text,
+    ] = "text",
     *,
     thorough: Annotated[
         bool, typer.Option("--thorough", help="Verify every record and every trace first.")
@@ -134,7 +118,7 @@ def _rules(policy: Path | None, match: Match | None) -> "ComparePolicy":
     from contactlab.compare import DEFAULT_POLICY, read_policy
 
     read = DEFAULT_POLICY if policy is None else read_policy(policy)
-    return read.model_copy(update={"match": match.value}) if match else read
+    return read.model_copy(update={"match": match}) if match else read
 
 
 def _accept(
@@ -153,10 +137,10 @@ def _accept(
 
 
 def _targets(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:
-    unknown = [path for path in files if path.suffix not in _SUFFIXES]
+    unknown = [path for path in files if path.suffix not in _FORMATS]
     if unknown:
-        raise OutputError(f"{unknown[0]}: write a name that ends in {', '.join(_SUFFIXES)}")
-    return [(path, _SUFFIXES[path.suffix]) for path in files]
+        raise OutputError(f"{unknown[0]}: write a name that ends in {', '.join(_FORMATS)}")
+    return [(path, _FORMATS[path.suffix]) for path in files]
 
 
 def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
@@ -171,21 +155,21 @@ def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFor
                 temporary.write_text(_rendered(report, format_), encoding="utf-8")
         if summary:
             with Path(summary).open("a", encoding="utf-8") as file:
-                file.write(_rendered(report, ReportFormat.markdown))
+                file.write(_rendered(report, "markdown"))
     except OSError as error:
         raise write_error(Path(error.filename), error) from error
     if os.environ.get("GITHUB_ACTIONS") == "true":
-        typer.echo(_rendered(report, ReportFormat.github), err=True, nl=False)
+        typer.echo(_rendered(report, "github"), err=True, nl=False)
 
 
 def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:
     from contactlab import compare as formats
 
     renderers: dict[ReportFormat, Callable[[ComparisonReport], str]] = {
-        ReportFormat.text: formats.as_text,
-        ReportFormat.json: lambda each: each.model_dump_json(indent=2) + "\n",
-        ReportFormat.markdown: formats.as_markdown,
-        ReportFormat.junit: formats.as_junit,
-        ReportFormat.github: formats.as_annotations,
+        "text": formats.as_text,
+        "json": lambda each: each.model_dump_json(indent=2) + "\n",
+        "markdown": formats.as_markdown,
+        "junit": formats.as_junit,
+        "github": formats.as_annotations,
     }
     return renderers[format_](report)

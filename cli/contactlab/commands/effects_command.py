@@ -28,7 +28,7 @@ def effects(
     figure: opt.FigureOption = None,
     workers: opt.WorkersOption = None,
     plugin: opt.PluginOption = None,
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.studies.effects import EffectsRequest, run
@@ -46,7 +46,7 @@ def effects(
 
         draw(report, figure)
         say(f"drew {figure}")
-    if output is opt.Format.json:
+    if output == "json":
         typer.echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)

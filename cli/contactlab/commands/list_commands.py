@@ -12,7 +12,7 @@ def scenes(
     name: Annotated[
         str | None, typer.Argument(metavar="[SCENE]", help="Scene, scene folder or model file.")
     ] = None,
-    output: FormatOption = Format.text,
+    output: FormatOption = "text",
 ) -> None:
     """List the shipped scenes, or every axis that one scene offers."""
     if name is None:
@@ -29,7 +29,7 @@ def _list_scenes(output: Format) -> None:
     rows = [
         (each.name, each.manifest.title, each.manifest.duration) for each in found if each.manifest
     ]
-    if output is Format.json:
+    if output == "json":
         print_rows(("scene", "title", "duration"), rows, as_json=True)
     else:
         print_rows(("scene", "title", "duration [s]"), rows, as_json=False)
@@ -44,10 +44,10 @@ def _list_axes(name: str, output: Format) -> None:
         (each.name, each.unit, each.description, ", ".join(each.choices)) for each in specs if each
     ]
     keys = ("axis", "unit", "description", "values")
-    print_rows(keys, rows, as_json=output is Format.json)
+    print_rows(keys, rows, as_json=output == "json")
 
 
-def sweeps(output: FormatOption = Format.text) -> None:
+def sweeps(output: FormatOption = "text") -> None:
     """List the shipped sweeps."""
     from contactlab import resources
     from contactlab.plan import read_sweep
@@ -59,10 +59,10 @@ def sweeps(output: FormatOption = Format.text) -> None:
         read = read_sweep(path, SceneLoader(path.parent).vocabulary)
         rows.append((name, read.sweep.scene, read.plan.count, read.sweep.description or ""))
     keys = ("sweep", "scene", "runs", "description")
-    print_rows(keys, rows, as_json=output is Format.json)
+    print_rows(keys, rows, as_json=output == "json")
 
 
-def metrics(plugin: PluginOption = None, output: FormatOption = Format.text) -> None:
+def metrics(plugin: PluginOption = None, output: FormatOption = "text") -> None:
     """List every metric: unit, direction, version and definition."""
     from contactlab.measure import METRICS
 
@@ -72,10 +72,10 @@ def metrics(plugin: PluginOption = None, output: FormatOption = Format.text) -> 
         (each.name, each.unit, each.better, each.version, each.definition)
         for each in METRICS.values()
     ]
-    print_rows(keys, rows, as_json=output is Format.json)
+    print_rows(keys, rows, as_json=output == "json")
 
 
-def labels(plugin: PluginOption = None, output: FormatOption = Format.text) -> None:
+def labels(plugin: PluginOption = None, output: FormatOption = "text") -> None:
     """List every label, worst first: its meaning and the thresholds that it depends on."""
     from contactlab.measure import LABELS
 
@@ -84,14 +84,14 @@ def labels(plugin: PluginOption = None, output: FormatOption = Format.text) -> N
         (each.name, each.meaning, ", ".join(limit.name for limit in each.thresholds))
         for each in LABELS.values()
     ]
-    print_rows(("label", "meaning", "thresholds"), rows, as_json=output is Format.json)
+    print_rows(("label", "meaning", "thresholds"), rows, as_json=output == "json")
 
 
-def thresholds(plugin: PluginOption = None, output: FormatOption = Format.text) -> None:
+def thresholds(plugin: PluginOption = None, output: FormatOption = "text") -> None:
     """List every threshold that a scene or a sweep may set: its default, unit and source."""
     from contactlab.measure import THRESHOLDS
 
     load_plugins(plugin)
     rows = [(each.name, each.default, each.unit, each.source) for each in THRESHOLDS.values()]
     keys = ("threshold", "default", "unit", "source")
-    print_rows(keys, rows, as_json=output is Format.json)
+    print_rows(keys, rows, as_json=output == "json")

@@ -4,9 +4,8 @@ import math
 import os
 import sys
 from collections.abc import Sequence
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 from typer.models import ArgumentInfo
@@ -24,13 +23,7 @@ else:
     Address = str
 
 RESULTS = Path("results")
-
-
-class Format(StrEnum):
-    """How results are printed."""
-
-    text = "text"
-    json = "json"
+Format = Literal["text", "json"]
 
 
 def store_at(text: str) -> "Address":

@@ -22,7 +22,7 @@ def replay(
         bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
     ] = False,
     plugin: opt.PluginOption = None,
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Simulate a stored run again and check that every state is bitwise equal."""
     from contactlab.run import prepare_replay
@@ -38,7 +38,7 @@ def replay(
         open_viewer(start.prepared.model, start.runs.starts)
         return
     result = run_again(opened, run)
-    if output is opt.Format.json:
+    if output == "json":
         print_json(asdict(result))
     else:
         for line in _lines(result):

@@ -24,7 +24,7 @@ def show(
     run: Annotated[
         str | None, typer.Argument(help="Run id, or its first digits; the whole store by default.")
     ] = None,
-    output: FormatOption = Format.text,
+    output: FormatOption = "text",
 ) -> None:
     """Show the record of a run, or the summary of a store."""
     from contactlab.store import Store
@@ -34,7 +34,7 @@ def show(
         print_summary(store, opened.manifest, output)
         return
     record = opened.record(run)
-    if output is Format.json:
+    if output == "json":
         print_json(record.model_dump(mode="json"))
     else:
         _print_record(store, record)
@@ -98,7 +98,7 @@ def print_summary(path: "Address", manifest: "StoreManifest", output: Format) ->
     from contactlab.store import Store
 
     store = Store.open(path)
-    if output is Format.json:
+    if output == "json":
         print_json({"store": str(path), **manifest.model_dump(mode="json", exclude={"sweep"})})
         return
     columns = store.columns

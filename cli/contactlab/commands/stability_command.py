@@ -26,7 +26,7 @@ def stability(
     workers: opt.WorkersOption = None,
     mujoco: opt.MujocoOption = None,
     plugin: opt.PluginOption = None,
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.studies.stability_cases import StabilityRequest, run
@@ -37,7 +37,7 @@ def stability(
     with study_session(target, workers, _THEN) as session:
         report = run(StabilityRequest(names or ()), session)
     cases = report.cases
-    if output is opt.Format.json:
+    if output == "json":
         print_json(report.model_dump(mode="json"))
     else:
         _print(cases)

@@ -3,8 +3,7 @@
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
-from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -20,11 +19,7 @@ if TYPE_CHECKING:
     from contactlab.schema import StoreManifest
 
 
-class ExecutorName(StrEnum):
-    """Where jobs run."""
-
-    local = "local"
-    ray = "ray"
+ExecutorName = Literal["local", "ray"]
 
 
 def sweep(
@@ -46,7 +41,7 @@ def sweep(
     *,
     executor: Annotated[
         ExecutorName, typer.Option(help="Where jobs run: on this machine, or on a Ray cluster.")
-    ] = ExecutorName.local,
+    ] = "local",
     address: Annotated[
         str | None,
         typer.Option(metavar="HOST:PORT|auto", help="Ray cluster to join; by default starts one."),
@@ -62,7 +57,7 @@ def sweep(
         bool,
         typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed."),
     ] = False,
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
@@ -100,9 +95,9 @@ def sweep(
 
 
 def _check_executor(executor: ExecutorName, address: str | None, workers: int | None) -> None:
-    if executor is ExecutorName.local and address is not None:
+    if executor == "local" and address is not None:
         raise SweepFileError("--address is for a Ray cluster; add --executor ray")
-    if executor is ExecutorName.ray and workers == 0:
+    if executor == "ray" and workers == 0:
         raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
 
 
@@ -118,7 +113,7 @@ def _on_cluster(
         address: the cluster to join; None starts one with the request's number of workers.
         workers: processes to use of a cluster that is joined; all of it if None.
     """
-    if executor is ExecutorName.local:
+    if executor == "local":
         yield request
         return
     from contactlab.run import ray_cluster
@@ -138,7 +133,7 @@ def _confirm(count: int, *, yes: bool) -> None:
 
 def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:
     axes = [(axis.name, axis.role, axis.count, _range(axis.values)) for axis in plan.axes]
-    if output is opt.Format.json:
+    if output == "json":
         keys = ("name", "role", "count", "values")
         listed = [dict(zip(keys, axis, strict=True)) for axis in axes]
         print_json({"axes": listed, "seeds": len(plan.sweep.seed_values), **vars(forecast)})

@@ -41,7 +41,7 @@ def tradeoff(
     store: opt.SweepStoreOption = None,
     workers: opt.WorkersOption = None,
     plugin: opt.PluginOption = None,
-    output: opt.FormatOption = opt.Format.text,
+    output: opt.FormatOption = "text",
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
     from contactlab.tradeoff import draw
@@ -50,7 +50,7 @@ def tradeoff(
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
     report = _report(name, store, workers, criteria)
-    if output is opt.Format.json:
+    if output == "json":
         print_json(report.model_dump(mode="json"))
     else:
         _print(report)

@@ -2,14 +2,14 @@
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, StoreArgument, mention_plugins
+from contactlab.commands.options import FormatOption, StoreArgument, mention_plugins
 from contactlab.commands.terminal import print_json
 from contactlab.errors import StoreError
 
 
 def verify(
     store: StoreArgument,
-    output: FormatOption = Format.text,
+    output: FormatOption = "text",
 ) -> None:
     """Check every file of a store against its hash, its schema and its structure."""
     from contactlab.store import Store
@@ -18,7 +18,7 @@ def verify(
     problems = find_problems(store)
     manifest = Store.open(store).manifest
     mention_plugins(store, manifest.sweep.plugins)
-    if output is Format.json:
+    if output == "json":
         print_json({"sound": not problems, "problems": problems, "runs": manifest.runs})
     elif not problems:
         left_out = " left out" if manifest.traces_left_out else ""
