@@ -5,12 +5,12 @@ the same name.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import mujoco
 
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
+from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.parameters import WORDS
 from contactlab.scene.setting_values import Settings, as_vector
 
@@ -19,18 +19,10 @@ from contactlab.scene.setting_values import Settings, as_vector
 _FIXED = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
 # Override replaces the contact parameters of every geom, and so those of a sweep.
 _UNSUPPORTED = {"ipc", "override"}
-
-
-def _bits(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a pybind11 enum
-    return {
-        name.removeprefix(prefix).lower(): int(bit)
-        for name, bit in enum.__members__.items()
-        if name.startswith(prefix)
-    }
-
-
-_DISABLE = _bits(mujoco.mjtDisableBit, "mjDSBL_")
-_ENABLE = _bits(mujoco.mjtEnableBit, "mjENBL_")
+_DISABLE, _ENABLE = (
+    {name.lower(): bit for name, bit in enum_members(enum, prefix).items()}
+    for enum, prefix in ((mujoco.mjtDisableBit, "mjDSBL_"), (mujoco.mjtEnableBit, "mjENBL_"))
+)
 FLAGS = tuple(sorted((_DISABLE.keys() | _ENABLE.keys()) - _FIXED.keys() - _UNSUPPORTED))
 
 

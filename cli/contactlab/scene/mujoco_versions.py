@@ -47,6 +47,15 @@ NEW_FEATURES = (
 )
 
 
+def enum_members(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a pybind11 enum
+    """Return the members of one of MuJoCo's enums without their prefix, in its order."""
+    return {
+        name.removeprefix(prefix): int(value)
+        for name, value in enum.__members__.items()
+        if name.startswith(prefix)
+    }
+
+
 def has_batch() -> bool:
     """Return whether MuJoCo steps many simulations natively."""
     return _reaches(_BATCH)
@@ -147,8 +156,11 @@ def silence_mujoco() -> None:
 
 
 @cache
-def _install_warning_handler() -> Any:  # noqa: ANN401 - a function that C may call, kept alive by the cache
-    """Install a warning handler, for versions before 3.10, whose log cannot be configured."""
+def _install_warning_handler() -> object:
+    """Install a warning handler, for versions before 3.10, whose log cannot be configured.
+
+    The cache keeps the function alive that MuJoCo calls.
+    """
     ignore = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
     (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
     handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mju_user_warning")

@@ -7,13 +7,13 @@ geom) and its Modeling chapter (solver parameters). `contactlab.mjcf` says where
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache, partial
-from typing import Any
 
 import mujoco
 
 from contactlab.contact import damping_ratio_of, stiffness_damping
 from contactlab.mjcf import attribute_of
 from contactlab.registry import Registry
+from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.setting_values import (
     Settings,
     as_number,
@@ -65,10 +65,9 @@ PARAMETERS: Registry[Parameter] = Registry("parameter")
 _SPELLED = {"EULER": "Euler", "RK4": "RK4", "PGS": "PGS", "CG": "CG", "NEWTON": "Newton"}
 
 
-def _words(enum: Any, prefix: str) -> tuple[str, ...]:  # noqa: ANN401 - a pybind11 enum
-    """Return the words of an engine's enum as MJCF spells them, for as many as it has."""
-    names: list[str] = [name.removeprefix(prefix) for name in enum.__members__]
-    return tuple(_SPELLED.get(name, name.lower()) for name in names)
+def _words(enum: object, prefix: str) -> tuple[str, ...]:
+    """Return the words of one of MuJoCo's enums as MJCF spells them, for as many as it has."""
+    return tuple(_SPELLED.get(name, name.lower()) for name in enum_members(enum, prefix))
 
 
 WORDS: Mapping[str, tuple[str, ...]] = {

@@ -11,7 +11,7 @@ from collections.abc import Generator, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import ModuleType
 
 from pydantic import ValidationError
 from ruamel.yaml import YAML
@@ -115,13 +115,16 @@ def menagerie_model(reference: str) -> Path:
     """
     package = _package(reference)
     robot, _, entry = reference.removeprefix(_SCHEME).partition("/")
-    known_robot = _robot(package, robot)
-    known = known_robot.entry_names
+    robots: list[str] = package.names()
+    if robot not in robots:
+        hint = did_you_mean(robot, robots) or "; `mujoco-menagerie names` lists them"
+        raise SceneError(f"MuJoCo Menagerie has no robot '{robot}'{hint}")
+    known: list[str] = package.get(robot).entry_names
     if entry and entry not in known:
         hint = did_you_mean(entry, known) or f"; write one of {', '.join(known)}"
         raise SceneError(f"{robot} of MuJoCo Menagerie has no entry '{entry}'{hint}")
     try:
-        path = Path(known_robot.xml(entry or None))
+        path = Path(package.get(robot).xml(entry or None))
     except (package.MenagerieError, OSError) as error:
         raise SceneError(
             f"cannot get {robot}: {error}\n"
@@ -133,7 +136,7 @@ def menagerie_model(reference: str) -> Path:
     return path
 
 
-def _package(reference: str) -> Any:  # noqa: ANN401 - a module that may not be there
+def _package(reference: str) -> ModuleType:
     try:
         return importlib.import_module("mujoco_menagerie")
     except ModuleNotFoundError as error:
@@ -141,14 +144,6 @@ def _package(reference: str) -> Any:  # noqa: ANN401 - a module that may not be 
             f"'{reference}' needs the package mujoco-menagerie; "
             "install it with `pip install 'contactlab[menagerie]'`"
         ) from error
-
-
-def _robot(package: Any, name: str) -> Any:  # noqa: ANN401
-    known: list[str] = package.names()
-    if name not in known:
-        hint = did_you_mean(name, known) or "; `mujoco-menagerie names` lists them"
-        raise SceneError(f"MuJoCo Menagerie has no robot '{name}'{hint}")
-    return package.get(name)
 
 
 MANIFEST = "scene.yaml"
