@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from scipy.special import elliprf
 
 from contactlab.contact import FOUND, NORMAL, FreeBody, PairTrace, Setup, Trace, rotate
 from contactlab.measure import ORACLES, Context, context_of
-from contactlab.measure.free_motion_oracles import middle_axis_flip
+from contactlab.measure.free_motion_oracles import carlson_rf, middle_axis_flip
 
 GRAVITY = 9.81
 Vector = Callable[[np.ndarray], np.ndarray]
@@ -99,6 +101,12 @@ def test_first_flip_of_the_intermediate_axis() -> None:
     assert middle_axis_flip(np.array([[1.0, 2, 3]]), np.array([[0.1, 10, 0.1]])) == pytest.approx(
         1.092, abs=5e-4
     )
+
+
+@given(arrays(np.float64, (3, 4), elements=st.floats(1e-3, 1e3)))
+def test_carlsons_integral_is_that_of_scipy(arguments: np.ndarray) -> None:
+    # Both are right to a few roundings of 2^-52; the iteration takes 30 of them.
+    assert carlson_rf(*arguments) == pytest.approx(elliprf(*arguments), rel=30 * 2**-52)
 
 
 def test_flip_time_reads_the_moments_off_the_start() -> None:

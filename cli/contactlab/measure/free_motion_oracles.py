@@ -10,6 +10,8 @@ from contactlab.measure.oracle_quantities import distance_from_rest
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 
+_DUPLICATIONS = 30
+
 
 @oracle(unit="m", settings=("integrator",), relative=False)
 def free_fall(context: Context) -> tuple[Floats, Floats]:
@@ -106,8 +108,6 @@ def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:
         inertia: (n, 3) principal moments [kg m^2], the second between the others.
         turning: (n, 3) angular velocity at the start [rad/s], along the principal axes.
     """
-    from scipy.special import elliprf  # noqa: PLC0415 - no other metric needs it
-
     first, middle, third = inertia.T
     rate = np.abs(third - first) / middle
     share1 = middle * (third - middle) / (first * (third - first))
@@ -119,12 +119,26 @@ def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:
     def from_zero(w: Floats) -> Floats:
         rest1 = np.maximum(1 - share1 * w**2 / total1, 0)
         rest3 = np.maximum(1 - share3 * w**2 / total3, 0)
-        return w * elliprf(rest1, rest3, 1.0) / (rate * np.sqrt(total1 * total3))
+        return w * carlson_rf(rest1, rest3, np.ones_like(w)) / (rate * np.sqrt(total1 * total3))
 
     highest = np.sqrt(np.minimum(total1 / share1, total3 / share3))
     rising = (third - first) * turning.prod(axis=1) > 0
     fall = from_zero(speed)
     return np.where(rising, 2 * from_zero(highest) - fall, fall)
+
+
+def carlson_rf(x: Floats, y: Floats, z: Floats) -> Floats:
+    """Return Carlson's integral R_F(x, y, z) of arguments >= 0.
+
+    By the duplication theorem (B. C. Carlson, Numerical computation of real or complex elliptic
+    integrals, 1995); `scipy.special.elliprf` differs from it, and so from stored evidence, in the
+    last bits.
+    """
+    for _ in range(_DUPLICATIONS):
+        roots = np.sqrt(x), np.sqrt(y), np.sqrt(z)
+        shift = roots[0] * roots[1] + roots[1] * roots[2] + roots[2] * roots[0]
+        x, y, z = (x + shift) / 4, (y + shift) / 4, (z + shift) / 4
+    return 1 / np.sqrt((x + y + z) / 3)
 
 
 def _first_zero(context: Context, values: Floats) -> Floats:
