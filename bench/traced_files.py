@@ -24,12 +24,15 @@ class Journey:
         self.functions: set[tuple[str, str]] = set()
         self.changes = 0
         self._last = ""
+        self._importing = 0
 
     def __call__(self, frame: FrameType, event: str, _arg: object) -> None:
-        """Count a call of a function of the package; module bodies run on import only."""
+        """Count a call of a function of the package, but for what imports call."""
         code = frame.f_code
+        if code.co_name == "<module>":
+            self._importing += {"call": 1, "return": -1}.get(event, 0)
         file = code.co_filename
-        if event != "call" or code.co_name == "<module>" or not file.startswith(PACKAGE):
+        if event != "call" or self._importing or not file.startswith(PACKAGE):
             return
         self.calls[file] += 1
         self.functions.add((file, code.co_qualname))
@@ -59,8 +62,9 @@ def journey() -> Journey:
 
 def run() -> None:
     """Print the counts."""
+    listed = "--list" in sys.argv
     seen = journey()
-    if "--list" in sys.argv:
+    if listed:
         for file in sorted(seen.calls):
             print(f"{seen.calls[file]:7}  {Path(file).relative_to(PACKAGE)}", file=sys.stderr)
     print(f"files      {len(seen.calls)}", file=sys.stderr)
