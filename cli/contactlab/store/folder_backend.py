@@ -57,7 +57,7 @@ class FolderBackend:
     def put(self, name: str, data: bytes) -> None:
         """Create or replace a file as a whole."""
         path = self.address / name
-        # Remembered, since asking the system for each file costs more.
+        # Remembered: asking the system for each file takes longer.
         if path.parent not in self._made:
             try:
                 path.parent.mkdir(parents=True, exist_ok=True)

@@ -80,7 +80,7 @@ class ObjectBackend:
         before, folder = _fetched.get(self.address, (b"", None))
         if folder is None or before != manifest:
             folder = _temporary_folder()
-            fetch_all(self.client, [safe_name(name, self.address) for name in names], folder)
+            _fetch_all(self.client, [_safe_name(name, self.address) for name in names], folder)
             (folder / MANIFEST).write_bytes(manifest)
             _fetched[self.address] = manifest, folder
         return folder
@@ -113,7 +113,7 @@ class ObjectBackend:
         ):
             for number, name in enumerate(names):
                 target = Path(folder) / str(number)
-                coming.append(pool.submit(self._fetch, safe_name(name, self.address), target))
+                coming.append(pool.submit(self._fetch, _safe_name(name, self.address), target))
                 if len(coming) > _TRACES_AHEAD:
                     yield from _take_first(coming)
             while coming:
@@ -243,7 +243,7 @@ class ObjectSession(WriteSession):
         ):
             for first in range(0, len(names), _WINDOW):
                 some = names[first : first + _WINDOW]
-                fetch_all(self._client, some, Path(folder))
+                _fetch_all(self._client, some, Path(folder))
                 for part in (Path(folder) / name for name in some):
                     if part.is_file():
                         with part.open("rb") as lines:
@@ -301,7 +301,7 @@ class UploadQueue:
             raise OutputError(f"{self._client.address / name} exists already, with other content")
 
 
-def safe_name(name: str, address: ObjectAddress) -> str:
+def _safe_name(name: str, address: ObjectAddress) -> str:
     """Return a file name that a store gives, once it is sure not to lead out of the store.
 
     Raises:
@@ -313,7 +313,7 @@ def safe_name(name: str, address: ObjectAddress) -> str:
     return name
 
 
-def fetch_all(client: ObjectClient, names: Sequence[str], folder: Path) -> None:
+def _fetch_all(client: ObjectClient, names: Sequence[str], folder: Path) -> None:
     """Fetch objects into a folder, many at a time; missing ones are left out."""
     with ThreadPoolExecutor(_DOWNLOADS) as pool:
         deque(pool.map(lambda name: client.fetch(name, folder / name), names), maxlen=0)
@@ -322,11 +322,11 @@ def fetch_all(client: ObjectClient, names: Sequence[str], folder: Path) -> None:
 @cache
 def _fetched_folder(address: ObjectAddress, name: str) -> Path:
     client = ObjectClient(address, OutputError)
-    names = [safe_name(file, address) for file, _ in client.sizes(name)]
+    names = [_safe_name(file, address) for file, _ in client.sizes(name)]
     if not names:
         raise OutputError(f"{address / name} is missing; has the sweep been removed?")
     folder = _temporary_folder()
-    fetch_all(client, names, folder)
+    _fetch_all(client, names, folder)
     return folder / name
 
 

@@ -206,10 +206,10 @@ class ObjectClient:
         except (BaseError, ValueError, OSError) as error:
             if missing_ok and isinstance(error, FileNotFoundError):
                 raise
-            raise self._error(error_message(address, error)) from error
+            raise self._error(_error_message(address, error)) from error
 
 
-def error_message(address: ObjectAddress, error: Exception) -> str:
+def _error_message(address: ObjectAddress, error: Exception) -> str:
     """Return the message for an error of the library.
 
     Args:
@@ -275,5 +275,5 @@ def _is_set(variable: str) -> bool:
 
 
 def _version(e_tag: str | None, version: str | None) -> "UpdateVersion":
-    # A server without versions must not be asked for the version None.
+    # A condition on a server without versions must not name one.
     return {"e_tag": e_tag} if version is None else {"e_tag": e_tag, "version": version}

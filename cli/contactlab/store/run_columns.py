@@ -1,4 +1,4 @@
-"""The table's columns as NumPy arrays, each read when it is asked for."""
+"""The table's columns as NumPy arrays, each read on demand."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

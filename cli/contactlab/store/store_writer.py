@@ -180,7 +180,7 @@ def open_writer(
             if fresh:
                 _refuse_foreign(backend, session, "not removed")
                 session.clear()
-            manifest = find_manifest(backend)
+            manifest = _find_manifest(backend)
             if manifest is not None:
                 check_same_sweep(address, manifest.sweep, identity)
                 session.remove_journal()
@@ -201,7 +201,7 @@ def open_writer(
         raise write_error(error.filename or address, error) from error
 
 
-def find_manifest(backend: Backend) -> StoreManifest | None:
+def _find_manifest(backend: Backend) -> StoreManifest | None:
     """Return the manifest of a store; None if it is unfinished or not there.
 
     Raises:

@@ -84,21 +84,21 @@ def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
 
 
 def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[bytes], ChunkIndex]]:
-    """Yield each chunk and its message indexes as bytes, and its entry for the summary.
+    """Yield each chunk and its message indexes as bytes, and its index for the summary.
 
     Args:
         stream: the messages.
-        position: where in the file the first chunk will start.
+        position: offset of the first chunk in the file.
     """
     for start, stop in pairwise(stream.cuts()):
         rows = slice(start, stop)
         chunk, compressed_size, size = _chunk(stream, rows)
         indexes = dict(_message_indexes(stream, rows))
         chunk_length = sum(map(len, chunk))
-        place, offsets = position + chunk_length, dict[int, int]()
+        end, offsets = position + chunk_length, dict[int, int]()
         for channel, index in indexes.items():
-            offsets[channel] = place
-            place += len(index)
+            offsets[channel] = end
+            end += len(index)
         yield (
             [*chunk, *indexes.values()],
             ChunkIndex(
@@ -107,13 +107,13 @@ def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[b
                 compression=_COMPRESSION,
                 compressed_size=compressed_size,
                 message_end_time=int(stream.times[stop - 1]),
-                message_index_length=place - position - chunk_length,
+                message_index_length=end - position - chunk_length,
                 message_index_offsets=offsets,
                 message_start_time=int(stream.times[start]),
                 uncompressed_size=size,
             ),
         )
-        position = place
+        position = end
 
 
 def _chunk(stream: MessageStream, rows: slice) -> tuple[list[bytes], int, int]:

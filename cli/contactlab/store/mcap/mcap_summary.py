@@ -1,4 +1,4 @@
-"""What stands before and after the chunks of a trace file.
+"""The parts of a trace file before and after its chunks.
 
 Source of the file's structure: https://mcap.dev/spec
 """
@@ -60,7 +60,7 @@ class FileHead:
     """The start of a file up to its first chunk.
 
     Attributes:
-        prefix: what comes first.
+        prefix: the part that runs share.
         metadata: the Metadata record.
         metadata_index: its MetadataIndex record, for the summary.
     """
@@ -147,7 +147,7 @@ def file_tail(
         Opcode.METADATA_INDEX: head.metadata_index,
     }
     data_end = _encoded(DataEnd(crc))
-    position = start = chunk_end(chunks[-1]) + len(data_end)
+    position = start = _chunk_end(chunks[-1]) + len(data_end)
     offsets = b""
     for opcode, group in groups.items():
         offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, opcode, position, len(group))
@@ -159,7 +159,7 @@ def file_tail(
     return data_end + summary + footer + summary_crc + MCAP0_MAGIC
 
 
-def chunk_end(chunk: ChunkIndex) -> int:
+def _chunk_end(chunk: ChunkIndex) -> int:
     """Return the offset in the file at which a chunk's last message index ends."""
     return chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length
 

@@ -124,7 +124,7 @@ def read_records(data: bytes) -> FileRecords:
     others: list[RawRecord] = []
     footer = len(data) - len(MCAP0_MAGIC) - _FOOTER.size
     summary_start = _FOOTER.unpack_from(data, footer)[2]
-    for raw in raw_records(data, len(MCAP0_MAGIC), summary_start):
+    for raw in _raw_records(data, len(MCAP0_MAGIC), summary_start):
         record = raw.record
         if isinstance(record, Chunk):
             chunk, within = _read_chunk(raw, record)
@@ -134,10 +134,10 @@ def read_records(data: bytes) -> FileRecords:
             chunks[-1].indexes.append((raw.offset, record))
         else:
             others.append(raw)
-    return FileRecords(chunks, others, list(raw_records(data, summary_start, footer)))
+    return FileRecords(chunks, others, list(_raw_records(data, summary_start, footer)))
 
 
-def raw_records(data: bytes, start: int, stop: int) -> Iterator[RawRecord]:
+def _raw_records(data: bytes, start: int, stop: int) -> Iterator[RawRecord]:
     """Yield the records from `start` to `stop`."""
     while start < stop:
         opcode, length = _FRAME.unpack_from(data, start)
@@ -156,7 +156,7 @@ def _read_chunk(raw: RawRecord, chunk: Chunk) -> tuple[ChunkRecords, list[RawRec
         raise ValueError(f"compression '{chunk.compression}' is not supported")
     messages: list[tuple[int, int, int]] = []
     others: list[RawRecord] = []
-    for each in raw_records(content, 0, len(content)):
+    for each in _raw_records(content, 0, len(content)):
         if each.opcode == Opcode.MESSAGE:
             channel, _, log_time = _MESSAGE.unpack_from(each.body)
             messages.append((log_time, channel, each.offset))

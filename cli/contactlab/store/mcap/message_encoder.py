@@ -88,37 +88,26 @@ _SINGLE = np.dtype("<f4")
 
 
 @cache
-def _blocks(point: np.dtype[np.void]) -> np.dtype[np.void]:
+def _point_blocks(point: np.dtype[np.void]) -> np.dtype[np.void]:
     """Return a point's fields as opaque blocks, which NumPy copies faster than numbers."""
-    places = list(point.fields.values()) if point.fields else []
-    return np.dtype(
-        {
-            "names": list(POINT_FIELDS),
-            "formats": [f"V{each[0].itemsize}" for each in places],
-            "offsets": [each[1] for each in places],
-            "itemsize": point.itemsize,
-        }
-    )
+    fields = list(point.fields.values()) if point.fields else []
+    sizes = [field[0].itemsize for field in fields]
+    return _blocks(sizes, [field[1] for field in fields], point.itemsize)
 
 
+@cache
 def _slot_blocks() -> np.dtype[np.void]:
     """Return the same fields of a contact slot in single precision."""
     size = _SINGLE.itemsize
-    spans = [
-        range(SLOT_WIDTH)[each] if isinstance(each, slice) else range(each, each + 1)
-        for each in POINT_FIELDS.values()
-    ]
-    return np.dtype(
-        {
-            "names": list(POINT_FIELDS),
-            "formats": [f"V{len(span) * size}" for span in spans],
-            "offsets": [span.start * size for span in spans],
-            "itemsize": SLOT_WIDTH * size,
-        }
-    )
+    spans = [np.arange(SLOT_WIDTH)[columns].ravel() for columns in POINT_FIELDS.values()]
+    offsets = [int(span[0]) * size for span in spans]
+    return _blocks([len(span) * size for span in spans], offsets, SLOT_WIDTH * size)
 
 
-_SLOT = _slot_blocks()
+def _blocks(sizes: list[int], offsets: list[int], itemsize: int) -> np.dtype[np.void]:
+    formats = [f"V{size}" for size in sizes]
+    names = list(POINT_FIELDS)
+    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
 
 
 @dataclass(frozen=True)
@@ -222,7 +211,7 @@ def _fill_points(slots: Floats, items: Items) -> None:
     items["count"] = slots.shape[1]
     items["found"] = slots[:, 0, FOUND]
     points = items["points"]
-    points.view(_blocks(points.dtype))[:] = single.view(_SLOT)[..., 0]
+    points.view(_point_blocks(points.dtype))[:] = single.view(_slot_blocks())[..., 0]
 
 
 def single_message_group(channel: int, row: int, content: bytes) -> MessageGroup:

@@ -154,9 +154,9 @@ def channel_messages(data: bytes, summary: Summary) -> dict[int, ChannelMessages
         start = chunk.chunk_start_offset + CHUNK_HEAD.size
         compressed = memoryview(data)[start : start + chunk.compressed_size]
         contents.append(zstandard.decompress(compressed, chunk.uncompressed_size))
-        for channel, place in chunk.message_index_offsets.items():
-            *_, length = INDEX_HEAD.unpack_from(data, place)
-            entries = np.frombuffer(data, "<u8", length // 8, place + INDEX_HEAD.size)
+        for channel, start in chunk.message_index_offsets.items():
+            *_, length = INDEX_HEAD.unpack_from(data, start)
+            entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
             offsets[channel].append(entries[1::2].astype(np.int64) + base)
         base += chunk.uncompressed_size
     stream = np.frombuffer(b"".join(contents), np.uint8)

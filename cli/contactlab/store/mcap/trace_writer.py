@@ -67,7 +67,7 @@ _MAX_LOG_TIME = 2.0**63
 
 @dataclass(frozen=True)
 class TraceExtras:
-    """What a trace file holds beside the arrays.
+    """Content of a trace file in addition to the arrays.
 
     Attributes:
         record_json: the EvidenceRecord, a JSON object; the one message of `/evidence`.
