@@ -144,17 +144,19 @@ def as_junit(report: ComparisonReport) -> str:
     case.
     """
     sweep = "stores" if report.baseline is None else report.baseline.sweep
-    suite = ET.Element("testsuite", name=_clean(f"contactlab compare {sweep}"))
-    for check in report.checks:
-        suite.append(_case(check, sweep, report.advice))
     outcomes = [check.outcome for check in report.checks]
-    suite.set("tests", str(len(outcomes)))
-    suite.set("failures", str(outcomes.count("failed")))
-    suite.set("errors", "0")
-    suite.set("skipped", str(outcomes.count("skipped")))
-    suite.set("time", "0")
     root = ET.Element("testsuites")
-    root.append(suite)
+    suite = ET.SubElement(
+        root,
+        "testsuite",
+        name=_clean(f"contactlab compare {sweep}"),
+        tests=str(len(outcomes)),
+        failures=str(outcomes.count("failed")),
+        errors="0",
+        skipped=str(outcomes.count("skipped")),
+        time="0",
+    )
+    suite.extend(_case(check, sweep, report.advice) for check in report.checks)
     ET.indent(root)
     return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
 
@@ -181,12 +183,9 @@ def _case(check: Check, sweep: str, advice: Sequence[str]) -> ET.Element:
 
 
 def _pairs(check: Check) -> list[str]:
-    return [
-        f"{check_name(check)}: {pair_values(check, pair)} at {pair_location(pair)}".replace(
-            ":  at", ": at"
-        )
-        for pair in check.worst
-    ]
+    name = check_name(check)
+    pairs = [(pair_values(check, pair), pair_location(pair)) for pair in check.worst]
+    return [f"{name}: {f'{values} ' if values else ''}at {where}" for values, where in pairs]
 
 
 def _clean(text: str) -> str:
