@@ -39,12 +39,12 @@ from contactlab.studies.session import Session, Values
 
 @dataclass
 class SmallestSetSearch:
-    """Looks for the smallest set.
+    """Searches for the smallest set of effects.
 
     Attributes:
         trials: runs configurations.
-        base: the base configuration's outcome.
-        tried: how many stores were written.
+        base: rows of the base configuration.
+        tried: number of stores written.
     """
 
     trials: ConfigurationRunner
@@ -52,19 +52,19 @@ class SmallestSetSearch:
     tried: int = field(default=0)
 
     def smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
-        """Return a largest set of changes that is free, found one by one.
+        """Return a large set of toggles that changes no result, found greedily.
 
         Args:
-            certain: changes that are free by proof.
-            likely: changes that are free one by one, the most worthwhile first.
+            certain: effects that are unused by proof.
+            likely: effects that are free one by one, the most worthwhile first.
         """
         everything = merged(certain, likely)
         if not everything or self._is_free(everything):
             return everything
         free = merged(certain) if certain and self._is_free(merged(certain)) else BASE
         rest = [each for each in (*certain, *likely) if each not in free]
-        # What is refused beside later ones may be free beside earlier ones only, and stays out:
-        # each step is checked against the base configuration, not against the step before.
+        # Each step is compared with the base configuration, not with the step before it, so that
+        # small changes cannot add up.
         for name in rest:
             if self._is_free(merged(free, [name])):
                 free = merged(free, [name])
@@ -73,9 +73,9 @@ class SmallestSetSearch:
     def interactions(
         self, free: Changed, needed: Sequence[str]
     ) -> tuple[Changed, tuple[Interaction, ...]]:
-        """Try all pairs of what is needed one by one; return what is free with them, and all pairs.
+        """Toggle pairs of effects that are needed one by one; return the free set, and all pairs.
 
-        A pair is tried from one seed first; few pass that, and are tried from all.
+        Each pair is run with one seed first; the few that pass are run with all seeds.
         """
         pairs = list(combinations(needed, 2))
         if not pairs:
@@ -87,12 +87,12 @@ class SmallestSetSearch:
             pair: self._difference(changed, outcomes[BASE], outcomes[changed])
             for pair, changed in each_changed.items()
         }
-        told: list[Interaction] = []
-        for pair, found in first.items():
-            passed = not found.matters and self._is_free(merged(free, pair))
+        interactions: list[Interaction] = []
+        for pair, change in first.items():
+            passed = not change.matters and self._is_free(merged(free, pair))
             free = merged(free, pair) if passed else free
-            told.append(Interaction(effects=pair, free=passed, reason=found.reason))
-        return free, tuple(told)
+            interactions.append(Interaction(effects=pair, free=passed, reason=change.reason))
+        return free, tuple(interactions)
 
     def _is_free(self, changed: Changed) -> bool:
         outcome = self._run([changed])[changed]
@@ -115,21 +115,22 @@ class SmallestSetSearch:
 
 
 def merged(*names: Collection[str]) -> Changed:
-    """Return the union of changes."""
+    """Return the union of toggled effects."""
     return tuple(sorted({name for each in names for name in each}))
 
 
 def exempted(changed: Collection[str], given: Collection[str]) -> list[str]:
-    """Return the metrics that cannot be measured without an effect, and that nobody asked for."""
+    """Return the metrics without a tolerance that a configuration cannot measure."""
     return [name for name in unmeasured_metrics(changed) if name not in given]
 
 
 REPORT = "effects.json"
 FRESH_SEEDS = 10
-# Matched pairs that are timed; the range of six holds the median in 97 of 100 cases.
 _PAIRS = 6
-# An effect is added only if that leaves at most this share of the time.
+"""Matched pairs that are timed; their range contains the median in 97 of 100 cases."""
+
 _CHEAPER = 0.95
+"""An effect is added only if the ratio of times is at most this."""
 
 
 def run(request: EffectsRequest, session: Session) -> EffectsReport:
@@ -209,10 +210,10 @@ def _finding(
     timed: Mapping[Changed, ConfigurationRows],
     proven: Changed,
 ) -> EffectFinding:
-    """Return what is found of one effect; those that are unused by proof were changed at once."""
+    """Return the finding of one effect; effects unused by proof are toggled together."""
     changed = proven if toggle.proof is not None else (toggle.effect,)
     exempt = exempted(changed, setup.tolerances)
-    found = difference(setup, setup.scenarios, outcomes[BASE], outcomes[changed], exempt)
+    change = difference(setup, setup.scenarios, outcomes[BASE], outcomes[changed], exempt)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect = EFFECTS[toggle.effect]
     return EffectFinding(
@@ -220,36 +221,36 @@ def _finding(
         kind=effect.kind,
         what=effect.what,
         on=toggle.on,
-        need=_need(toggle, found, cost),
-        reason=toggle.proof or found.reason,
+        need=_need(toggle, change, cost),
+        reason=toggle.proof or change.reason,
         settings=_written(toggle.values),
-        changes=found.changes,
-        within_spread=found.within_spread,
-        labels=dict(found.labels),
+        changes=change.changes,
+        within_spread=change.within_spread,
+        labels=dict(change.labels),
         cost=cost,
         work={} if toggle.proof else work_ratios(timed[BASE], timed[changed]),
     )
 
 
-def _need(toggle: Toggle, found: ConfigurationDifference, cost: Ratio | None) -> Need:
+def _need(toggle: Toggle, change: ConfigurationDifference, cost: Ratio | None) -> Need:
     if toggle.on:
-        if found.matters:
+        if change.matters:
             return "needed"
         return "free" if toggle.proof is None else "unused"
-    if found.matters:
+    if change.matters:
         return "absent"
     cheaper = cost is not None and cost.high < 1 and cost.ratio <= _CHEAPER
     return "saves" if cheaper else "idle"
 
 
 def _worthwhile(findings: Sequence[EffectFinding]) -> list[str]:
-    """Return the changes worth making, the most worthwhile first.
+    """Return the effects worth toggling, the most worthwhile first.
 
-    What is numerical stays unless that saves time: most of it is there to save time, or to guard
-    against settings that this scene does not have.
+    Numerical effects stay unless toggling them saves time: most of them are there to save time, or
+    guard against settings that this scene does not have.
     """
-    found = [each for each in findings if each.need == "saves" or _is_spare(each)]
-    return [each.effect for each in sorted(found, key=_ratio)]
+    worthwhile = [each for each in findings if each.need == "saves" or _is_spare(each)]
+    return [each.effect for each in sorted(worthwhile, key=_ratio)]
 
 
 def _is_spare(finding: EffectFinding) -> bool:
@@ -280,7 +281,7 @@ def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> Small
 
 
 def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
-    """Run the smallest set and the base configuration from fresh seeds, in fresh scenarios."""
+    """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios."""
     setup = trials.setup
     first = max(setup.seeds) + 1
     seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), setup.fresh_scenarios
@@ -296,14 +297,14 @@ def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
     exempt = exempted(free, setup.tolerances)
-    found = difference(setup, scenarios, outcomes[BASE], outcomes[free], exempt)
+    change = difference(setup, scenarios, outcomes[BASE], outcomes[free], exempt)
     timed = _timed(trials, "fresh-timing", [BASE, free], seeds)
     return Verification(
         seeds=seeds,
         scenarios=tuple(_written(each) for each in scenarios),
         runs=len(outcomes[free].flat),
-        holds=not found.matters,
-        reason=found.reason,
+        holds=not change.matters,
+        reason=change.reason,
         cost=cost_ratio(timed[BASE], timed[free]),
     )
 

@@ -1,4 +1,4 @@
-"""Effects changed: what changes each, the runs with it, and the lines that make it so."""
+"""Toggles of effects, the runs of toggled configurations, and their lines in MJCF and YAML."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,13 +18,13 @@ _CONDIM_COMMENT = "and on every geom and pair that has a condim of its own"
 
 @dataclass(frozen=True)
 class Toggle:
-    """One effect, changed.
+    """One effect, and how to toggle it.
 
     Attributes:
         effect: its name.
         on: whether it is on in the base configuration.
-        values: axis values that change it.
-        proof: why nothing changes with it, if that is known without running anything.
+        values: axis values that toggle it.
+        proof: why results do not depend on it, if that is known without a run.
     """
 
     effect: str
@@ -34,7 +34,7 @@ class Toggle:
 
 
 def find_toggles(setup: AblationSetup) -> tuple[Toggle, ...]:
-    """Return every effect that can be changed, as the base configuration has it."""
+    """Return a toggle of every effect that can be toggled in the base configuration."""
     written = [*_choices(setup, "all")]
     proven = [*_choices(setup, "auto")]
     toggles = (_toggle(each, written, proven) for each in EFFECTS.values() if each.studied)
@@ -62,7 +62,7 @@ def _toggle(
 
 
 def settings_mjcf(settings: Values) -> tuple[str, ...]:
-    """Return the lines of MJCF that make some settings of toggles."""
+    """Return the lines of MJCF for settings of toggles."""
     options: dict[str, str] = {}
     flags: dict[str, bool] = {}
     condims: list[int] = []
@@ -85,11 +85,11 @@ def settings_mjcf(settings: Values) -> tuple[str, ...]:
 
 
 def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
-    """Return the lines of a sweep file that make some settings of toggles.
+    """Return the lines of a sweep file for settings of toggles.
 
     Args:
         settings: by axis.
-        proven: effects that `auto` leaves out by itself.
+        proven: effects that `auto` switches off by itself.
     """
     switched = {
         name: value
@@ -106,14 +106,15 @@ def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
 
 
 Row = Mapping[str, Any]
-# The effects that are changed from the base configuration, sorted.
 Changed = tuple[str, ...]
+"""A configuration: the sorted effects that it toggles in the base configuration."""
+
 BASE: Changed = ()
 
 
 @dataclass(frozen=True)
 class ConfigurationRows:
-    """What came of one configuration: rows of the store, by scenario and by seed."""
+    """The rows of one configuration, by scenario and by seed."""
 
     rows: tuple[tuple[Row, ...], ...]
 
@@ -125,13 +126,13 @@ class ConfigurationRows:
 
 @dataclass
 class ConfigurationRunner:
-    """Runs configurations.
+    """Runs configurations, each set in a store of its own.
 
     Attributes:
         setup: the base configuration, scenarios and seeds.
-        toggles: every effect that can be changed, by name.
-        session: where runs go, and how.
-        rounds: how often runs are timed, if they are; None for never.
+        toggles: the toggles, by effect.
+        session: where and how sweeps are run.
+        rounds: of a timing pass; None for no timing.
         stores: names of the stores written.
     """
 
@@ -151,20 +152,20 @@ class ConfigurationRunner:
         scenarios: Sequence[Values] | None = None,
         timed: bool = False,
     ) -> dict[Changed, ConfigurationRows]:
-        """Run configurations in all scenarios, each from the same seeds.
+        """Run configurations in all scenarios, with the same seeds.
 
         Args:
             name: of the store.
             description: what the runs are for.
-            configurations: effects that each changes.
+            configurations: the configurations.
             seeds: the setup's if None.
             scenarios: the setup's if None.
             timed: whether the runs are timed, interleaved.
         """
-        setup, each_once = self.setup, list(dict.fromkeys(configurations))
+        setup, unique = self.setup, list(dict.fromkeys(configurations))
         seeds = setup.seeds if seeds is None else seeds
         scenarios = setup.scenarios if scenarios is None else scenarios
-        rows = [[self._values(each, scenario) for scenario in scenarios] for each in each_once]
+        rows = [[self._values(each, scenario) for scenario in scenarios] for each in unique]
         sweep = {
             "version": 1,
             "scene": setup.reference,
@@ -187,7 +188,7 @@ class ConfigurationRunner:
             each: ConfigurationRows(
                 tuple(tuple(runs[self._id(row, seed)] for seed in seeds) for row in of_each)
             )
-            for each, of_each in zip(each_once, rows, strict=True)
+            for each, of_each in zip(unique, rows, strict=True)
         }
 
     def _values(self, changed: Changed, scenario: Values) -> Values:

@@ -11,10 +11,10 @@ import altair as alt
 from contactlab.schema import EffectFinding, EffectsReport, MetricChange
 from contactlab.tradeoff import save_figure
 
-# Bars end here: a label that changes, or a metric that appears, is beyond any tolerance.
+# Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3
 _LEAST = 1e-3
-# Colours of Petroff's sequence of six; each bar has its word too.
+# Petroff's sequence of six colours; each bar has its verdict as text too.
 _COLOURS = {
     "needed": "#e42536",
     "absent": "#964a8b",
@@ -102,8 +102,8 @@ def _chart(rows: list[dict[str, Any]]) -> alt.Chart:
 
 def _title(report: EffectsReport) -> alt.TitleParams:
     saving = report.saving
-    told = "" if saving is None else f"; the smallest set takes {saving.ratio:.2f} of the time"
+    cost = "" if saving is None else f"; the smallest set takes {saving.ratio:.2f} of the time"
     count = len(report.scenarios) * len(report.seeds)
     return alt.TitleParams(
-        f"Effects of {report.scene}", subtitle=f"each changed alone, over {count} runs{told}"
+        f"Effects of {report.scene}", subtitle=f"each changed alone, over {count} runs{cost}"
     )

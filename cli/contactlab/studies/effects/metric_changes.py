@@ -1,4 +1,4 @@
-"""How much a metric may change before an effect is said to matter."""
+"""Differences between configurations: metrics in tolerances, labels, and CPU time."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -45,11 +45,11 @@ def tolerance_of(name: str, given: Mapping[str, float], values: Sequence[float])
 
 @dataclass(frozen=True)
 class ConfigurationDifference:
-    """What changed between matched pairs of runs.
+    """The difference between matched pairs of runs of two configurations.
 
     Attributes:
-        changes: of every metric, in the scenario where it changes most; largest first.
-        labels: label changes beyond those between seeds, with their counts.
+        changes: the change of every metric, in the scenario where it is largest; largest first.
+        labels: changes of labels to any that the base does not have with some seed, by runs.
     """
 
     changes: tuple[MetricChange, ...]
@@ -57,12 +57,12 @@ class ConfigurationDifference:
 
     @property
     def matters(self) -> bool:
-        """Whether anything changed beyond tolerance and spread."""
+        """Whether any change exceeds both tolerance and spread."""
         return bool(self.labels) or any(each.matters for each in self.changes)
 
     @property
     def within_spread(self) -> tuple[str, ...]:
-        """Metrics that changed by more than their tolerance, but less than between seeds."""
+        """Metrics that change by more than the tolerance, but less than the spread over seeds."""
         return tuple(
             each.metric
             for each in self.changes
@@ -71,15 +71,14 @@ class ConfigurationDifference:
 
     @property
     def reason(self) -> str:
-        """What changed most, in words."""
+        """The largest change, as text."""
         if self.labels:
             return ", ".join(self.labels)
         worst = next((each for each in self.changes if each.matters), None)
         if worst is not None:
-            return _told(worst)
+            return _change_text(worst)
         if self.within_spread:
-            named = {each.metric: each for each in self.changes}
-            first = named[self.within_spread[0]]
+            first = next(each for each in self.changes if each.metric == self.within_spread[0])
             return (
                 f"{first.metric} changes by {first.change:.3g} {first.unit}, within the spread "
                 f"of {first.spread:.3g} over seeds"
@@ -94,18 +93,18 @@ def difference(
     other: ConfigurationRows,
     exempt: Collection[str] = (),
 ) -> ConfigurationDifference:
-    """Return what a configuration changes over scenarios and seeds.
+    """Return the difference of two configurations over scenarios and seeds.
 
     Args:
         setup: has the tolerances.
         scenarios: those of the outcomes.
-        base: without the change.
-        other: with it.
-        exempt: metrics that the change leaves unmeasured by what it is.
+        base: rows of the base configuration.
+        other: rows of the other one.
+        exempt: metrics that the other one cannot measure.
     """
     names = [name for name in setup.tolerances or judged_metrics() if name not in exempt]
-    found = [max(_changes(name, setup, scenarios, base, other), key=_weight) for name in names]
-    changes = sorted((each for each in found if _weight(each)[1]), key=_weight, reverse=True)
+    largest = [max(_changes(name, setup, scenarios, base, other), key=_weight) for name in names]
+    changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
     for first, second in zip(base.rows, other.rows, strict=True):
         labels.update(_label_changes(first, second))
@@ -134,7 +133,7 @@ def _change(
     base: Sequence[Row],
     other: Sequence[Row],
 ) -> MetricChange:
-    """Compare a metric in one scenario; what differs between seeds alone is no change."""
+    """Compare a metric in one scenario; differences within its spread over seeds do not matter."""
     own = [row[name] for row in base if row[name] is not None]
     pairs = [
         second[name] - first[name]
@@ -162,16 +161,16 @@ def _change(
 
 
 def _label_changes(base: Sequence[Row], other: Sequence[Row]) -> Iterator[str]:
-    """Yield label changes to what the scene shows from none of its seeds."""
-    usual = {row["label"] for row in base}
+    """Yield label changes to labels that the base has with no seed."""
+    known = {row["label"] for row in base}
     for first, second in zip(base, other, strict=True):
-        if second["label"] not in usual:
+        if second["label"] not in known:
             yield f"{first['label']} -> {second['label']}"
 
 
-def _told(change: MetricChange) -> str:
+def _change_text(change: MetricChange) -> str:
     if change.change is None:
-        return f"{change.metric} can be measured in one case only"
+        return f"{change.metric} can be measured in one of the configurations only"
     unit = "" if change.unit in {"1", "any"} else f" {change.unit}"
     where = ", ".join(f"{name} {value}" for name, value in change.scenario.items())
     return (
@@ -184,7 +183,7 @@ _WORK = ("work_iterations", "work_contacts", "work_rows")
 
 
 def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> Ratio | None:
-    """Return the ratio of CPU times, or None if no pair went through."""
+    """Return the ratio of CPU times; None without any timed pair."""
     ratios = list(_ratios(base, other, "time_min"))
     if not ratios:
         return None
@@ -192,9 +191,9 @@ def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> Ratio | Non
 
 
 def work_ratios(base: ConfigurationRows, other: ConfigurationRows) -> dict[str, float]:
-    """Return the ratio of each work counter, of those that the base has."""
-    found = {name: list(_ratios(base, other, name)) for name in _WORK}
-    return {name: median(each) for name, each in found.items() if each}
+    """Return the ratio of each work counter that the base has."""
+    ratios = {name: list(_ratios(base, other, name)) for name in _WORK}
+    return {name: median(each) for name, each in ratios.items() if each}
 
 
 def _ratios(base: ConfigurationRows, other: ConfigurationRows, name: str) -> Iterator[float]:
