@@ -1,12 +1,12 @@
-"""What no real body's mass and inertia can be, rule by rule.
+"""Rules that the mass and inertia of every physical body obey, and where a model violates them.
 
 For a body of mass m and principal moments A <= B <= C about its centre of mass:
 
 * A > 0 and A + B >= C, since moments are integrals of squared distances;
 * m over the volume of its geoms is the density of some material;
-* half of A + B + C less one moment is m times the mean square distance from the plane across that
-  moment's axis, which in a shape of length L is at most (L / 2)^2 (Popoviciu's inequality);
-* (A + B + C) / 2 is m times the mean square distance from the centre, which is least for a ball.
+* (A + B + C) / 2 minus one moment is m times the mean square distance from the plane normal to
+  that moment's axis, which in a shape of length L is at most (L / 2)^2 (Popoviciu's inequality);
+* (A + B + C) / 2 is m times the mean square distance from the centre, smallest for a ball.
 """
 
 import math
@@ -29,19 +29,23 @@ from contactlab.scene.written_inertia import (
     written_inertia_faults,
 )
 
-# Foam and hollow shells to osmium and its like [kg/m^3].
 LIGHTEST, DENSEST = 50.0, 20000.0
-# Shapes are simplified: a centre of mass may lie this share of a shape's length outside of it, and
-# distances may be this many times what would fit.
+"""Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
+
+# Shapes are simplified, so both bounds are generous.
 _OUTSIDE = 0.05
+"""Fraction of its length by which a centre of mass may lie outside of a shape."""
+
 _SLACK = 2.0
-# Of a uniform rod it is 0.29; nothing built has all its mass within a tenth of its length.
+"""Factor by which rms distances may exceed what fits into a shape."""
+
 _LEAST_SPREAD = 1 / 30
+"""Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 
 
 @dataclass(frozen=True)
-class Body:
-    """A body, its inertia about its centre of mass.
+class BodyInertia:
+    """The inertia of a body about its centre of mass.
 
     Attributes:
         name: its name.
@@ -58,8 +62,8 @@ class Body:
     centre: Floats
 
 
-def density_faults(model: mujoco.MjModel, index: int, body: Body) -> Iterator[InertiaFault]:
-    """Yield where a body's geoms are of no material that there is."""
+def density_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterator[InertiaFault]:
+    """Yield a fault if no material has the density of a body's geoms."""
     space = sum(volume(model, geom) for geom in solid_geoms(model, index))
     density = body.mass / space if space else LIGHTEST
     if LIGHTEST <= density <= DENSEST:
@@ -78,8 +82,8 @@ def density_faults(model: mujoco.MjModel, index: int, body: Body) -> Iterator[In
     )
 
 
-def shape_faults(model: mujoco.MjModel, index: int, body: Body) -> Iterator[InertiaFault]:
-    """Yield where a body's mass would have to lie outside its shape, or all in one place."""
+def shape_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterator[InertiaFault]:
+    """Yield faults if a body's mass would lie outside its shape, or in too small a part of it."""
     spreads = np.sqrt(np.maximum(body.moments.sum() / 2 - body.moments, 0) / body.mass)
     length = 0.0
     if solid_geoms(model, index):
@@ -93,7 +97,7 @@ def shape_faults(model: mujoco.MjModel, index: int, body: Body) -> Iterator[Iner
     yield from _too_small(body, float(np.sqrt((spreads**2).sum())), length)
 
 
-def _outside(body: Body, spans: list[tuple[float, float]]) -> Iterator[InertiaFault]:
+def _outside(body: BodyInertia, spans: list[tuple[float, float]]) -> Iterator[InertiaFault]:
     places = body.axes.T @ body.centre
     beyond = [
         max(low - place, place - high, 0.0)
@@ -112,7 +116,7 @@ def _outside(body: Body, spans: list[tuple[float, float]]) -> Iterator[InertiaFa
         )
 
 
-def _too_large(body: Body, spread: float, length: float) -> InertiaFault:
+def _too_large(body: BodyInertia, spread: float, length: float) -> InertiaFault:
     return InertiaFault(
         body.name,
         "too_large",
@@ -124,9 +128,9 @@ def _too_large(body: Body, spread: float, length: float) -> InertiaFault:
     )
 
 
-def _too_small(body: Body, spread: float, length: float) -> Iterator[InertiaFault]:
+def _too_small(body: BodyInertia, spread: float, length: float) -> Iterator[InertiaFault]:
     ball = math.sqrt(3 / 5) * (3 * body.mass / (4 * math.pi * DENSEST)) ** (1 / 3)
-    # A body without a moment of its own is a point that is fixed to others.
+    # A body without moments is a point mass that is fixed to others.
     limit = max(ball, _LEAST_SPREAD * length)
     if 0 < spread < limit:
         yield InertiaFault(
@@ -145,18 +149,18 @@ def _too_small(body: Body, spread: float, length: float) -> Iterator[InertiaFaul
 
 
 _FATAL = ("not_positive", "triangle")
-# A plate closes the triangle to rounding.
+# The moments of a thin plate meet the triangle inequality only up to rounding.
 _ROUNDING = 1e-9
 
 
 def scene_inertia_faults(
     source: SceneSource, structure: Mapping[str, object] | None = None
 ) -> tuple[InertiaFault, ...]:
-    """Return the faults of a scene's model, also of one that does not compile because of them.
+    """Return the faults of a scene's model, even if it does not compile because of them.
 
     Args:
         source: the scene.
-        structure: structure values; as written in the model if left out.
+        structure: structure values; those of the model if left out.
 
     Raises:
         SceneError: the model does not compile for another reason.
@@ -177,13 +181,13 @@ def scene_inertia_faults(
 
 
 def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
-    """Return the faults of a compiled model's moving bodies, in their order."""
+    """Return the faults of a compiled model's moving bodies, in the order of bodies."""
     moving = np.flatnonzero(model.body_weldid != 0).tolist()
     return tuple(fault for body in moving for fault in _body_faults(model, body))
 
 
 def _body_faults(model: mujoco.MjModel, index: int) -> Iterator[InertiaFault]:
-    body = Body(
+    body = BodyInertia(
         model.body(index).name or f"body {index}",
         float(model.body_mass[index]),
         np.array(model.body_inertia[index]),
@@ -204,7 +208,7 @@ _GEOM = mujoco.mjtGeom
 
 
 def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the geoms of a body that have a volume: those that touch if any, else all."""
+    """Return the geoms of a body that have a volume: those that collide if any, else all."""
     geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
     solid = [geom for geom in geoms if int(model.geom_type[geom]) in _VOLUMES]
     touching = [geom for geom in solid if model.geom_contype[geom] or model.geom_conaffinity[geom]]
@@ -212,14 +216,14 @@ def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def volume(model: mujoco.MjModel, geom: int) -> float:
-    """Return the volume of a geom [m^3], of a mesh that of its convex hull."""
+    """Return the volume of a geom [m^3]; for a mesh, that of its convex hull."""
     kind = int(model.geom_type[geom])
     points = _points(model, geom) if kind in _MESHES else np.array(model.geom_size[geom])
     return _VOLUMES[kind](points)
 
 
 def extent(model: mujoco.MjModel, body: int, direction: Floats) -> tuple[float, float]:
-    """Return from where to where a body's geoms reach along a unit vector of its frame [m]."""
+    """Return the extent of a body's geoms along a unit vector of its frame, low and high [m]."""
     spans = [
         _span(model, geom, direction)
         for geom in np.flatnonzero(model.geom_bodyid == body).tolist()
@@ -268,7 +272,7 @@ def _cylinder(size: Floats) -> float:
 
 
 _MESHES = {int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}
-# Of the sizes of a geom, or of the points of a mesh.
+# From the sizes of a geom, or the points of a mesh.
 _VOLUMES: dict[int, Callable[[Floats], float]] = {
     int(_GEOM.mjGEOM_SPHERE): _sphere,
     int(_GEOM.mjGEOM_CAPSULE): lambda size: _sphere(size) + _cylinder(size),
@@ -277,7 +281,7 @@ _VOLUMES: dict[int, Callable[[Floats], float]] = {
     int(_GEOM.mjGEOM_ELLIPSOID): lambda size: 4 / 3 * math.pi * float(size.prod()),
     **dict.fromkeys(_MESHES, _hull_volume),
 }
-# Of the sizes of a geom and the magnitudes of a direction in its frame.
+# From the sizes of a geom, and the magnitudes of a direction in its frame.
 _REACHES: dict[int, Callable[[Floats, Floats], float]] = {
     int(_GEOM.mjGEOM_SPHERE): lambda size, _: float(size[0]),
     int(_GEOM.mjGEOM_CAPSULE): lambda size, along: size[0] + size[1] * along[2],
