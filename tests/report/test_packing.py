@@ -67,7 +67,7 @@ def test_rounding_keeps_so_many_bits(value: float, bits: int) -> None:
     assert other == -kept
 
 
-def test_what_is_no_number_stays_none() -> None:
+def test_nan_and_infinities_stay_what_they_are() -> None:
     kept = rounded_floats(np.array([math.nan, math.inf, -math.inf, 0.0, 1e300]), 9)
     assert np.isnan(kept[0])
     assert kept[1:].tolist() == [math.inf, -math.inf, 0.0, math.inf]
@@ -81,6 +81,6 @@ def test_ids_come_back() -> None:
 
 @pytest.mark.parametrize("text", ["</script><b>", "<!--", "a & b", "\u2028", 'say "no"'])
 def test_json_cannot_end_its_script(text: str) -> None:
-    told = as_json({"text": [text, float("nan")]})
-    assert not set("<>&\u2028") & set(told)
-    assert json.loads(told) == {"text": [text, None]}
+    encoded = as_json({"text": [text, float("nan")]})
+    assert not set("<>&\u2028") & set(encoded)
+    assert json.loads(encoded) == {"text": [text, None]}

@@ -20,7 +20,7 @@ def call(*arguments: object) -> str:
     return done.stdout
 
 
-def test_the_page_lies_beside_its_store(swept: Swept) -> None:
+def test_the_page_is_written_beside_its_store(swept: Swept) -> None:
     store = swept("hard").path
     page = store.with_name("store.html")
     assert call(f"{store}/") == f"{page}\n"
@@ -29,13 +29,13 @@ def test_the_page_lies_beside_its_store(swept: Swept) -> None:
 
 def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
     store = swept("hard").path
-    told = call(store, "--figures", tmp_path / "new" / "figures", "--format", "svg,png").split()
-    assert {Path(each).suffix for each in told} == {".svg", ".png"}
-    assert all(Path(each).is_file() for each in told)
+    printed = call(store, "--figures", tmp_path / "new" / "figures", "--format", "svg,png").split()
+    assert {Path(each).suffix for each in printed} == {".svg", ".png"}
+    assert all(Path(each).is_file() for each in printed)
 
 
 @pytest.mark.parametrize(
-    ("options", "error", "told"),
+    ("options", "error", "message"),
     [
         (("-o", "page.pdf"), OutputError, "ends in .html"),
         (("-o", "nowhere/page.html"), OutputError, "no folder nowhere"),
@@ -44,18 +44,18 @@ def test_figures_are_listed(swept: Swept, tmp_path: Path) -> None:
         (("--figures", "new", "--format", "gif"), OutputError, "png, svg, pdf"),
     ],
 )
-def test_what_cannot_be_done_is_said(
-    swept: Swept, options: tuple[str, ...], error: type[ContactlabError], told: str
+def test_invalid_options_are_refused(
+    swept: Swept, options: tuple[str, ...], error: type[ContactlabError], message: str
 ) -> None:
-    with pytest.raises(error, match=told):
+    with pytest.raises(error, match=message):
         call(swept("hard").path, *options)
 
 
-def test_time_series_are_as_many_as_asked_for(swept: Swept, tmp_path: Path) -> None:
-    sizes: dict[str, int] = {}
+def test_traces_limits_the_time_series(swept: Swept, tmp_path: Path) -> None:
+    counts: dict[str, int] = {}
     for traces in ("none", "3", "all"):
         page = tmp_path / f"{traces}.html"
         call(swept("bounce").path, "-o", page, "--traces", traces)
         text = page.read_text()
-        sizes[traces] = text.count('"signals"')
-    assert sizes == {"none": 0, "3": 3, "all": swept("bounce").manifest.traces}
+        counts[traces] = text.count('"signals"')
+    assert counts == {"none": 0, "3": 3, "all": swept("bounce").manifest.traces}

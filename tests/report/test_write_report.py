@@ -58,7 +58,7 @@ def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 
-def test_figures_are_those_that_the_store_holds(swept: Swept, tmp_path: Path) -> None:
+def test_figures_are_those_for_which_the_store_has_data(swept: Swept, tmp_path: Path) -> None:
     written = write_figures(swept("bounce"), tmp_path, ("svg",))
     assert {path.stem for path in written} == {
         "labels",
@@ -70,7 +70,7 @@ def test_figures_are_those_that_the_store_holds(swept: Swept, tmp_path: Path) ->
     assert all(path.read_text().startswith("<svg") for path in written)
 
 
-def test_bounces_come_as_high_as_restitution_says(swept: Swept) -> None:
+def test_bounces_are_as_high_as_restitution_says(swept: Swept) -> None:
     """A bounce is seen up to a step late, as the scene's oracle derives: e within 0.07."""
     data = read_report_data(swept("bounce"))
     runs = bouncing_runs(data.store, data.axes, ~data.labels.failed)
@@ -97,13 +97,13 @@ def test_unknown_formats_are_refused(
     assert not (tmp_path / "figures").exists()
 
 
-def test_a_page_that_cannot_be_written_leaves_nothing(swept: Swept, tmp_path: Path) -> None:
+def test_a_page_that_cannot_be_written_leaves_no_file(swept: Swept, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write"):
         write_page(swept("bounce"), tmp_path / "missing" / "page.html")
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_tolerance_of_nothing_is_refused(swept: Swept, tmp_path: Path) -> None:
+def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Path) -> None:
     request = PageRequest(Criteria(None, {"penetration": 1.0}))
     with pytest.raises(SweepFileError, match="penetration_max"):
         write_page(swept("bounce"), tmp_path / "page.html", request)

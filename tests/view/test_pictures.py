@@ -76,7 +76,7 @@ def test_a_ball_is_where_the_camera_sees_it(drawn: Draw) -> None:
         assert np.median(rows) == pytest.approx(y, abs=radius / 2)
 
 
-def test_arrows_show_while_there_is_contact_alone(drawn: Draw) -> None:
+def test_arrows_show_only_during_contact(drawn: Draw) -> None:
     run = drawn("stack")
     motion = read_motion(run.start.prepared, run.trace, 60)
     assert set(motion.forces.mode.tolist()) == {STICK}
@@ -86,7 +86,7 @@ def test_arrows_show_while_there_is_contact_alone(drawn: Draw) -> None:
     assert not greenish(falling).any()
 
 
-def test_an_unknown_camera_is_named(drawn: Draw) -> None:
+def test_an_unknown_camera_is_refused(drawn: Draw) -> None:
     with pytest.raises(SceneError, match="the model has no camera 'front'; leave --camera out"):
         take(drawn("ball"), [0], "front")
 
@@ -157,7 +157,7 @@ def test_equal_runs_give_equal_pictures(drawn: Draw, target: Target) -> None:
     assert contents[0] == contents[1]
 
 
-def test_no_graphics_is_said_with_a_remedy(
+def test_missing_graphics_name_a_remedy(
     drawn: Draw, target: Target, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)

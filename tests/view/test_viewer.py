@@ -1,4 +1,4 @@
-"""Watching a run where nothing can be shown."""
+"""The viewer without a display."""
 
 import os
 import subprocess
