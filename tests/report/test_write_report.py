@@ -14,8 +14,8 @@ import pytest
 from contactlab.compare import compare
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.report import PageRequest, write_figures, write_page
-from contactlab.report.impact_figures import bouncing_runs, first_impacts
 from contactlab.report.page_tables import recommendation_texts
+from contactlab.report.paper_figures import bouncing_runs, first_impacts
 from contactlab.report.report_data import read_report_data
 from contactlab.store import Store
 from contactlab.tradeoff import Criteria
