@@ -15,38 +15,6 @@ Result = float | bool | str
 Evaluate = Callable[[Mapping[str, object]], Result]
 
 _MAX_CHARACTERS = 1000
-_CONSTANTS = {"pi": math.pi}
-_FUNCTIONS: dict[str, Callable[..., float]] = {
-    "abs": math.fabs,
-    "cos": math.cos,
-    "degrees": math.degrees,
-    "exp": math.exp,
-    "log": math.log,
-    "max": max,
-    "min": min,
-    "radians": math.radians,
-    "sin": math.sin,
-    "sqrt": math.sqrt,
-    "tan": math.tan,
-}
-_VARIADIC = {"max", "min"}
-_ARITHMETIC: dict[type[ast.operator], Callable[[float, float], float | complex]] = {
-    ast.Add: operator.add,
-    ast.Sub: operator.sub,
-    ast.Mult: operator.mul,
-    ast.Div: operator.truediv,
-    ast.Pow: operator.pow,
-}
-_EQUALITY: dict[type[ast.cmpop], Callable[[object, object], bool]] = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-}
-_ORDER: dict[type[ast.cmpop], Callable[[float, float], bool]] = {
-    ast.Lt: operator.lt,
-    ast.LtE: operator.le,
-    ast.Gt: operator.gt,
-    ast.GtE: operator.ge,
-}
 
 
 class ExpressionError(ValueError):
@@ -85,7 +53,12 @@ class Expression:
     def __init__(self, text: str) -> None:
         self.text = text
         self.places: dict[str, int] = {}
-        self._evaluate = _Compiler(text, self.places).compile()
+        if len(text) > _MAX_CHARACTERS:
+            raise ExpressionError(f"longer than {_MAX_CHARACTERS} characters", 0, len(text))
+        try:
+            self._evaluate = _Compiler(text, self.places).visit(_parse(text))
+        except (RecursionError, MemoryError) as error:
+            raise ExpressionError("nested too deeply", 0, len(text)) from error
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -101,7 +74,7 @@ class Expression:
         try:
             result = self._evaluate(values)
         except (ArithmeticError, TypeError) as error:
-            raise ExpressionError(f"{_reason(error)}", 0, len(self.text)) from error
+            raise ExpressionError(_reason(error), 0, len(self.text)) from error
         if isinstance(result, float) and not math.isfinite(result):
             raise ExpressionError("the result is not a finite number", 0, len(self.text))
         return result
@@ -114,140 +87,148 @@ class Expression:
         return f"Expression({self.text!r})"
 
 
-class _Compiler:
-    """Turns the syntax tree of one expression into nested functions.
+def _parse(text: str) -> ast.expr:
+    """Return the syntax tree of a text without the spaces around it."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", Warning)
+            return ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError) as error:
+        offset = error.offset if isinstance(error, SyntaxError) else None
+        start = _indent(text) + offset - 1 if offset else len(text)
+        raise ExpressionError("not an expression", min(start, len(text))) from error
+
+
+def _indent(text: str) -> int:
+    return len(text) - len(text.lstrip())
+
+
+def _number(value: object) -> float:
+    if isinstance(value, int | float):
+        return float(value)
+    raise TypeError(f"{value!r} is not a number")
+
+
+def _power(base: float, exponent: float) -> float:
+    result: float | complex = base**exponent
+    if isinstance(result, complex):
+        raise TypeError("a root of a negative number")
+    return result
+
+
+def _of_numbers(compute: Callable[[float, float], Result]) -> Callable[[Result, Result], Result]:
+    return lambda left, right: compute(_number(left), _number(right))
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, ZeroDivisionError):
+        return "division by zero"
+    return "a number grows too large" if isinstance(error, OverflowError) else str(error)
+
+
+_FUNCTIONS: dict[str, Callable[..., float]] = {
+    "abs": math.fabs,
+    "cos": math.cos,
+    "degrees": math.degrees,
+    "exp": math.exp,
+    "log": math.log,
+    "max": max,
+    "min": min,
+    "radians": math.radians,
+    "sin": math.sin,
+    "sqrt": math.sqrt,
+    "tan": math.tan,
+}
+_UNARY: dict[type[ast.unaryop], Callable[[Result], Result]] = {
+    ast.Not: operator.not_,
+    ast.UAdd: _number,
+    ast.USub: lambda value: -_number(value),
+}
+_ARITHMETIC: dict[type[ast.operator], Callable[[Result, Result], Result]] = {
+    ast.Add: _of_numbers(operator.add),
+    ast.Sub: _of_numbers(operator.sub),
+    ast.Mult: _of_numbers(operator.mul),
+    ast.Div: _of_numbers(operator.truediv),
+    ast.Pow: _of_numbers(_power),
+}
+_COMPARISONS: dict[type[ast.cmpop], Callable[[Result, Result], Result]] = {
+    ast.Eq: operator.eq,
+    ast.NotEq: operator.ne,
+    ast.Lt: _of_numbers(operator.lt),
+    ast.LtE: _of_numbers(operator.le),
+    ast.Gt: _of_numbers(operator.gt),
+    ast.GtE: _of_numbers(operator.ge),
+}
+
+
+class _Compiler(ast.NodeVisitor):
+    """Turns syntax trees into nested functions of the values.
 
     Args:
-        text: the expression.
+        text: the whole expression.
         places: gets every name that is read, with where it first begins.
     """
 
     def __init__(self, text: str, places: dict[str, int]) -> None:
-        self._indent = len(text) - len(text.lstrip())
         self._text = text
         self._places = places
 
-    def compile(self) -> Evaluate:
-        """Return the whole text as one function of the values."""
-        if len(self._text) > _MAX_CHARACTERS:
-            raise ExpressionError(f"longer than {_MAX_CHARACTERS} characters", 0, len(self._text))
-        try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", Warning)
-                tree = ast.parse(self._text.strip(), mode="eval")
-            return self._term(tree.body)
-        except SyntaxError as error:
-            start = self._indent + error.offset - 1 if error.offset else len(self._text)
-            raise ExpressionError("not an expression", min(start, len(self._text))) from error
-        except (RecursionError, MemoryError) as error:
-            raise ExpressionError("nested too deeply", 0, len(self._text)) from error
-        except ExpressionError:
-            raise
-        except ValueError as error:
-            raise ExpressionError("not an expression", 0, len(self._text)) from error
+    def visit(self, node: ast.AST) -> Evaluate:
+        return super().visit(node)
 
-    def _fail(self, node: ast.AST, message: str) -> ExpressionError:
-        start, end = self._span(node)
-        return ExpressionError(message, start, end - start)
+    def generic_visit(self, node: ast.AST) -> Evaluate:
+        raise self._error(node, "only numbers, names, operators and functions go here")
 
-    def _span(self, node: ast.AST) -> tuple[int, int]:
-        """Return where a node begins and ends, in characters (the tree counts UTF-8 bytes)."""
-        if not isinstance(node, ast.expr) or node.lineno != 1 or node.end_lineno != 1:
-            return 0, len(self._text)
-        line = self._text.strip().encode()
-        begin = len(line[: node.col_offset].decode())
-        end = len(line[: node.end_col_offset].decode())
-        return self._indent + begin, self._indent + end
-
-    def _term(self, node: ast.expr) -> Evaluate:
-        match node:
-            case ast.Constant():
-                term = self._constant(node)
-            case ast.Name() | ast.Attribute():
-                term = self._name(node)
-            case ast.UnaryOp():
-                term = self._unary(node)
-            case ast.BinOp():
-                term = self._binary(node)
-            case ast.BoolOp():
-                term = self._boolean(node)
-            case ast.Compare():
-                term = self._comparison(node)
-            case ast.Call():
-                term = self._call(node)
-            case _:
-                raise self._fail(node, "only numbers, names, operators and functions go here")
-        return term
-
-    def _constant(self, node: ast.Constant) -> Evaluate:
+    def visit_Constant(self, node: ast.Constant) -> Evaluate:
         value = node.value
         if not isinstance(value, int | float | str):
-            raise self._fail(node, "only numbers and quoted words can be written out")
+            raise self._error(node, "only numbers and quoted words can be written out")
         try:
             fixed = value if isinstance(value, bool | str) else float(value)
         except OverflowError as error:
-            raise self._fail(node, "a number grows too large") from error
+            raise self._error(node, "a number grows too large") from error
         return lambda _: fixed
 
-    def _name(self, node: ast.expr) -> Evaluate:
+    def visit_Name(self, node: ast.Name | ast.Attribute) -> Evaluate:
         name = self._dotted(node)
-        if name in _CONSTANTS:
-            constant = _CONSTANTS[name]
-            return lambda _: constant
+        if name == "pi":
+            return lambda _: math.pi
         if name in _FUNCTIONS:
-            raise self._fail(node, f"'{name}' is a function: write {name}(...)")
-        start, end = self._span(node)
+            raise self._error(node, f"'{name}' is a function: write {name}(...)")
+        start, width = self._span(node)
         self._places.setdefault(name, start)
 
         def read(values: Mapping[str, object]) -> Result:
-            try:
-                value = values[name]
-            except KeyError as error:
-                raise NoValueError(f"'{name}' has no value", start, end - start) from error
-            if type(value) is float or isinstance(value, bool | str):
+            if name not in values:
+                raise NoValueError(f"'{name}' has no value", start, width)
+            value = values[name]
+            if isinstance(value, bool | str):
                 return value
-            try:
-                return _number(value)
-            except TypeError as error:
-                raise ExpressionError(f"'{name}' is not one number", start, end - start) from error
+            if isinstance(value, int | float):
+                return float(value)
+            raise ExpressionError(f"'{name}' is not one number", start, width)
 
         return read
 
-    def _dotted(self, node: ast.expr) -> str:
-        if isinstance(node, ast.Name):
-            return node.id
-        if isinstance(node, ast.Attribute):
-            return f"{self._dotted(node.value)}.{node.attr}"
-        raise self._fail(node, "a dot only joins the parts of a name")
+    def visit_Attribute(self, node: ast.Attribute) -> Evaluate:
+        return self.visit_Name(node)
 
-    def _unary(self, node: ast.UnaryOp) -> Evaluate:
-        operand = self._term(node.operand)
-        match node.op:
-            case ast.Not():
-                return lambda values: not operand(values)
-            case ast.USub():
-                return lambda values: -_number(operand(values))
-            case ast.UAdd():
-                return lambda values: _number(operand(values))
-            case _:
-                raise self._fail(node, "this operator is not part of expressions")
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Evaluate:
+        compute = _UNARY.get(type(node.op))
+        if compute is None:
+            raise self._error(node, "this operator is not part of expressions")
+        operand = self.visit(node.operand)
+        return lambda values: compute(operand(values))
 
-    def _binary(self, node: ast.BinOp) -> Evaluate:
+    def visit_BinOp(self, node: ast.BinOp) -> Evaluate:
         compute = _ARITHMETIC.get(type(node.op))
         if compute is None:
-            raise self._fail(node, "arithmetic here is + - * / and **")
-        left, right = self._term(node.left), self._term(node.right)
+            raise self._error(node, "arithmetic here is + - * / and **")
+        left, right = self.visit(node.left), self.visit(node.right)
+        return lambda values: compute(left(values), right(values))
 
-        def apply(values: Mapping[str, object]) -> Result:
-            result = compute(_number(left(values)), _number(right(values)))
-            if isinstance(result, complex):
-                raise TypeError("a root of a negative number")
-            return result
-
-        return apply
-
-    def _boolean(self, node: ast.BoolOp) -> Evaluate:
-        terms = [self._term(value) for value in node.values]
+    def visit_BoolOp(self, node: ast.BoolOp) -> Evaluate:
+        terms = [self.visit(value) for value in node.values]
         stops_at = isinstance(node.op, ast.Or)
 
         def apply(values: Mapping[str, object]) -> Result:
@@ -260,13 +241,15 @@ class _Compiler:
 
         return apply
 
-    def _comparison(self, node: ast.Compare) -> Evaluate:
-        terms = [self._term(value) for value in (node.left, *node.comparators)]
-        tests = [self._test(node, comparison) for comparison in node.ops]
+    def visit_Compare(self, node: ast.Compare) -> Evaluate:
+        if not all(type(each) in _COMPARISONS for each in node.ops):
+            raise self._error(node, "comparisons here are < <= > >= == and !=")
+        tests = [_COMPARISONS[type(each)] for each in node.ops]
+        first, *others = [self.visit(each) for each in (node.left, *node.comparators)]
 
         def apply(values: Mapping[str, object]) -> Result:
-            left = terms[0](values)
-            for test, term in zip(tests, terms[1:], strict=True):
+            left = first(values)
+            for test, term in zip(tests, others, strict=True):
                 right = term(values)
                 if not test(left, right):
                     return False
@@ -275,41 +258,40 @@ class _Compiler:
 
         return apply
 
-    def _test(self, node: ast.Compare, comparison: ast.cmpop) -> Callable[[Result, Result], bool]:
-        if type(comparison) in _EQUALITY:
-            return _EQUALITY[type(comparison)]
-        order = _ORDER.get(type(comparison))
-        if order is None:
-            raise self._fail(node, "comparisons here are < <= > >= == and !=")
-        return lambda left, right: order(_number(left), _number(right))
-
-    def _call(self, node: ast.Call) -> Evaluate:
+    def visit_Call(self, node: ast.Call) -> Evaluate:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in _FUNCTIONS:
-            raise self._fail(node.func, "the functions are " + ", ".join(sorted(_FUNCTIONS)))
-        if node.keywords or (len(node.args) < 2 if name in _VARIADIC else len(node.args) != 1):
-            takes = "two or more numbers" if name in _VARIADIC else "one number"
-            raise self._fail(node, f"{name} takes {takes}")
-        function, terms = _FUNCTIONS[name], [self._term(part) for part in node.args]
+            raise self._error(node.func, "the functions are " + ", ".join(_FUNCTIONS))
+        several = name in {"max", "min"}
+        if node.keywords or (len(node.args) < 2 if several else len(node.args) != 1):
+            takes = "two or more numbers" if several else "one number"
+            raise self._error(node, f"{name} takes {takes}")
+        function, terms = _FUNCTIONS[name], [self.visit(each) for each in node.args]
 
         def apply(values: Mapping[str, object]) -> Result:
+            arguments = [_number(term(values)) for term in terms]
             try:
-                return function(*[_number(term(values)) for term in terms])
+                return function(*arguments)
             except ValueError as error:
-                if isinstance(error, ExpressionError):
-                    raise
                 raise ArithmeticError(f"{name} is not defined there") from error
 
         return apply
 
+    def _dotted(self, node: ast.expr) -> str:
+        if isinstance(node, ast.Name):
+            return node.id
+        if isinstance(node, ast.Attribute):
+            return f"{self._dotted(node.value)}.{node.attr}"
+        raise self._error(node, "a dot only joins the parts of a name")
 
-def _number(value: object) -> float:
-    if isinstance(value, int | float):
-        return float(value)
-    raise TypeError(f"{value!r} is not a number")
+    def _error(self, node: ast.AST, message: str) -> ExpressionError:
+        return ExpressionError(message, *self._span(node))
 
-
-def _reason(error: Exception) -> str:
-    if isinstance(error, ZeroDivisionError):
-        return "division by zero"
-    return "a number grows too large" if isinstance(error, OverflowError) else str(error)
+    def _span(self, node: ast.AST) -> tuple[int, int]:
+        """Return start and width of a node in characters (the tree counts UTF-8 bytes)."""
+        if not isinstance(node, ast.expr) or node.lineno != 1 or node.end_lineno != 1:
+            return 0, len(self._text)
+        line = self._text.strip().encode()
+        start = len(line[: node.col_offset].decode())
+        end = len(line[: node.end_col_offset].decode())
+        return _indent(self._text) + start, end - start
