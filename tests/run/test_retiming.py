@@ -6,10 +6,10 @@ import sys
 from pathlib import Path
 
 from contactlab.run import read_request, run_sweep
-from contactlab.run.retiming import MAX_STEPS, timed_run
+from contactlab.run.stored_runs import MAX_STEPS, timed_run
 from contactlab.store import Store
 
-SERVE = "from contactlab.run.retiming import main; main()"
+SERVE = "from contactlab.run.stored_runs import main; main()"
 SWEEP = """\
 version: 1
 scene: ball_drop

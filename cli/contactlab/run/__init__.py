@@ -3,8 +3,13 @@
 from contactlab.run.forecast import Forecast, forecast
 from contactlab.run.mujoco_environment import exec_with, find_interpreter, without_option
 from contactlab.run.ray_connection import ray_cluster
-from contactlab.run.retiming import timing_process
-from contactlab.run.stored_runs import PreparedReplay, ReplayResult, prepare_replay, replay
+from contactlab.run.stored_runs import (
+    PreparedReplay,
+    ReplayResult,
+    prepare_replay,
+    replay,
+    timing_process,
+)
 from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
