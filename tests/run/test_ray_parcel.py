@@ -126,6 +126,7 @@ def test_a_job_that_is_called_back_ends_early(
 
     process(1)
     monkeypatch.setattr(pickle, "loads", called_back)
-    assert 1 <= len(process(2000)) < 2000
+    # None at all, where the worker is slow to begin.
+    assert len(process(2000)) < 2000
     assert signal.getsignal(signal.SIGINT) is before
     assert INNER._workers["one"]._workers == []
