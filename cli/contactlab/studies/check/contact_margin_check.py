@@ -32,7 +32,7 @@ def check_contact_margin(runner: CheckRunner) -> CheckResult:
     """Compare margins, and stiffnesses of solref, with their limits."""
     pairs = runner.checked.prepared.pairs
     if not pairs:
-        return not_applicable(NAME, _ASKS, "the model has no graded contact pair")
+        return not_applicable(NAME, _ASKS, "the model has no monitored contact pair")
     distances = _force_distances(runner)
     measures = list(_measures(runner, distances))
     return check_result(

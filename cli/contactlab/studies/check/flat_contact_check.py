@@ -65,7 +65,7 @@ def check_flat_contact(runner: CheckRunner) -> CheckResult:
     checked = runner.checked
     sets = contact_sets(checked)
     if not sets:
-        reason = "the model has no graded contact pair whose parameters could be tried"
+        reason = "the model has no monitored contact pair whose parameters could be tried"
         return not_applicable(NAME, _ASKS, reason)
     runs = _rest(runner, NAME, [_row(checked, each) for each in sets], sets)
     pairs = list(zip(sets, runs, strict=True))
