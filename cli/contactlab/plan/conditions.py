@@ -2,11 +2,10 @@
 
 from collections.abc import Collection
 
-from contactlab.errors import did_you_mean
 from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostics import Place
 from contactlab.plan.grid import Match
-from contactlab.plan.names import SweepContext
+from contactlab.plan.names import SweepContext, add_not_swept
 from contactlab.plan.yaml_document import KeyPath
 from contactlab.schema import Condition
 
@@ -26,7 +25,7 @@ def read_condition(
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():
         if name not in known:
-            _add_not_swept(context, name, document.key((*path, name)), known)
+            add_not_swept(context, name, document.key((*path, name)), known)
             continue
         settings.append((name, context.canonical(name, raw, document.value((*path, name)))))
     expression, inside, splits = None, None, ()
@@ -53,7 +52,7 @@ def _read_expression(
     for name, start in expression.places.items():
         if name not in known:
             place = inside.part(start, len(name)) if inside else whole
-            _add_not_swept(context, name, place, known)
+            add_not_swept(context, name, place, known)
     return expression
 
 
@@ -65,15 +64,3 @@ def _inside(context: SweepContext, path: KeyPath, text: str) -> Place | None:
         if place.text[start : start + len(text)] == text:
             return place.part(skip, 1)
     return None
-
-
-def _add_not_swept(context: SweepContext, name: str, place: Place, known: Collection[str]) -> None:
-    specs = [context.find(each) for each in known]
-    if any(spec and name in spec.choices for spec in specs):
-        hint = f"quote the word: '{name}'"
-    elif context.find(name):
-        hint = "add it to `axes`"
-    else:
-        close = did_you_mean(name, known).removeprefix("; ")
-        hint = close or f"swept here: {', '.join(known) or 'nothing'}"
-    context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)

@@ -1,7 +1,7 @@
 """The names and values of a sweep file, checked against what its scene offers."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from itertools import combinations
 from typing import cast
@@ -48,13 +48,24 @@ class SweepContext:
             return spec.parse(value)
         except ValueError as error:
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
-            message = f"{_shown(value)} is not a value of '{name}'"
+            shown = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
+            message = f"{shown!r} is not a value of '{name}'"
             self.document.add("bad-value", place, message, f"{error}{close}")
             return UNREADABLE
 
     def swept(self) -> list[tuple[str, KeyPath]]:
         """Return the axes that the file names, readable or not, with where it names them."""
-        return list(_swept(self.document))
+        paths: list[KeyPath] = [("axes", name) for name in self.document.mapping("axes")]
+        for index, block in zip_blocks(self.document):
+            paths.extend(("zip", index, name) for name in block)
+        return [(str(path[-1]), path) for path in paths]
+
+
+def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
+    """Yield the blocks of `zip` that are mappings, readable or not, with their positions."""
+    blocks = document.at(("zip",))
+    for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
+        yield index, document.mapping("zip", index)
 
 
 def check_names(context: SweepContext) -> None:
@@ -70,9 +81,9 @@ def check_names(context: SweepContext) -> None:
     for index, expectation in enumerate(context.sweep.expect):
         path = context.draft.path("expect", index)
         _check_known(document, "metric", vocabulary.metrics, (*path, "metrics"))
-        for label in expectation.label or ():
+        for position, label in enumerate(expectation.label or ()):
             if label not in vocabulary.labels:
-                place = _label_place(document, (*path, "label"), label)
+                place = document.value((*path, "label", position))
                 _add_unknown(document, "label", label, place, vocabulary.labels)
 
 
@@ -89,17 +100,24 @@ def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis
 
 def check_conflicts(context: SweepContext, places: dict[str, Place]) -> None:
     """Add a mistake for every two axes of one row that set the same thing."""
-    for first, second in combinations(places, 2):
-        if _conflict(context.find(first), context.find(second)):
+    specs = [(name, spec) for name in places if (spec := context.find(name))]
+    for (first, one), (second, other) in combinations(specs, 2):
+        if other.name in one.conflicts or one.name in other.conflicts:
             message = f"'{second}' sets the same thing as '{first}'"
             hint = f"leave one out; '{first}' is {places[first].spot}"
             context.document.add("axis-conflict", places[second], message, hint)
 
 
-def _conflict(first: AxisSpec | None, second: AxisSpec | None) -> bool:
-    if first is None or second is None:
-        return False
-    return second.name in first.conflicts or first.name in second.conflicts
+def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collection[str]) -> None:
+    """Add a mistake about a name in a condition or filter that is not among the swept axes."""
+    if any((spec := context.find(each)) and name in spec.choices for each in swept):
+        hint = f"quote the word: '{name}'"
+    elif context.find(name):
+        hint = "add it to `axes`"
+    else:
+        close = did_you_mean(name, swept).removeprefix("; ")
+        hint = close or f"swept here: {', '.join(swept) or 'nothing'}"
+    context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)
 
 
 def _check_twice(context: SweepContext) -> None:
@@ -121,47 +139,25 @@ def _switched(document: Document) -> list[str]:
     return [name for name in document.mapping("effects") if name != "base"]
 
 
-def _swept(document: Document) -> Iterator[tuple[str, KeyPath]]:
-    for name in document.mapping("axes"):
-        yield name, ("axes", name)
-    blocks = document.at(("zip",))
-    for index in range(len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0):
-        for name in document.mapping("zip", index):
-            yield name, ("zip", index, name)
-
-
 def _check_tolerances(context: SweepContext) -> None:
-    document, known = context.document, (*context.vocabulary.metrics, *ERRORS)
-    _check_known(document, "metric", known, ("tolerances",))
-    if context.sweep.accuracy is not None:
-        return
+    document = context.document
+    _check_known(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
     for name in document.mapping("tolerances"):
-        if name in ERRORS:
+        if name in ERRORS and context.sweep.accuracy is None:
             message = f"'{name}' is measured only where a sweep asks for it"
             place = document.key(("tolerances", name))
             document.add("not-asked", place, message, "add accuracy: {}")
 
 
-def _check_known(document: Document, kind: str, known: object, path: KeyPath) -> None:
-    names = list(cast("list[str]", known))
+def _check_known(document: Document, kind: str, known: Collection[str], path: KeyPath) -> None:
     for name in document.mapping(*path):
-        if name not in names:
-            _add_unknown(document, kind, name, document.key((*path, name)), names)
+        if name not in known:
+            _add_unknown(document, kind, name, document.key((*path, name)), known)
 
 
-def _add_unknown(document: Document, kind: str, name: str, place: Place, known: object) -> None:
-    names = list(cast("list[str]", known))
-    few = f"known: {', '.join(names)}" if 0 < len(names) <= 12 else ""
-    hint = did_you_mean(name, names).removeprefix("; ") or few
+def _add_unknown(
+    document: Document, kind: str, name: str, place: Place, known: Collection[str]
+) -> None:
+    few = f"known: {', '.join(known)}" if 0 < len(known) <= 12 else ""
+    hint = did_you_mean(name, known).removeprefix("; ") or few
     document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
-
-
-def _label_place(document: Document, path: KeyPath, label: str) -> Place:
-    data = document.at(path)
-    if isinstance(data, list):
-        return document.value((*path, cast("list[object]", data).index(label)))
-    return document.value(path)
-
-
-def _shown(value: object) -> str:
-    return repr(list(cast("tuple[object]", value))) if isinstance(value, tuple) else repr(value)

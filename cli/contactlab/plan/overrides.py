@@ -7,7 +7,7 @@ from typing import cast
 
 from contactlab.errors import did_you_mean
 from contactlab.plan.diagnostics import Place, SourceText
-from contactlab.plan.names import SweepContext
+from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
 from contactlab.schema import FORMS, Sweep
 
@@ -56,12 +56,48 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
         if option is None:
             continue
         path = _path(option.name)
-        if path[0] == "axes" and _in_zip(document, option.name):
+        if path[0] == "axes" and any(option.name in block for _, block in zip_blocks(document)):
             message = f"'{option.name}' advances with others in a zip block"
             document.add("set-zipped", option.key, message, "change the block in the file")
-            continue
-        value, other = _value(document, option, path)
-        document.replace(path, value, other, option.key)
+        else:
+            _assign(document, option, path)
+
+
+def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
+    role, known = document.mapping(*path).get("role"), len(document.found)
+    parent = document.replace(path, option.key)
+    document.values[path] = option.place
+    if path[0] == "axes":
+        value = _axis_value(document, option, path, role)
+    else:
+        value = _listed(document, option, path)
+        if len(value) == 1:
+            # Read again without the brackets: a single value is not a list.
+            place = option.place
+            value = read_argument(document, path, f" {option.value} ", place.source, place.column)
+    if len(document.found) > known:
+        # The name stays known, and nothing else is said of it.
+        document.unreadable |= {option.key, option.place}
+        document.values[path] = option.place
+        value = None
+    parent[str(path[-1])] = value
+
+
+def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: object) -> object:
+    """Return what an option makes of an axis, which keeps the role that it has in the file."""
+    kept = {} if role is None else {"role": role}
+    call, place = _CALL.fullmatch(option.value), option.place
+    if call is None:
+        below = (*path, "values") if kept else path
+        values = _listed(document, option, below)
+        return {"values": values, **kept} if kept else values
+    form = (*path, call[1])
+    document.keys[form] = place.part(0, len(call[1]))
+    if call[1] not in FORMS:
+        hint = did_you_mean(call[1], FORMS).removeprefix("; ") or f"one of: {', '.join(FORMS)}"
+        document.add("unknown-key", document.keys[form], f"no form '{call[1]}'", hint)
+    column = place.column + call.start(2)
+    return {call[1]: read_argument(document, form, f"[{call[2]}]", place.source, column), **kept}
 
 
 def read_filters(
@@ -77,28 +113,18 @@ def read_filters(
     filters: list[Filter] = []
     for text in texts:
         option = _option(context.document, "--only", text)
-        if option is None or not _is_swept(context.document, option, swept):
+        if option is None:
             continue
-        other = _pieces(option)
-        context.document.found.extend(other.found)
-        raw = cast("list[object]", other.data) if isinstance(other.data, list) else []
+        if option.name not in swept:
+            add_not_swept(context, option.name, option.key, swept)
+            continue
+        path = ("--only", option.name)
         values = [
-            context.canonical(option.name, value, other.value((index,)))
-            for index, value in enumerate(raw)
+            context.canonical(option.name, value, context.document.value((*path, index)))
+            for index, value in enumerate(_listed(context.document, option, path))
         ]
         filters.append(Filter(option.name, tuple(values), option.place))
     return tuple(filters)
-
-
-def _is_swept(document: Document, option: ParsedOption, swept: Sequence[str]) -> bool:
-    if option.name in swept:
-        return True
-    close = did_you_mean(option.name, swept).removeprefix("; ")
-    hint = close or f"swept: {', '.join(swept) or 'nothing'}"
-    document.add(
-        "axis-not-swept", option.key, f"'{option.name}' is not an axis of this sweep", hint
-    )
-    return False
 
 
 def check_values(
@@ -133,63 +159,7 @@ def _path(name: str) -> KeyPath:
     return (name,) if name in Sweep.model_fields else ("axes", name)
 
 
-def _in_zip(document: Document, name: str) -> bool:
-    blocks = document.at(("zip",))
-    count = len(cast("list[object]", blocks)) if isinstance(blocks, list) else 0
-    return any(name in document.mapping("zip", index) for index in range(count))
-
-
-def _value(document: Document, option: ParsedOption, path: KeyPath) -> tuple[object, Document]:
-    """Return the data that an option gives, and the places of its parts."""
-    call = _CALL.fullmatch(option.value) if path[0] == "axes" else None
-    value, other = _form(option, call) if call else _listed(option, path)
-    document.found.extend(other.found)
-    if other.found:
-        # The name stays known, and nothing else is said of it.
-        document.unreadable.update({option.key, option.place})
-        return None, Document(other.source, None, {(): option.place})
-    role = document.mapping(*path).get("role")
-    if path[0] != "axes" or role is None:
-        return value, other
-    if isinstance(value, list):
-        value, other = {"values": value}, _below(other, "values", option.place)
-    return {**cast("dict[str, object]", value), "role": role}, other
-
-
-def _listed(option: ParsedOption, path: KeyPath) -> tuple[object, Document]:
-    other = _pieces(option)
-    value = other.data
-    if path[0] != "axes" and isinstance(value, list) and len(cast("list[object]", value)) == 1:
-        return cast("list[object]", value)[0], _only_item(other)
-    return value, other
-
-
-def _form(option: ParsedOption, call: re.Match[str]) -> tuple[object, Document]:
-    name = call.group(1)
-    start = option.place.column + len(name) + 1
-    other = read_argument(f"[{call.group(2)}]", option.place.source, start)
-    below = _below(other, name, option.place)
-    below.keys[(name,)] = option.place.part(0, len(name))
-    if name not in FORMS:
-        hint = did_you_mean(name, FORMS).removeprefix("; ") or f"one of: {', '.join(FORMS)}"
-        below.add("unknown-key", below.keys[(name,)], f"no form '{name}'", hint)
-    return {name: other.data}, below
-
-
-def _pieces(option: ParsedOption) -> Document:
-    return read_argument(f"[{option.value}]", option.place.source, option.place.column)
-
-
-def _only_item(other: Document) -> Document:
-    def lifted(places: dict[KeyPath, Place]) -> dict[KeyPath, Place]:
-        return {path[1:]: place for path, place in places.items() if path}
-
-    return Document(other.source, None, lifted(other.values), lifted(other.keys), other.found)
-
-
-def _below(other: Document, name: str, place: Place) -> Document:
-    def lowered(places: dict[KeyPath, Place]) -> dict[KeyPath, Place]:
-        return {(name, *path): each for path, each in places.items()}
-
-    values = {**lowered(other.values), (): place}
-    return Document(other.source, None, values, lowered(other.keys), other.found)
+def _listed(document: Document, option: ParsedOption, path: KeyPath) -> list[object]:
+    place = option.place
+    data = read_argument(document, path, f"[{option.value}]", place.source, place.column)
+    return cast("list[object]", data) if isinstance(data, list) else []

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Protocol, cast
 
 from ruamel.yaml import YAML
@@ -72,14 +72,12 @@ class Document:
         if code == "syntax":
             self.unreadable.add(place)
 
-    def replace(self, path: KeyPath, value: object, other: "Document", at: Place) -> None:
-        """Put a value from another text at a path, with its places.
+    def replace(self, path: KeyPath, at: Place) -> dict[str, object]:
+        """Forget what stands at a path, and return the mapping that a new value goes into.
 
         Args:
-            path: where it goes; mappings on the way are made as needed.
-            value: the plain data.
-            other: has the places of the parts of the value, by path below it.
-            at: the place of the key.
+            path: where the value goes; mappings on the way are made as needed.
+            at: the place of its key.
         """
         for places in (self.values, self.keys):
             for old in [each for each in places if each[: len(path)] == path]:
@@ -91,10 +89,8 @@ class Document:
             if not isinstance(inner, dict):
                 inner = parent[str(part)] = {}
             parent = cast("dict[str, object]", inner)
-        parent[str(path[-1])] = value
         self.keys[path] = at
-        self.values.update({(*path, *below): place for below, place in other.values.items()})
-        self.keys.update({(*path, *below): place for below, place in other.keys.items()})
+        return parent
 
     def value(self, path: KeyPath) -> Place:
         """Return the place of the value at a path, or of what is nearest above it."""
@@ -122,8 +118,9 @@ class Document:
 
 def read_document(text: str, name: str) -> Document:
     """Read a YAML text; its mistakes are in the document's `found`."""
-    source = SourceText(name, tuple(_BREAK.split(text)))
-    return _Reader(Document(source), _Origin(source)).read(text)
+    document = Document(SourceText(name, tuple(_BREAK.split(text))))
+    document.data = _Reader(document, document.source).read(text)
+    return document
 
 
 def data_document(data: object, name: str) -> Document:
@@ -148,62 +145,60 @@ def _parts(data: object, path: KeyPath) -> Iterator[tuple[KeyPath, object]]:
         yield from _parts(value, (*path, key))
 
 
-def read_argument(text: str, source: SourceText, column: int) -> Document:
-    """Read a piece of YAML that stands in a line of another text.
+def read_argument(
+    document: Document, path: KeyPath, text: str, source: SourceText, column: int
+) -> object:
+    """Return the data of a piece of YAML that stands in a line of another text.
 
     Args:
+        document: gets the places of its parts, and its mistakes.
+        path: where in the document the data goes.
         text: the piece, wrapped in one character at each end that the line does not have.
         source: the line.
         column: where in the line the piece begins, counted from 1.
     """
-    return _Reader(Document(source), _Origin(source, column - 2)).read(text)
-
-
-@dataclass(frozen=True)
-class _Origin:
-    """Where a YAML text lies in its source."""
-
-    source: SourceText
-    shift: int = 0
-
-    def place(self, start: _Mark, end: _Mark | None = None) -> Place:
-        line, column = start.line + 1, start.column + 1 + self.shift
-        if end is None:
-            length = len(Place(self.source, line, 1).text)
-            return Place(self.source, line, min(column, length + 1))
-        place = Place(self.source, line, max(column, 1))
-        same = end.line == start.line
-        last = end.column + self.shift if same else len(place.text.rstrip())
-        return Place(self.source, line, place.column, max(last + 1 - column, 1))
+    return _Reader(document, source, column - 2).read(text, path)
 
 
 class _Reader:
-    def __init__(self, document: Document, origin: _Origin) -> None:
+    def __init__(self, document: Document, source: SourceText, shift: int = 0) -> None:
         self.document = document
-        self.origin = origin
+        self.source = source
+        self.shift = shift
         self.yaml = YAML(typ="safe", pure=True)
         self.nodes = 0
 
-    def read(self, text: str) -> Document:
+    def read(self, text: str, path: KeyPath = ()) -> object:
         try:
             root = cast("Node | None", self.yaml.compose(text))
-            if root is not None:
-                self.document.data = self._data(root, ())
+            return None if root is None else self._data(root, path)
         except MarkedYAMLError as error:
-            self._fail(_syntax_message(error), self._marked(error))
+            mark = error.problem_mark or error.context_mark
+            place = self._place(cast("_Mark", mark)) if mark else Place(self.source, 1, 1)
+            self._fail(_syntax_message(error), place)
         except ReaderError as error:
-            self._fail("a character that YAML does not allow", self._character(text, error))
+            before = text[: cast("int", error.position)].split("\n")
+            place = Place(self.source, len(before), len(before[-1]) + 1)
+            self._fail("a character that YAML does not allow", place)
         except YAMLError as error:
-            self._fail(str(error), Place(self.document.source, 1, 1))
+            self._fail(str(error), Place(self.source, 1, 1))
         except RecursionError:
-            self._fail("nested too deeply", Place(self.document.source, 1, 1))
-        return self.document
+            self._fail("nested too deeply", Place(self.source, 1, 1))
+        return None
+
+    def _place(self, start: _Mark, end: _Mark | None = None) -> Place:
+        column = max(start.column + 1 + self.shift, 1)
+        place = Place(self.source, start.line + 1, column)
+        if end is None:
+            return replace(place, column=min(column, len(place.text) + 1))
+        last = end.column + self.shift if end.line == start.line else len(place.text.rstrip())
+        return replace(place, width=max(last + 1 - column, 1))
 
     def _data(self, node: Node, path: KeyPath) -> object:
         self.nodes += 1
         if self.nodes > MOST_NODES:
             raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
-        self.document.values[path] = self.origin.place(node.start_mark, node.end_mark)
+        self.document.values[path] = self._place(node.start_mark, node.end_mark)
         if isinstance(node, MappingNode):
             return self._mapping(node, path)
         if isinstance(node, SequenceNode):
@@ -214,7 +209,7 @@ class _Reader:
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         data: dict[str, object] = {}
         for name, key, value in self._entries(node):
-            place = self.origin.place(key.start_mark, key.end_mark)
+            place = self._place(key.start_mark, key.end_mark)
             if name in data:
                 first = self.document.keys[(*path, name)]
                 message = f"'{name}' is given twice"
@@ -229,7 +224,7 @@ class _Reader:
             if isinstance(key, ScalarNode):
                 yield str(key.value), key, value
             else:
-                self._fail("a key is one word", self.origin.place(key.start_mark, key.end_mark))
+                self._fail("a key is one word", self._place(key.start_mark, key.end_mark))
 
     def _scalar(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)
@@ -240,20 +235,9 @@ class _Reader:
         try:
             return self.yaml.constructor.construct_object(node)
         except (MarkedYAMLError, ValueError):
-            place = self.origin.place(node.start_mark, node.end_mark)
+            place = self._place(node.start_mark, node.end_mark)
             self._fail(f"{text!r} cannot be read as {tag.removeprefix(_TAGS)}", place)
             return None
-
-    def _marked(self, error: MarkedYAMLError) -> Place:
-        mark = error.problem_mark or error.context_mark
-        if mark is None:
-            return Place(self.document.source, 1, 1)
-        return self.origin.place(cast("_Mark", mark))
-
-    def _character(self, text: str, error: ReaderError) -> Place:
-        before = text[: cast("int", error.position)]
-        column = len(before) - (before.rfind("\n") + 1) + 1
-        return Place(self.document.source, before.count("\n") + 1, column)
 
     def _fail(self, message: str, place: Place) -> None:
         self.document.add("syntax", place, message)
