@@ -21,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
-from contactlab.compare import as_junit, as_markdown, as_text, compare
+from contactlab.comparison import as_junit, as_markdown, as_text, compare
 from contactlab.measure import LABELS, METRICS
 from contactlab.schema import ComparePolicy
 from contactlab.store import Store

@@ -27,7 +27,7 @@ from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_stor
 
 from contactlab.contact import Floats
 from contactlab.measure import METRICS
-from contactlab.report import write_page
+from contactlab.reporting import write_page
 from contactlab.store import Store
 
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.

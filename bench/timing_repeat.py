@@ -19,9 +19,9 @@ from statistics import median
 import numpy as np
 
 from contactlab import resources
+from contactlab.pareto import analyse
 from contactlab.schema import TradeoffReport
 from contactlab.store import Store
-from contactlab.tradeoff import analyse
 
 TARGET = 0.05
 _COMMAND = str(Path(sys.executable).with_name("contactlab"))

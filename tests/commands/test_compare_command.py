@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.compare import accept, acceptance
+from contactlab.comparison import accept, acceptance
 from contactlab.resources import scene_folder
 from contactlab.run import read_request, run_sweep
 from contactlab.schema import ComparisonReport

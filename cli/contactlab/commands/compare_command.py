@@ -14,7 +14,7 @@ from contactlab.commands.options import Address, store_argument
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
-    from contactlab.compare import Remeasure
+    from contactlab.comparison import Remeasure
     from contactlab.schema import ComparePolicy, ComparisonReport
 
 
@@ -77,8 +77,8 @@ def compare(
     ] = None,
 ) -> None:
     """Compare a store with a baseline; exit with 1 if a gate fails."""
-    from contactlab.compare import compare as compare_stores
-    from contactlab.compare import unreadable_report
+    from contactlab.comparison import compare as compare_stores
+    from contactlab.comparison import unreadable_report
 
     targets = _targets(files or [])
     timers = _timers(remeasure, baseline_python, candidate_python)
@@ -106,7 +106,7 @@ def _timers(
         if baseline_python or candidate_python:
             raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
         return None
-    from contactlab.compare import Remeasure
+    from contactlab.comparison import Remeasure
     from contactlab.run import timing_process
 
     here = Path(sys.executable)
@@ -115,7 +115,7 @@ def _timers(
 
 
 def _rules(policy: Path | None, match: Match | None) -> "ComparePolicy":
-    from contactlab.compare import DEFAULT_POLICY, read_policy
+    from contactlab.comparison import DEFAULT_POLICY, read_policy
 
     read = DEFAULT_POLICY if policy is None else read_policy(policy)
     return read.model_copy(update={"match": match}) if match else read
@@ -128,7 +128,7 @@ def _accept(
     entry: tuple[str, str, date | None],
 ) -> None:
     """Add to the policy file, which may be new, that a check of this comparison may fail."""
-    from contactlab.compare import accept, acceptance
+    from contactlab.comparison import accept, acceptance
 
     if policy is None:
         raise PolicyError("--accept adds to a policy file; name it with --policy FILE")

@@ -31,8 +31,8 @@ def effects(
     output: opt.FormatOption = "text",
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
+    from contactlab.pareto import check_figure
     from contactlab.studies.effects import EffectsRequest, run
-    from contactlab.tradeoff import check_figure
 
     opt.load_plugins(plugin)
     if figure is not None:

@@ -14,9 +14,9 @@ from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
+    from contactlab.pareto import Criteria
     from contactlab.schema import PluginInfo
     from contactlab.store import Address
-    from contactlab.tradeoff import Criteria
 else:
     # The parser turns text into an address. Its type, which typer wants to see at import time,
     # would load Arrow before any command is chosen.
@@ -181,7 +181,7 @@ def accuracy_criteria(error: str | None, tolerances: Sequence[str] | None) -> "C
     Raises:
         SweepFileError: a tolerance is not written as METRIC=VALUE.
     """
-    from contactlab.tradeoff import Criteria
+    from contactlab.pareto import Criteria
 
     return Criteria(error, dict(_tolerance(text) for text in tolerances or ()))
 

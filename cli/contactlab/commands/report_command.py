@@ -51,7 +51,7 @@ def report(
     ] = "png",
 ) -> None:
     """Draw a store as one page that works offline: maps, accuracy against time, every run."""
-    from contactlab.report import PageRequest, write_figures, write_page
+    from contactlab.reporting import PageRequest, write_figures, write_page
     from contactlab.store import Store
 
     criteria = opt.accuracy_criteria(error, tolerance)

@@ -14,7 +14,7 @@ from importlib.metadata import PackageNotFoundError, distribution, requires, ver
 from pathlib import Path
 from typing import NamedTuple, NoReturn
 
-import contactlab
+from contactlab import resources
 from contactlab.errors import EngineError
 from contactlab.run.evidence_record import engine
 
@@ -191,7 +191,7 @@ def _uv() -> list[str] | None:
 
 def _command() -> tuple[str, str]:
     """Return module and function of the command `contactlab`, as the package declares it."""
-    name = contactlab.__name__
+    name = __name__.partition(".")[0]
     (entry,) = distribution(name).entry_points.select(group="console_scripts", name=name)
     return entry.module, entry.attr
 
@@ -207,7 +207,7 @@ def _isolated_contactlab() -> Path:
 
     Another environment must not see what is installed here beside it, least of all MuJoCo.
     """
-    package = Path(contactlab.__file__).resolve().parent
+    package = Path(resources.__file__).resolve().parent
     own = distribution("contactlab")
     metadata = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
     folder = _cache() / f"contactlab-{own.version}-{_short_hash([str(package), str(metadata)])}"

@@ -1,18 +1,18 @@
 """What accuracy costs in time: a sweep that measures errors and times, then its analysis.
 
-The analysis of a stored sweep stands by itself in `contactlab.tradeoff`, without an engine.
+The analysis of a stored sweep stands by itself in `contactlab.pareto`, without an engine.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from contactlab import resources
+from contactlab.pareto import Criteria, analyse, chosen_error, find_store
 from contactlab.plan import Overrides
 from contactlab.run import SweepRequest, read_request
 from contactlab.schema import ERRORS, Sweep, TradeoffReport
 from contactlab.store import Address, Store
 from contactlab.studies.session import Session
-from contactlab.tradeoff import Criteria, analyse, chosen_error, find_store
 
 
 @dataclass(frozen=True)

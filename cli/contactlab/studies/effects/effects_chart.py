@@ -1,6 +1,6 @@
 """The figure of an effects report: what each effect changes, and what it costs.
 
-Loads Altair, an extra; see `contactlab.tradeoff.check_figure`.
+Loads Altair, an extra; see `contactlab.pareto.check_figure`.
 """
 
 from pathlib import Path
@@ -8,8 +8,8 @@ from typing import Any
 
 import altair as alt
 
+from contactlab.pareto import save_figure
 from contactlab.schema import EffectFinding, EffectsReport, MetricChange
-from contactlab.tradeoff import save_figure
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3

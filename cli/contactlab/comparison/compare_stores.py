@@ -1,0 +1,227 @@
+"""Compare two stores: every check, and what they mean together."""
+
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import date
+
+from contactlab.comparison.label_checks import PairLabels, label_checks
+from contactlab.comparison.metric_checks import metric_checks
+from contactlab.comparison.opened_stores import (
+    OpenedStore,
+    difference,
+    differences,
+    open_both,
+    sameness_checks,
+    store_checks,
+)
+from contactlab.comparison.paired_stores import PairedStores
+from contactlab.comparison.pairing import Pairing, pair_by_axes, pair_by_id
+from contactlab.comparison.policies import apply_acceptances, check_names
+from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
+from contactlab.comparison.run_checks import (
+    bitwise_equal,
+    expectation_checks,
+    knife_edge,
+    knife_edge_check,
+    missing_runs_check,
+    new_runs_check,
+    recommendation_check,
+)
+from contactlab.comparison.verdicts import NAMES, NOT_COMPARABLE, SAME, CheckSubject
+from contactlab.comparison.wording import plural
+from contactlab.errors import ContactlabError, ExpectationError, StoreError
+from contactlab.schema import Check, ComparePolicy, ComparisonReport, PairCounts, Verdict
+from contactlab.store import Address
+
+DEFAULT_POLICY = ComparePolicy(version=1)
+_COMPARABLE = CheckSubject("stores can be compared", "evidence", "gate")
+_ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
+
+
+def compare(
+    baseline: Address,
+    candidate: Address,
+    policy: ComparePolicy = DEFAULT_POLICY,
+    *,
+    thorough: bool = False,
+    remeasure: Remeasure | None = None,
+    today: date | None = None,
+) -> ComparisonReport:
+    """Compare two stores.
+
+    Args:
+        baseline: where the store to compare with is.
+        candidate: where the store to judge is.
+        policy: the tolerances, and what fails the job.
+        thorough: whether to check every record and the bytes of every trace first.
+        remeasure: which runs to time again, and how; none by default.
+        today: the day by which exceptions of the policy expire; today by default.
+
+    Raises:
+        StoreError: a store is not sound, or they have no run in common.
+        PolicyError: the policy names what the stores do not have.
+    """
+    before, after = open_both(baseline, candidate, thorough=thorough)
+    pairing = _pair(before, after, policy)
+    paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
+    check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
+    return _report(paired, remeasure)
+
+
+def pair_stores(
+    baseline: Address, candidate: Address, policy: ComparePolicy = DEFAULT_POLICY
+) -> Pairing:
+    """Return the pairs of runs that `compare` compares.
+
+    Raises:
+        StoreError: a store is not sound, or they have no run in common.
+    """
+    return _pair(*open_both(baseline, candidate, thorough=False), policy)
+
+
+def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> ComparisonReport:
+    """Return the report of stores that cannot be compared, with the reason."""
+    none = PairCounts(
+        paired=0, missing=0, new=0, bitwise_equal=0, knife_edge=0, knife_edge_flipped=0
+    )
+    return ComparisonReport(
+        verdict="not comparable",
+        exit_code=error.exit_code,
+        headline=f"not comparable: {error}",
+        baseline=None,
+        candidate=None,
+        match=policy.match,
+        pairs=none,
+        differences=(),
+        transitions=(),
+        checks=(_COMPARABLE.single(NOT_COMPARABLE, str(error)),),
+        advice=(),
+    )
+
+
+def _pair(baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy) -> Pairing:
+    by_axes = policy.match == "axes"
+    pairing = (pair_by_axes if by_axes else pair_by_id)(baseline, candidate)
+    if len(pairing.baseline):
+        return pairing
+    message = f"no run of {baseline.store.address} is in {candidate.store.address}"
+    if by_axes:
+        raise StoreError(f"{message}: no axis values and seed are equal")
+    if scenes := difference(baseline, candidate, "scene_hash"):
+        message += f": the scene changed ({scenes[0]}, now {scenes[1]})"
+    raise StoreError(f"{message}; to compare runs of equal axis values instead, add --match axes")
+
+
+def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonReport:
+    before, after, policy = paired.baseline, paired.candidate, paired.policy
+    gated = paired.without(knife_edge(paired) & policy.knife_edge.exclude)
+    labels = PairLabels.of(gated)
+    checks = [
+        _COMPARABLE.single(SAME, "both are sound"),
+        *store_checks(before, after),
+        *sameness_checks(before, after, policy),
+        missing_runs_check(paired),
+        new_runs_check(paired),
+        knife_edge_check(paired),
+        *label_checks(labels),
+        *expectation_checks(gated),
+        *metric_checks(gated),
+        recommendation_check(paired),
+    ]
+    if remeasure is not None:
+        checks.append(remeasured_check(paired, remeasure))
+    checks = apply_acceptances(checks, policy.accept, paired.today)
+    return ComparisonReport(
+        verdict=_verdict(checks),
+        exit_code=_exit_code(checks),
+        headline=_headline(checks),
+        baseline=before.summary(),
+        candidate=after.summary(),
+        match=policy.match,
+        pairs=_counts(paired),
+        differences=tuple(differences(before, after, policy)),
+        transitions=labels.transitions(),
+        checks=tuple(checks),
+        advice=tuple(_advice(checks, before, after)),
+    )
+
+
+def _counts(paired: PairedStores) -> PairCounts:
+    flipped = paired.labels(paired.baseline) != paired.labels(paired.candidate)
+    pairing, flagged = paired.pairing, knife_edge(paired)
+    return PairCounts(
+        paired=len(pairing.baseline),
+        missing=len(pairing.missing),
+        new=len(pairing.new),
+        bitwise_equal=int(bitwise_equal(paired).sum()),
+        knife_edge=int(flagged.sum()),
+        knife_edge_flipped=int((flagged & flipped).sum()),
+    )
+
+
+def _is_open(check: Check) -> bool:
+    """Tell whether a gate could not be checked."""
+    return check.outcome == "skipped" and check.level == "gate"
+
+
+def _exit_code(checks: Sequence[Check]) -> int:
+    """Return 0, 1 if a check failed, or 3 if a gate could not be checked.
+
+    Stores that differ in what must be the same come first: no other check means anything then.
+    """
+    skipped = [check for check in checks if _is_open(check)]
+    if any(check.kind == "evidence" for check in skipped):
+        return StoreError.exit_code
+    if any(check.outcome == "failed" for check in checks):
+        return ExpectationError.exit_code
+    return StoreError.exit_code if skipped else 0
+
+
+def _verdict(checks: Sequence[Check]) -> Verdict:
+    """Return the verdict on the stores as a whole."""
+    skipped = [check for check in checks if _is_open(check)]
+    failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
+    if failed and not any(check.kind == "evidence" for check in skipped):
+        return NAMES[max(failed)]
+    if skipped:
+        return "not comparable"
+    verdicts = {check.verdict for check in checks if check.kind in _ABOUT_RUNS}
+    verdicts -= {"same", "not comparable"}
+    if not verdicts:
+        return "same"
+    return "better" if verdicts == {"better"} else "changed"
+
+
+def _headline(checks: Sequence[Check]) -> str:
+    """Return the whole comparison in one line."""
+    verdict = _verdict(checks)
+    failed = sum(check.outcome == "failed" for check in checks)
+    skipped = sum(_is_open(check) for check in checks)
+    parts = [f"{failed} of {plural(len(checks), 'check')} fail"] if failed else []
+    parts += [f"{plural(skipped, 'check')} cannot be made"] if skipped else []
+    if parts:
+        return f"{verdict}: {', '.join(parts)}"
+    found = Counter(check.verdict for check in checks if check.kind in _ABOUT_RUNS)
+    words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
+    changes = ", ".join(f"{found[name]} {word}" for name, word in words.items() if found[name])
+    return f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+
+
+def _advice(
+    checks: Sequence[Check], baseline: OpenedStore, candidate: OpenedStore
+) -> Iterator[str]:
+    """Yield the commands to go on with, each after what it is for."""
+    old, new = baseline.store.address, candidate.store.address
+    order = ("failed", "warned", "noted")
+    found = sorted((c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome))
+    pair = next((pair for check in found for pair in check.worst if pair.candidate_run), None)
+    if pair is not None:
+        yield f"look closer: contactlab show {new} {pair.candidate_run}"
+    failed = next((check for check in checks if check.outcome == "failed"), None)
+    if failed is not None:
+        yield (
+            f"accept one: contactlab compare {old} {new} "
+            f'--policy policy.yaml --accept "{failed.name}" --reason "..."'
+        )
+    if failed or any(check.kind in _ABOUT_RUNS and check.outcome == "noted" for check in checks):
+        yield f"make the candidate the baseline: contactlab baseline update {new} {old}"

@@ -1,0 +1,255 @@
+"""Checks of metrics: one for each metric, and for each of its groups."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.comparison.opened_stores import difference
+from contactlab.comparison.paired_stores import PairedStores, Value
+from contactlab.comparison.pairing import groups
+from contactlab.comparison.policies import EffectiveRule, effective_rule, kind_of
+from contactlab.comparison.verdicts import (
+    BETTER,
+    CHANGED,
+    MISSING,
+    MOST_SHOWN,
+    NAMES,
+    NOT_COMPARABLE,
+    SAME,
+    WORSE,
+    CheckSubject,
+    Verdicts,
+    verdict_counts,
+)
+from contactlab.comparison.wording import format_percent, out_of, value_change
+from contactlab.contact import Floats
+from contactlab.schema import Check, RunPair, Verdict
+from contactlab.store import MeasuredColumn, NumberColumn
+
+_SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}
+_WORDS: Mapping[Verdict, str] = {
+    "not comparable": "not a number",
+    "missing": "without a value now",
+    "worse": "worse",
+    "changed": "changed",
+    "better": "better",
+}
+_MOST_EXCESS = 1e6
+"""Changes of more than half as many tolerances are not ordered among each other."""
+
+
+def metric_checks(paired: PairedStores) -> Iterator[Check]:
+    """Yield the checks of every metric that the baseline or the candidate has."""
+    measured = {**paired.candidate.columns.measured, **paired.baseline.columns.measured}
+    for metric in measured.values():
+        rule = effective_rule(metric, paired.policy)
+        reason = _not_comparable(paired, metric, rule)
+        pairs = None if reason else MetricPairs.of(paired, metric)
+        for group, member in groups(paired.baseline, paired.pairing, rule.by):
+            subject = _subject(paired, metric, rule, group)
+            if pairs is None:
+                yield subject.skipped(reason or "")
+            else:
+                part = pairs if member.all() else pairs.at(np.flatnonzero(member))
+                yield part.check(subject, rule)
+
+
+def _not_comparable(
+    paired: PairedStores, metric: MeasuredColumn, rule: EffectiveRule
+) -> str | None:
+    """Return why a metric cannot be compared at all; None if it can."""
+    if metric.name not in paired.baseline.columns.measured:
+        return "the baseline was made before there was this metric"
+    stores = (paired.baseline, paired.candidate)
+    before, after = (each.manifest.sweep.metric_versions.get(metric.name) for each in stores)
+    required = "metric_versions" in paired.policy.require.same
+    if required and None not in (before, after) and before != after:
+        return f"its definition changed from version {before} to {after}"
+    for what in rule.needs_same:
+        if values := difference(paired.baseline, paired.candidate, what):
+            return f"{what} differs: {values[0]}, now {values[1]}"
+    return None
+
+
+def _subject(
+    paired: PairedStores, metric: MeasuredColumn, rule: EffectiveRule, group: str
+) -> CheckSubject:
+    known = metric.name in paired.baseline.columns.measured
+    return CheckSubject(
+        name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
+        kind=kind_of(metric.name),
+        level=rule.level if known else "note",
+        group=group,
+        unit=metric.unit,
+        budget=rule.budget,
+        two_sided=rule.better == "none",
+    )
+
+
+@dataclass(frozen=True)
+class MetricPairs:
+    """The values of one metric in n pairs of runs.
+
+    Attributes:
+        paired: the stores.
+        unit: the metric's unit.
+        indices: (n,) which of all pairs.
+        baseline: values (n,).
+        candidate: values (n,).
+        exempt: (n,) pairs of which only one run may have a value; None if there are no such.
+    """
+
+    paired: PairedStores
+    unit: str
+    indices: NDArray[np.intp]
+    baseline: NumberColumn
+    candidate: NumberColumn
+    exempt: NDArray[np.bool_] | None
+
+    @classmethod
+    def of(cls, paired: PairedStores, metric: MeasuredColumn) -> "MetricPairs":
+        """Return the values of a metric in all pairs."""
+        baseline, candidate = paired.numbers(metric.name)
+        indices = np.arange(len(baseline.values))
+        exempt = paired.half_checked if metric.second_pass else None
+        return cls(paired, metric.unit, indices, baseline, candidate, exempt)
+
+    def at(self, indices: NDArray[np.intp]) -> "MetricPairs":
+        """Return the values of some of the pairs."""
+        return MetricPairs(
+            self.paired,
+            self.unit,
+            self.indices[indices],
+            self.baseline.at(indices),
+            self.candidate.at(indices),
+            None if self.exempt is None else self.exempt[indices],
+        )
+
+    def check(self, subject: CheckSubject, rule: EffectiveRule) -> Check:
+        """Return the check that these values make by a rule."""
+        verdicts = gap_verdicts(self.baseline, self.candidate, self.exempt)
+        both = self.baseline.valid & self.candidate.valid & (verdicts == SAME)
+        applies = both | (verdicts != SAME)
+        runs = int(applies.sum())
+        if not runs:
+            return subject.check(verdicts[:0], "applies to no run")
+        before, after = self.baseline.values[both], self.candidate.values[both]
+        if rule.statistic == "each":
+            verdicts[both] = judge(rule, before, after)
+            message = _format_counts(verdicts, runs) or _within(rule)
+            return subject.check(verdicts[applies], message, self._worst(rule, verdicts))
+        judged = verdicts[applies & ~both]
+        parts = [_format_counts(verdicts, runs)] if len(judged) else []
+        if both.any():
+            statistic = aggregate(rule, before, after)
+            verdict = judge(rule, *statistic)
+            judged = np.concatenate([judged, verdict])
+            parts.insert(0, _format_statistic(rule, verdict, *statistic, self.unit))
+        return subject.check(judged, "; ".join(parts), self._worst(rule, verdicts), runs=runs)
+
+    def _worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
+        """Return the pairs of the worst verdict that are farthest beyond the tolerance."""
+        least = CHANGED if rule.better == "none" else WORSE
+        shown = verdicts >= least if (verdicts >= least).any() else verdicts != SAME
+        if not shown.any():
+            return []
+        baseline, candidate = self.baseline.values, self.candidate.values
+        with np.errstate(all="ignore"):
+            excess = np.abs(candidate - baseline) / allowed_change(rule, baseline)
+        # Less than 1, so that it only orders pairs of equal verdict.
+        ordering = np.nan_to_num(excess / _MOST_EXCESS, nan=0, posinf=0.5).clip(0, 0.5)
+        score = np.where(shown, verdicts + ordering, 0)
+        count = min(MOST_SHOWN, int(shown.sum()))
+        worst = np.argpartition(-score, count - 1)[:count]
+        worst = worst[np.argsort(-score[worst], kind="stable")]
+        return self.paired.run_pairs(
+            self.indices[worst].tolist(),
+            [_value(self.baseline, index) for index in worst.tolist()],
+            [_value(self.candidate, index) for index in worst.tolist()],
+        )
+
+
+def judge(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> Verdicts:
+    """Return the verdict on each pair of finite values (n,).
+
+    A change is beyond tolerance if it is larger than `abs + rel * |baseline|`.
+    """
+    change = _SIGN[rule.better] * (candidate - baseline)
+    beyond = np.abs(change) > allowed_change(rule, baseline)
+    if rule.better == "none":
+        return np.where(beyond, CHANGED, SAME).astype(np.int8)
+    return np.where(beyond, np.where(change > 0, WORSE, BETTER), SAME).astype(np.int8)
+
+
+def allowed_change(rule: EffectiveRule, baseline: Floats) -> Floats:
+    """Return the largest change within tolerance (n,), in the metric's unit."""
+    return rule.abs + rule.rel * np.abs(baseline)
+
+
+def gap_verdicts(
+    baseline: NumberColumn, candidate: NumberColumn, exempt: NDArray[np.bool_] | None
+) -> Verdicts:
+    """Return the verdict on pairs with a value that is missing, new or not finite; else same.
+
+    Args:
+        baseline: values (n,).
+        candidate: values (n,).
+        exempt: (n,) pairs of which only one run may have a value.
+    """
+    verdicts = np.zeros(len(baseline.values), dtype=np.int8)
+    one = baseline.valid != candidate.valid
+    if exempt is not None:
+        one &= ~exempt
+    verdicts[one & baseline.valid] = MISSING
+    verdicts[one & candidate.valid] = CHANGED
+    for each in (baseline, candidate):
+        verdicts[each.valid & ~np.isfinite(each.values)] = NOT_COMPARABLE
+    return verdicts
+
+
+def aggregate(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> tuple[Floats, Floats]:
+    """Return the rule's statistic of both stores, (1,) each, from n > 0 pairs.
+
+    For `ratio`: 1 and the median of candidate over baseline, where 0 / 0 counts as 1.
+    """
+    if rule.statistic == "ratio":
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratios = np.where(candidate == baseline, 1.0, candidate / baseline)
+        return np.ones(1), np.array([np.median(ratios)])
+    functions = {"mean": np.mean, "median": np.median, "worst": np.max}
+    function = functions[rule.statistic]
+    if rule.statistic == "worst" and rule.better == "higher":
+        function = np.min
+    before, after = (np.array([function(x)], dtype=np.float64) for x in (baseline, candidate))
+    return before, after
+
+
+def _format_counts(verdicts: Verdicts, total: int) -> str:
+    """Return `2 of 6 runs worse, 4 better`; empty if all are the same."""
+    counts = verdict_counts(verdicts)
+    parts = [(counts[name], word) for name, word in _WORDS.items() if name in counts]
+    first = [f"{out_of(count, total)} {word}" for count, word in parts[:1]]
+    return ", ".join([*first, *(f"{count:,} {word}" for count, word in parts[1:])])
+
+
+def _format_statistic(
+    rule: EffectiveRule, verdict: Verdicts, before: Floats, after: Floats, unit: str
+) -> str:
+    result = "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
+    if rule.statistic == "ratio":
+        return f"median ratio {after[0]:.3g}{result} ({_within(rule)})"
+    change = value_change(before[0], after[0], unit)
+    return f"{rule.statistic} {change}{result} ({_within(rule)})"
+
+
+def _within(rule: EffectiveRule) -> str:
+    return f"within {format_percent(rule.rel)}"
+
+
+def _value(column: NumberColumn, index: int) -> Value:
+    if not column.valid[index]:
+        return None
+    value = float(column.values[index])
+    return value if np.isfinite(value) else str(value)

@@ -1,0 +1,202 @@
+"""The two stores: opened, checked, and how they differ as a whole."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from contactlab.comparison.verdicts import CHANGED, SAME, CheckSubject
+from contactlab.errors import PolicyError, StoreError
+from contactlab.schema import (
+    Check,
+    ComparedStore,
+    ComparePolicy,
+    Difference,
+    Sameness,
+    StoreManifest,
+)
+from contactlab.store import Address, RunColumns, Store, verify
+
+_MOST_PROBLEMS = 3
+
+
+@dataclass(frozen=True)
+class OpenedStore:
+    """One of the two stores.
+
+    Attributes:
+        role: baseline or candidate.
+        store: the store.
+    """
+
+    role: str
+    store: Store
+
+    @property
+    def manifest(self) -> StoreManifest:
+        """The store's manifest."""
+        return self.store.manifest
+
+    @property
+    def columns(self) -> RunColumns:
+        """The columns of the store's table."""
+        return self.store.columns
+
+    def summary(self) -> ComparedStore:
+        """Return how a report describes the store."""
+        manifest, origin = self.manifest, self.manifest.provenance
+        engine = manifest.sweep.engine
+        return ComparedStore(
+            store=str(self.store.address),
+            sweep=manifest.sweep.name,
+            runs=manifest.runs,
+            engine=f"{engine.name} {engine.version}",
+            contactlab=origin.contactlab,
+            git_revision=origin.git_revision,
+            cpu_model=origin.host.cpu_model,
+            finished=manifest.finished,
+        )
+
+
+def open_both(
+    baseline: Address, candidate: Address, *, thorough: bool
+) -> tuple[OpenedStore, OpenedStore]:
+    """Open two stores and verify them.
+
+    Args:
+        baseline: where the store to compare with is.
+        candidate: where the store to judge is.
+        thorough: whether to check every record and the bytes of every trace.
+
+    Raises:
+        PolicyError: both are the same store.
+        StoreError: one of them is missing, damaged, empty, unfinished or of another version.
+    """
+    if _are_same(baseline, candidate):
+        raise PolicyError(
+            f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
+        )
+    return (
+        _open("baseline", baseline, thorough=thorough),
+        _open("candidate", candidate, thorough=thorough),
+    )
+
+
+def _are_same(one: Address, other: Address) -> bool:
+    if isinstance(one, Path) and isinstance(other, Path):
+        return one.exists() and other.exists() and one.samefile(other)
+    return one == other
+
+
+def _open(role: str, address: Address, *, thorough: bool) -> OpenedStore:
+    try:
+        problems = verify(address, thorough=thorough)
+    except StoreError as error:
+        raise StoreError(f"the {role} cannot be read: {error}") from error
+    if problems:
+        first = "; ".join(problems[:_MOST_PROBLEMS])
+        more = len(problems) - _MOST_PROBLEMS
+        rest = f"; and {more} more problems" if more > 0 else ""
+        raise StoreError(
+            f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
+        )
+    opened = OpenedStore(role, Store.open(address))
+    if opened.manifest.runs == 0:
+        raise StoreError(f"the {role} {address} is empty: it holds no runs")
+    return opened
+
+
+_TABLES: Mapping[str, Callable[[OpenedStore], Mapping[str, object]]] = {
+    "metric_versions": lambda each: each.manifest.sweep.metric_versions,
+    "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
+}
+_VALUES: Mapping[str, Callable[[OpenedStore], str]] = {
+    "sweep": lambda each: each.manifest.sweep.name,
+    "scene": lambda each: each.manifest.sweep.scene,
+    "scene_hash": lambda each: each.manifest.sweep.scene_hash,
+    "engine": lambda each: each.summary().engine,
+    "contactlab": lambda each: each.manifest.provenance.contactlab,
+    "python": lambda each: each.manifest.provenance.python,
+    "numpy": lambda each: each.manifest.provenance.numpy,
+    "cpu_model": lambda each: each.manifest.provenance.host.cpu_model,
+    "cpu_flags": lambda each: each.manifest.provenance.host.cpu_flags,
+    "os": lambda each: each.manifest.provenance.host.os,
+}
+
+
+def difference(
+    baseline: OpenedStore, candidate: OpenedStore, what: Sameness
+) -> tuple[str, str] | None:
+    """Return the two values of a property in which two stores differ; None if they do not."""
+    if what in _VALUES:
+        values = _VALUES[what](baseline), _VALUES[what](candidate)
+        return values if values[0] != values[1] else None
+    before, after = _TABLES[what](baseline), _TABLES[what](candidate)
+    shared = what == "metric_versions"
+    names = before.keys() & after.keys() if shared else before.keys() | after.keys()
+    differing = sorted(name for name in names if before.get(name) != after.get(name))
+    if not differing:
+        return None
+    return _format_table(before, differing), _format_table(after, differing)
+
+
+def differences(
+    baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy
+) -> Iterator[Difference]:
+    """Yield every property that differs, of those that the policy names."""
+    for what in _named(policy):
+        if values := difference(baseline, candidate, what):
+            yield Difference(
+                what=what,
+                baseline=values[0],
+                candidate=values[1],
+                required=_is_required(what, policy),
+            )
+
+
+def sameness_checks(
+    baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy
+) -> Iterator[Check]:
+    """Yield one check for each property that the policy names."""
+    for what in _named(policy):
+        # Metrics and labels are checked one by one: those that have not changed stay comparable.
+        is_gate = _is_required(what, policy) and what not in _TABLES
+        level = "gate" if is_gate else "warn"
+        subject = CheckSubject(f"same {what}", "evidence", level, two_sided=True)
+        values = difference(baseline, candidate, what)
+        if values is None:
+            yield subject.single(SAME, "the same")
+        elif is_gate:
+            yield subject.skipped(f"must be the same, but is {values[0]}, now {values[1]}")
+        else:
+            yield subject.single(CHANGED, f"{values[0]}, now {values[1]}")
+
+
+def _named(policy: ComparePolicy) -> tuple[Sameness, ...]:
+    return tuple(dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)))
+
+
+def _is_required(what: Sameness, policy: ComparePolicy) -> bool:
+    # A changed scene is what runs are matched by axes for.
+    return what in policy.require.same and not (what == "scene_hash" and policy.match == "axes")
+
+
+def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Check]:
+    """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
+    old, new = baseline.manifest, candidate.manifest
+    copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
+    warning = "both were written at the same instant: the sweep did not run again"
+    yield _warning(
+        "candidate is no copy", warning if copied else "", "written by a sweep of its own"
+    )
+    swapped = new.finished < old.finished
+    warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
+    yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")
+
+
+def _warning(name: str, warning: str, fine: str) -> Check:
+    subject = CheckSubject(name, "evidence", "warn", two_sided=True)
+    return subject.single(CHANGED if warning else SAME, warning or fine)
+
+
+def _format_table(table: Mapping[str, object], names: list[str]) -> str:
+    return ", ".join(f"{name} {table.get(name, 'by default')}" for name in names)

@@ -1,0 +1,286 @@
+"""From a store to the trade-off report: fronts, recommendations, blockers and notes."""
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
+from contactlab.pareto.configuration_export import mjcf_lines
+from contactlab.pareto.configurations import (
+    Evaluated,
+    ResolvedCriteria,
+    StoredRuns,
+    evaluate,
+    idle_knobs,
+    is_chaotic,
+    magnitudes,
+    read_runs,
+    with_one_idle_value,
+)
+from contactlab.pareto.convergence import methods
+from contactlab.pareto.criteria import Criteria, error_measure, time_measure, tolerances_of
+from contactlab.pareto.pareto import (
+    SAFE_MARGIN,
+    equally_fast,
+    feasible_front,
+    front_of,
+    next_more_accurate,
+)
+from contactlab.schema import (
+    Blocker,
+    FrontPoint,
+    NextStep,
+    Recommendation,
+    Setting,
+    TradeoffReport,
+)
+from contactlab.store import Store
+
+_DEFAULT = Criteria()
+
+
+def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
+    """Return what accuracy costs in time, over the configurations of a store.
+
+    Args:
+        store: a finished store.
+        criteria: which error stands for accuracy, and tolerances over those of the sweep.
+
+    Raises:
+        SweepFileError: the criteria name a column that the store does not have.
+        StoreError: the store has no values of an error.
+    """
+    tolerances = tolerances_of(store, criteria)
+    error = error_measure(store, criteria, tolerances)
+    resolved = ResolvedCriteria(error, time_measure(store), tolerances)
+    runs = read_runs(store, (error.name, resolved.time.name, *tolerances))
+    evaluated = evaluate(runs, resolved)
+    front = feasible_front(evaluated)
+    chosen, safe = equally_fast(evaluated), equally_fast(evaluated, SAFE_MARGIN)
+    best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
+    is_modelling = error.kind != "discretisation"
+    identity = store.manifest.sweep
+    return TradeoffReport(
+        store=str(store.address),
+        sweep=identity.name,
+        scene=identity.scene,
+        knobs=tuple(runs.knobs),
+        scenarios=tuple(runs.scenarios),
+        idle=tuple(idle),
+        cases=max(len(each.group.cases) for each in evaluated),
+        error=error,
+        time=resolved.time,
+        tolerances=tolerances,
+        chaotic=is_chaotic(runs),
+        configurations=tuple(each.summary for each in evaluated),
+        front=tuple(_point(each) for each in front),
+        unconstrained_front=tuple(_point(each) for each in front_of(evaluated)),
+        methods=tuple(
+            methods(with_one_idle_value(evaluated, idle, best), is_modelling=is_modelling)
+        ),
+        recommendation=_recommendation(store, runs, chosen),
+        robust=_recommendation(store, runs, safe),
+        next_step=_next_step(front, best) if best else None,
+        blockers=tuple(_blockers(evaluated)),
+        notes=tuple(_notes(evaluated, runs, resolved, best, idle)),
+    )
+
+
+def _point(each: Evaluated) -> FrontPoint:
+    summary = each.summary
+    assert summary.time is not None
+    assert summary.error is not None
+    return FrontPoint(
+        configuration=summary.configuration,
+        time=summary.time,
+        error=summary.error,
+        real_time_factor=1 / summary.time,
+    )
+
+
+def _recommendation(
+    store: Store, runs: StoredRuns, near: Sequence[Evaluated]
+) -> Recommendation | None:
+    if not near:
+        return None
+    chosen, *others = near
+    summary, run = chosen.summary, runs.ids[chosen.group.rows[0]]
+    assert summary.time is not None
+    lines = mjcf_lines(runs.knobs, store.record(run))
+    return Recommendation(
+        configuration=summary.configuration,
+        margins=summary.margins,
+        time=summary.time,
+        error=summary.error,
+        real_time_factor=1 / summary.time,
+        equally_fast=tuple(each.summary.configuration for each in others),
+        run_id=run,
+        mjcf=lines.mjcf,
+        other=lines.other,
+    )
+
+
+def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None:
+    after = next_more_accurate(front, chosen)
+    if after is None:
+        return None
+    here, there = _point(chosen), _point(after)
+    return NextStep(
+        configuration=there.configuration,
+        time_ratio=there.time / here.time,
+        error_ratio=here.error / there.error if there.error else None,
+    )
+
+
+def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
+    """Yield what keeps configurations from being feasible, the most frequent first."""
+    exceeded = Counter(name for each in evaluated for name in each.exceeded)
+    failed = Counter(label for each in evaluated for label in each.failures)
+    blockers = [
+        *(
+            Blocker(name=name, kind="tolerance", configurations=count, best=_best(evaluated, name))
+            for name, count in exceeded.items()
+        ),
+        *(
+            Blocker(name=name, kind="label", configurations=count, best=None)
+            for name, count in failed.items()
+        ),
+    ]
+    yield from sorted(blockers, key=lambda each: -each.configurations)
+
+
+def _best(evaluated: Sequence[Evaluated], name: str) -> float | None:
+    worst = (each.summary.worst[name] for each in evaluated)
+    return min((value for value in worst if value is not None), default=None)
+
+
+_NOISY = 0.05
+"""Spread of the rounds of a timing pass from which a note says so."""
+
+
+def _notes(
+    evaluated: Sequence[Evaluated],
+    runs: StoredRuns,
+    criteria: ResolvedCriteria,
+    chosen: Evaluated | None,
+    idle: Sequence[str],
+) -> Iterator[str]:
+    """Yield what limits the validity of the numbers."""
+    yield from _time_notes(criteria)
+    yield from _error_notes(evaluated, criteria)
+    yield from _model_notes(evaluated, runs, criteria, chosen)
+    if not criteria.tolerances:
+        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
+    most = max(len(each.group.cases) for each in evaluated)
+    short = sum(len(each.group.cases) < most for each in evaluated)
+    if short:
+        yield f"{short} configurations lack some scenario or seed, and are not feasible"
+    if idle:
+        yield f"no error changes by more than 1 % with {', '.join(idle)}"
+    if chosen is not None:
+        yield from _edge_notes(chosen, runs)
+
+
+def _time_notes(criteria: ResolvedCriteria) -> Iterator[str]:
+    time = criteria.time
+    if time.source == "recording":
+        yield (
+            "times are those of the recorded runs on a busy machine, accurate to 10 % at best; "
+            "sweep with `timing: {rounds: 3}`"
+        )
+    elif time.spread is not None and time.spread > _NOISY:
+        yield (
+            f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
+            "smaller differences between configurations mean nothing"
+        )
+
+
+def _error_notes(evaluated: Sequence[Evaluated], criteria: ResolvedCriteria) -> Iterator[str]:
+    below = sum(each.summary.below_estimate for each in evaluated)
+    if below:
+        yield (
+            f"{below} of {len(evaluated)} configurations have an error below the uncertainty of "
+            "the reference, which is reported in its place"
+        )
+    unknown = sum(each.summary.error is None for each in evaluated)
+    if unknown:
+        name = criteria.error.name
+        yield f"{unknown} of {len(evaluated)} configurations have runs without {name}"
+
+
+def _model_notes(
+    evaluated: Sequence[Evaluated],
+    runs: StoredRuns,
+    criteria: ResolvedCriteria,
+    chosen: Evaluated | None,
+) -> Iterator[str]:
+    if "tied" in runs.solref_rules:
+        yield "solref follows the timestep, so that each timestep simulates a different contact"
+    if is_chaotic(runs) and criteria.error.against == "trajectory":
+        yield (
+            "the motion is chaotic, so that distances between trajectories mean little; sweep with "
+            "`accuracy: {error: invariants}`"
+        )
+    clamped = sum(each.summary.solref_clamped for each in evaluated)
+    if clamped:
+        yield (
+            f"{clamped} of {len(evaluated)} configurations set a time constant below two "
+            "timesteps; refsafe raises it, so that they simulate a softer contact"
+        )
+    if chosen is not None and chosen.summary.solref_clamped:
+        yield "the recommended configuration is one of these"
+
+
+def _edge_notes(chosen: Evaluated, runs: StoredRuns) -> Iterator[str]:
+    for name, value in chosen.group.values.items():
+        numbers = _numbers(runs.knobs[name])
+        if len(numbers) > 2 and value in (numbers[0], numbers[-1]):
+            end = "smallest" if value == numbers[0] else "largest"
+            yield f"{name} {value:g} is the {end} value of the sweep"
+
+
+def _numbers(values: Iterable[Setting]) -> list[float]:
+    """Return the distinct numbers among some values, in order."""
+    numbers = {each for each in values if isinstance(each, int | float)}
+    return sorted(each for each in numbers if not isinstance(each, bool))
+
+
+@dataclass(frozen=True)
+class ToleranceTable:
+    """The c configurations of n runs without their tolerances.
+
+    Attributes:
+        configuration: (n,) the configuration of each run.
+        worst: metric to (c,) what tolerances are compared with: its largest magnitude over a
+            configuration's runs; NaN if a run has no value.
+        otherwise_feasible: (c,) whether a configuration is feasible but for tolerances.
+    """
+
+    configuration: NDArray[np.int64]
+    worst: Mapping[str, Floats]
+    otherwise_feasible: NDArray[np.bool_]
+
+
+def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
+    """Return the table from which other tolerances of a trade-off can be evaluated.
+
+    Args:
+        store: the store.
+        report: its trade-off.
+        names: metrics that may be tolerated.
+    """
+    runs = read_runs(store, (report.error.name, report.time.name, *names))
+    evaluated = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
+    order = np.concatenate([each.group.rows for each in evaluated])
+    counts = np.array([len(each.group.rows) for each in evaluated])
+    configuration = np.empty(len(order), dtype=np.int64)
+    configuration[order] = np.repeat(np.arange(len(evaluated)), counts)
+    starts = np.cumsum(counts) - counts
+    return ToleranceTable(
+        configuration=configuration,
+        worst={name: np.maximum.reduceat(magnitudes(runs, order, name), starts) for name in names},
+        otherwise_feasible=np.array([each.summary.feasible for each in evaluated]),
+    )

@@ -1,0 +1,215 @@
+"""Methods, all knobs but the timestep: the order of convergence of each, and its floor."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactlab.contact import Floats
+from contactlab.measure import LABELS
+from contactlab.pareto.configurations import Evaluated
+from contactlab.schema import Floor, Method, Order, Setting
+
+FEWEST = 3
+# An error this many times the uncertainty of its reference is off by a third at most.
+CLEAR = 3.0
+# Twice this is how far a slope may be off: whole orders are told apart with room to spare.
+WORST_STANDARD_ERROR = 0.1
+LEAST_SLOPE = 0.25
+FLAT = 1.5
+FLAT_SPAN = 4.0
+
+
+@dataclass(frozen=True)
+class TimestepErrors:
+    """The errors of one method at n timesteps, the finest first.
+
+    Attributes:
+        timestep: (n,) distinct [s].
+        error: (n,) positive.
+        uncertainty: (n,) of the reference, in the error's unit; 0 without one.
+    """
+
+    timestep: Floats
+    error: Floats
+    uncertainty: Floats
+
+
+def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
+    """Return the order of convergence.
+
+    A line through log error over log timestep is fitted to the widest range, from the finest clear
+    step up, over which its slope has a standard error of at most 0.1; coarser steps lie outside of
+    the asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
+    reference, and three times the floor.
+
+    Args:
+        steps: timesteps whose runs completed without a raised time constant.
+        floor: the error that remains at any timestep; 0 if none is known.
+    """
+    clear = steps.error > CLEAR * np.maximum(steps.uncertainty, floor)
+    timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])
+    if len(timestep) < FEWEST:
+        return no_order(_too_few(len(timestep), steps, floor))
+    for count in range(len(timestep), FEWEST - 1, -1):
+        slope, standard_error = _line(timestep[:count], error[:count])
+        if standard_error <= WORST_STANDARD_ERROR:
+            return _order_of(slope, standard_error, count)
+    return no_order("the errors of the finest timesteps do not lie on a line")
+
+
+def no_order(reason: str) -> Order:
+    """Return an order without a slope, with the reason."""
+    return Order(slope=None, standard_error=None, points=0, reason=reason)
+
+
+def find_floor(steps: TimestepErrors) -> Floor | None:
+    """Return the error that no longer falls with the timestep, or None.
+
+    It is the median over the widest range, from the finest step up, of at least three steps that
+    span a factor of four and whose errors stay within a factor of 1.5. An error of order 1/2 would
+    change by 2 over that span, one of order 1 by 4.
+    """
+    floor = None
+    for count in range(FEWEST, len(steps.timestep) + 1):
+        timestep, error = steps.timestep[:count], steps.error[:count]
+        if error.max() > FLAT * error.min():
+            break
+        # The span is compared with a little room, since timesteps such as 1e-3 / 4 are rounded.
+        if timestep[-1] >= FLAT_SPAN * timestep[0] * (1 - 1e-9):
+            floor = Floor(error=float(np.median(error)), points=count, timestep=float(timestep[-1]))
+    return floor
+
+
+def _too_few(clear: int, steps: TimestepErrors, floor: float) -> str:
+    if not floor and not steps.uncertainty.any():
+        return f"{clear} timesteps, and a line takes {FEWEST}"
+    what = "the floor" if floor else "the reference's own error"
+    return f"{clear} of {FEWEST} or more timesteps have an error above three times {what}"
+
+
+def _order_of(slope: float, standard_error: float, count: int) -> Order:
+    if slope < LEAST_SLOPE:
+        return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
+    return Order(slope=slope, standard_error=standard_error, points=count, reason=None)
+
+
+def _line(x: Floats, y: Floats) -> tuple[float, float]:
+    """Return the slope of the least-squares line through (n,) points, and its standard error."""
+    across = x - x.mean()
+    spread = float(across @ across)
+    slope = float(across @ y) / spread
+    residual = y - y.mean() - slope * across
+    return slope, float(np.sqrt(residual @ residual / (len(x) - 2) / spread))
+
+
+MethodKey = tuple[tuple[str, Setting], ...]
+
+TIMESTEP = "timestep"
+_NUMERICS = {
+    *("integrator", "solver", "jacobian", "iterations", "tolerance"),
+    *("ls_iterations", "ls_tolerance"),
+}
+
+
+def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
+    """Return the methods, in the order of their first configurations.
+
+    Args:
+        evaluated: the configurations.
+        is_modelling: whether the error is against anything but the model itself, so that it may
+            have a floor.
+    """
+    members: dict[MethodKey, list[Evaluated]] = {}
+    for each in evaluated:
+        members.setdefault(method_key(each.group.values), []).append(each)
+    differing = varying([dict(key) for key in members])
+    floors = {
+        key: find_floor(_steps(each)) if is_modelling else None for key, each in members.items()
+    }
+    known = _least_floors(floors)
+    return [
+        _method(dict(key), differing, each, floors[key], known[key])
+        for key, each in members.items()
+    ]
+
+
+def method_key(values: dict[str, Setting]) -> MethodKey:
+    """Return what identifies the method of a configuration: every knob but the timestep."""
+    return tuple((name, value) for name, value in values.items() if name != TIMESTEP)
+
+
+def method_name(values: Mapping[str, Setting], differing: Sequence[str]) -> str:
+    """Return a method in words: the values of what varies, with the axis where it is a number.
+
+    Knobs that an included row does not set are as the scene has them, and left out.
+    """
+    words = [_word(name, values[name]) for name in differing if values[name] is not None]
+    return ", ".join(words) or "as the scene has it"
+
+
+def _word(name: str, value: Setting) -> str:
+    if isinstance(value, str) and not value[:1].isdigit() and not value.startswith("-"):
+        return value
+    return f"{name} {value:g}" if isinstance(value, float) else f"{name} {value}"
+
+
+def varying(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
+    """Return the knobs that differ between methods."""
+    return [name for name in keys[0] if len({key[name] for key in keys}) > 1] if keys else []
+
+
+def _method(
+    values: dict[str, Setting],
+    differing: Sequence[str],
+    members: Sequence[Evaluated],
+    floor: Floor | None,
+    known: float,
+) -> Method:
+    return Method(
+        name=method_name(values, differing),
+        configuration=values,
+        order=_order(members, known),
+        floor=floor,
+    )
+
+
+def _order(members: Sequence[Evaluated], floor: float) -> Order:
+    impacts = max(each.impacts for each in members)
+    if impacts:
+        return no_order(
+            f"up to {impacts:.0f} impacts a run, and where in a step one falls is chance"
+        )
+    return order(_steps(members), floor)
+
+
+def _least_floors(floors: Mapping[MethodKey, Floor | None]) -> dict[MethodKey, float]:
+    """Return the least floor of all methods with the same physics; 0 where there is none.
+
+    Methods that differ by integrator or solver alone converge to the same solution.
+    """
+    least: dict[MethodKey, float] = {}
+    for key, floor in floors.items():
+        if floor is not None:
+            least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))
+    return {key: least.get(_physics(key), 0.0) for key in floors}
+
+
+def _physics(key: MethodKey) -> MethodKey:
+    return tuple(pair for pair in key if pair[0] not in _NUMERICS)
+
+
+def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
+    """Return the timesteps whose runs completed, without a raised time constant."""
+    # Runs that mean nothing tell nothing of how an error falls.
+    voided = {each.name for each in LABELS.values() if each.voids}
+    points = sorted(
+        (float(step), each.summary.error, each.estimate)
+        for each in members
+        if isinstance(step := each.group.values.get(TIMESTEP), int | float)
+        and each.summary.error
+        and not voided & each.failures.keys()
+        and not each.summary.solref_clamped
+    )
+    table = np.array(points, dtype=np.float64).reshape(-1, 3)
+    return TimestepErrors(timestep=table[:, 0], error=table[:, 1], uncertainty=table[:, 2])

@@ -1,0 +1,160 @@
+"""A store beside its baseline: the comparison's verdicts, and maps of where the two differ."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import altair as alt
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.comparison import DEFAULT_POLICY, Pairing, compare, pair_stores
+from contactlab.palette import COLOURS, STABLE_COLOUR
+from contactlab.reporting.heatmap import (
+    Layered,
+    MapFrame,
+    label_map,
+    label_rows,
+    number_map,
+    number_rows,
+    ratio_map,
+)
+from contactlab.reporting.map_cells import MapAxes, cell_statistic, label_counts
+from contactlab.reporting.report_columns import (
+    STABLE,
+    Quantity,
+    RunLabels,
+    read_quantities,
+    read_run_labels,
+    summary_metrics,
+)
+from contactlab.reporting.report_data import ReportData
+from contactlab.reporting.vega_rendering import Spec, themed
+from contactlab.schema import Check, CheckOutcome, ComparePolicy, ComparisonReport
+from contactlab.store import Store
+
+_WORSE, _BETTER, _SAME = 0, 1, 2
+_THIRD = 300, 260
+_LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
+_PANELS = ("baseline", "candidate", "difference")
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class BaselineComparison:
+    """A comparison as a page shows it.
+
+    Attributes:
+        report: the result of `contactlab compare`.
+        checks: its failed checks, then warnings, then notes.
+        maps: name and specification of maps of the paired runs: baseline, candidate, difference.
+        command: the command that prints the same.
+    """
+
+    report: ComparisonReport
+    checks: tuple[Check, ...]
+    maps: dict[str, Spec]
+    command: str
+
+
+def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparison:
+    """Compare a store with a baseline.
+
+    Raises:
+        StoreError: a store is damaged, or the two share no run.
+    """
+    store = data.store
+    policy = _policy(baseline, store)
+    report = compare(baseline.address, store.address, policy)
+    pairing = pair_stores(baseline.address, store.address, policy)
+    option = "" if policy.match == "id" else " --match axes"
+    return BaselineComparison(
+        report=report,
+        checks=tuple(
+            each for outcome in _LISTED for each in report.checks if each.outcome == outcome
+        ),
+        maps=dict(_maps(data, baseline, pairing)),
+        command=f"contactlab compare {baseline.address} {store.address}{option}",
+    )
+
+
+def _policy(baseline: Store, candidate: Store) -> ComparePolicy:
+    """Return a policy that pairs runs by id, or by axes where no id is shared."""
+    ids, other = (each.columns.byte_strings("run_id") for each in (baseline, candidate))
+    match = "id" if np.isin(ids, other).any() else "axes"
+    return DEFAULT_POLICY.model_copy(update={"match": match})
+
+
+def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple[str, Spec]]:
+    """Yield maps of the labels, and of the error or else the summary's first metric."""
+    if data.map_axes is None:
+        return
+    before, after = pairing.baseline, pairing.candidate
+    axes = _axes_of(data.map_axes, after)
+    names = (*baseline.manifest.labels, *data.store.manifest.labels)
+    old, new = _labels_of(baseline, names, before), _labels_of(data.store, names, after)
+    yield "labels", _label_maps(axes, old, new)
+    quantities = {each.name: each for each in read_quantities(baseline)}
+    name = data.tradeoff.error.name if data.tradeoff else summary_metrics()[0]
+    for each in data.quantities_named(name):
+        if each.name in quantities:
+            earlier = _values_of(quantities[each.name], before)
+            yield each.name, _number_maps(axes, earlier, _values_of(each, after))
+
+
+def _axes_of(axes: MapAxes, rows: Indices) -> MapAxes:
+    x, y = axes.x, axes.y
+    return MapAxes(replace(x, codes=x.codes[rows]), y and replace(y, codes=y.codes[rows]))
+
+
+def _labels_of(store: Store, names: Sequence[str], rows: Indices) -> RunLabels:
+    labels = read_run_labels(store, names)
+    return replace(labels, codes=labels.codes[rows], masks=labels.masks[rows])
+
+
+def _values_of(quantity: Quantity, rows: Indices) -> Quantity:
+    return replace(quantity, values=quantity.values[rows])
+
+
+def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
+    frame = MapFrame.of(axes, _THIRD)
+    moved = np.select(
+        [after.codes < before.codes, after.codes > before.codes], [_WORSE, _BETTER], _SAME
+    )
+    change = RunLabels(
+        names=("worse", "better", STABLE),
+        letters=("W", "B", ""),
+        colours=(COLOURS[1], COLOURS[0], STABLE_COLOUR),
+        meanings=("", "", ""),
+        counts=tuple(np.bincount(moved, minlength=3).tolist()),
+        codes=moved,
+        masks=np.zeros_like(moved),
+        every=(),
+    )
+    panels = [
+        label_map(frame, *label_rows(label_counts(axes, each), each), each)
+        for each in (before, after, change)
+    ]
+    return _side_by_side(panels)
+
+
+def _number_maps(axes: MapAxes, before: Quantity, after: Quantity) -> Spec:
+    frame = MapFrame.of(axes, _THIRD)
+    values = [cell_statistic(axes, each, "worst") for each in (before, after)]
+    title, resolution = f"worst {after.title}", after.column.resolution
+    panels = [number_map(frame, *number_rows(each), title, resolution) for each in values]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratios = np.where(values[0] == values[1], 1.0, values[1] / values[0])
+    ratios = np.where(np.isfinite(ratios) & (ratios > 0), ratios, np.nan)
+    return _side_by_side([*panels, ratio_map(frame, *number_rows(ratios), after.title)])
+
+
+def _side_by_side(charts: Sequence[Layered]) -> Spec:
+    titled = [chart.properties(title=title) for chart, title in zip(charts, _PANELS, strict=True)]
+    joined = alt.hconcat(*titled, spacing=24).resolve_scale(color="independent")
+    spec = joined.to_dict()
+    for place, part in enumerate(spec["hconcat"]):
+        for layer in part["layer"]:
+            layer["data"]["name"] += str(place)
+    spec = themed(spec)
+    spec["config"]["legend"] |= {"orient": "bottom", "columns": 2}
+    return spec

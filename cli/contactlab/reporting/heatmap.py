@@ -1,0 +1,249 @@
+"""The heatmap as a Vega-Lite specification: fractions of labels, or one number a cell."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import altair as alt
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
+from contactlab.palette import INK
+from contactlab.reporting.map_boundary import Boundary
+from contactlab.reporting.map_cells import MapAxes, label_counts, most_frequent_failure
+from contactlab.reporting.report_columns import RunLabels
+from contactlab.reporting.report_data import ReportData
+from contactlab.reporting.vega_rendering import HALO_AND_TEXT, Rows, Spec, layer_of, themed
+
+Layered = alt.LayerChart | alt.FacetChart
+
+_ROOM = 560, 340
+_CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
+_GAP = 0.03
+_DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
+_LEAST_RATIO = 1.02
+_EDGE = 0.2
+_MOST_TEXTS = 12
+_SPANS_DECADES = 30.0
+
+
+@dataclass(frozen=True)
+class MapFrame:
+    """The sides of a heatmap.
+
+    Attributes:
+        x: tick labels of the horizontal axis.
+        y: tick labels of the vertical axis.
+        x_title: title of the horizontal axis.
+        y_title: title of the vertical axis; None for a single row.
+        room: width and height that are available [pixels].
+    """
+
+    x: Sequence[str]
+    y: Sequence[str]
+    x_title: str
+    y_title: str | None
+    room: tuple[int, int] = _ROOM
+
+    @classmethod
+    def of(cls, axes: MapAxes, room: tuple[int, int] = _ROOM) -> "MapFrame":
+        """Return the frame of two axes."""
+        if axes.y is None:
+            return cls(axes.x.ticks, ("",), axes.x.title, None, room)
+        return cls(axes.x.ticks, axes.y.ticks, axes.x.title, axes.y.title, room)
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Width and height [pixels]."""
+        columns, rows = max(1, len(self.x)), max(1, len(self.y))
+        width = _clipped(self.room[0] / columns, _CELL_WIDTH) * columns
+        return width, _clipped(self.room[1] / rows, _CELL_HEIGHT) * rows
+
+
+EMPTY_FRAME = MapFrame((), (), "", "")
+
+
+def _clipped(value: float, limits: tuple[float, float]) -> float:
+    return min(max(value, limits[0]), limits[1])
+
+
+def default_map(data: ReportData) -> Spec | None:
+    """Return the map of labels over the two most informative axes; None without axes."""
+    axes, labels = data.map_axes, data.labels
+    if axes is None:
+        return None
+    pieces, letters = label_rows(label_counts(axes, labels), labels)
+    boundary = boundary_rows(axes, data.boundary)
+    return themed(label_map(MapFrame.of(axes), pieces, letters, labels, boundary).to_dict())
+
+
+def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows]:
+    """Return the pieces of each cell, as wide as their fraction of runs, and their letters.
+
+    Args:
+        counts: (rows, columns, labels) runs.
+        labels: the labels.
+    """
+    main = most_frequent_failure(counts, labels)
+    pieces: Rows = []
+    letters: Rows = []
+    for y, x in np.argwhere(counts.any(axis=-1)).tolist():
+        ends = np.concatenate(([0], counts[y, x].cumsum())) / counts[y, x].sum()
+        for code in np.flatnonzero(counts[y, x]).tolist():
+            start, stop = ends[code : code + 2].tolist()
+            pieces.append(_piece(x, y, start, stop) | {"label": labels.legend[code]})
+            if code == main[y, x]:
+                place = x + _clipped((start + stop) / 2, (_EDGE, 1 - _EDGE))
+                letters.append({"x": place, "y": y + 0.5, "text": labels.letters[code]})
+    return pieces, letters
+
+
+def _piece(x: int, y: int, start: float, stop: float) -> dict[str, Any]:
+    width = 1 - 2 * _GAP
+    return {
+        "x": round(x + _GAP + start * width, 6),
+        "x2": round(x + _GAP + stop * width, 6),
+        "y": y + _GAP,
+        "y2": y + 1 - _GAP,
+    }
+
+
+def boundary_rows(axes: MapAxes, boundary: Boundary | None) -> Rows:
+    """Return the ends of the lines to draw, at most two lines for each row or column of cells.
+
+    Where the runs of a row or column differ in their critical value, the least and the largest
+    are drawn.
+    """
+    if boundary is None or boundary.axis.name not in axes.names:
+        return []
+    is_horizontal = axes.x.name == boundary.axis.name
+    other = axes.y if is_horizontal else axes.x
+    codes = other.codes if other else np.zeros(len(boundary.values), dtype=np.int64)
+    rows: Rows = []
+    for code in np.unique(codes).tolist():
+        own = boundary.values[codes == code]
+        for place in np.unique(boundary.along(np.array([own.min(), own.max()]))).tolist():
+            if math.isfinite(place):
+                rows += _line(place, code, len(rows) // 2, is_horizontal=is_horizontal)
+    return rows
+
+
+def _line(place: float, code: int, part: int, *, is_horizontal: bool) -> Rows:
+    across = [(place, code), (place, code + 1)]
+    ends = across if is_horizontal else [(code, place), (code + 1, place)]
+    return [
+        {"x": x, "y": y, "order": order, "part": str(part)} for order, (x, y) in enumerate(ends)
+    ]
+
+
+def number_rows(values: Floats) -> tuple[Rows, Rows]:
+    """Return a piece for each cell that has a value, and the values as text where they fit."""
+    cells = np.argwhere(np.isfinite(values)).tolist()
+    pieces = [_piece(x, y, 0, 1) | {"value": float(values[y, x])} for y, x in cells]
+    if values.shape[1] > _MOST_TEXTS:
+        return pieces, []
+    texts = [{"x": x + 0.5, "y": y + 0.5, "text": f"{values[y, x]:.3g}"} for y, x in cells]
+    return pieces, texts
+
+
+def label_map(
+    frame: MapFrame, pieces: Rows, letters: Rows, labels: RunLabels, boundary: Rows | None = None
+) -> Layered:
+    """Return the map of labels, with a closed form's boundary if there is one."""
+    used = {row["label"] for row in pieces}
+    colour = (
+        alt.Color("label:N")
+        .scale(domain=list(labels.legend), range=list(labels.colours))
+        .legend(title="label", values=[name for name in labels.legend if name in used])
+    )
+    return _layered(frame, pieces, letters, colour, 13, boundary)
+
+
+def number_map(
+    frame: MapFrame, pieces: Rows, texts: Rows, title: str, resolution: float = 0.0
+) -> Layered:
+    """Return the map of a number."""
+    scale = number_scale([row["value"] for row in pieces], resolution)
+    colour = (
+        alt.Color("value:Q")
+        .scale(scheme="cividis", **scale)
+        .legend(title=title, format=".3~g", gradientLength=160)
+    )
+    return _layered(frame, pieces, texts, colour, 10)
+
+
+def ratio_map(frame: MapFrame, pieces: Rows, texts: Rows, title: str) -> Layered:
+    """Return the map of a ratio, with 1 in the middle of the colour scale."""
+    sizes = [abs(math.log(row["value"])) for row in pieces]
+    reach = math.exp(max([*sizes, math.log(_LEAST_RATIO)]))
+    colour = (
+        alt.Color("value:Q")
+        .scale(type="log", domain=[1 / reach, reach], range=_DIVERGING, nice=False)
+        .legend(title=f"candidate / baseline, {title}", format=".3~g", gradientLength=160)
+    )
+    return _layered(frame, pieces, texts, colour, 10)
+
+
+def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
+    """Return a logarithmic scale for positive numbers that span decades, else a linear one.
+
+    Zeros take the colour of the lower end of a logarithmic scale.
+    """
+    sizes = sorted(value for value in values if value > resolution)
+    if not sizes or min(values) < 0 or sizes[-1] < _SPANS_DECADES * sizes[0]:
+        return {"type": "linear", "zero": False, "nice": False}
+    return {"type": "log", "domain": [sizes[0], sizes[-1]], "clamp": True, "nice": False}
+
+
+def _layered(
+    frame: MapFrame,
+    pieces: Rows,
+    texts: Rows,
+    colour: alt.Color,
+    font_size: int,
+    boundary: Rows | None = None,
+) -> Layered:
+    x = alt.X("x:Q").scale(domain=[0, len(frame.x)], nice=False, zero=False)
+    y = alt.Y("y:Q").scale(domain=[0, len(frame.y)], nice=False, zero=False)
+    x = x.axis(title=frame.x_title, **_ticks(frame.x), labelAngle=_tick_angle(frame))
+    y = y.axis(title=frame.y_title, **_ticks(frame.y))
+    cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
+    width, height = frame.size
+    layers = (cells, *_texts(texts, font_size, x, y), *_overlays(x, y, boundary or []))
+    return alt.layer(*layers).properties(width=width, height=height)
+
+
+def _overlays(x: alt.X, y: alt.Y, boundary: Rows) -> Iterator[alt.Chart]:
+    """Yield what is drawn over the cells: a closed form's boundary, and the focused cell."""
+    line = layer_of("boundary", boundary).mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
+    yield line.encode(x, y, order="order:Q", detail="part:N")
+    ring = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
+    yield ring.encode(x, y, x2="x2:Q", y2="y2:Q")
+
+
+def _texts(texts: Rows, font_size: int, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
+    for style in HALO_AND_TEXT:
+        marked: dict[str, Any] = {"fontWeight": "bold", "fontSize": font_size, **style}
+        yield layer_of("texts", texts).mark_text(**marked).encode(x, y, text="text:N")
+
+
+def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
+    """Return an axis with a tick label in the middle of each cell."""
+    return {
+        "values": [index + 0.5 for index in range(len(ticks))],
+        "labelExpr": f"{json.dumps(list(ticks))}[floor(datum.value)]",
+        "labelOverlap": True,
+        "labelLimit": 140,
+        "grid": False,
+        "ticks": False,
+        "domain": False,
+    }
+
+
+def _tick_angle(frame: MapFrame) -> int:
+    """Return the angle of tick labels below the map: they turn where a cell is too narrow."""
+    widest = max(map(len, frame.x), default=0)
+    return -35 if widest * 7 > frame.size[0] / max(1, len(frame.x)) else 0

@@ -1,0 +1,107 @@
+"""The page: a store in one HTML file that needs nothing else."""
+
+from importlib import resources
+from typing import Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from contactlab.reporting.baseline_maps import BaselineComparison, compare_with_baseline
+from contactlab.reporting.heatmap import default_map
+from contactlab.reporting.knob_changes import knob_changes
+from contactlab.reporting.packing import as_json, packed_text
+from contactlab.reporting.page_charts import label_bar, tradeoff_chart
+from contactlab.reporting.page_content import PageContent, page_content
+from contactlab.reporting.page_tables import (
+    change_table,
+    expectation_summary,
+    expectations,
+    front_table,
+    header_lines,
+    label_table,
+    map_table,
+    recommendation_texts,
+    unexpected_runs,
+)
+from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
+from contactlab.reporting.vega_rendering import Spec, static_svg, vega_bundle
+from contactlab.store import Store
+
+_PACKAGE = "contactlab.reporting"
+_SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
+
+
+def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]:
+    """Return the page of a store, and notes on what it leaves out."""
+    data = read_report_data(store, request.criteria)
+    chart = tradeoff_chart(data)
+    content = page_content(data, request, chart)
+    comparison = compare_with_baseline(data, request.baseline) if request.baseline else None
+    environment = Environment(
+        loader=PackageLoader(_PACKAGE),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    text = environment.get_template("page.html").render(
+        **_texts(data),
+        **_pictures(data, chart),
+        **_script(content),
+        style=_read("style.css"),
+        notes=content.notes,
+        comparison=comparison,
+        comparison_maps=_comparison_maps(comparison),
+    )
+    return text, content.notes
+
+
+def _texts(data: ReportData) -> dict[str, Any]:
+    manifest = data.store.manifest
+    outcome, summary = expectation_summary(manifest)
+    changes = knob_changes(data.axes, data.labels, data.quantities)
+    return {
+        "title": f"{manifest.sweep.name}: {manifest.sweep.scene}",
+        "description": manifest.sweep.resolved.get("description") or "",
+        "store": str(data.store.address),
+        "runs": manifest.runs,
+        "header": list(header_lines(manifest)),
+        "outcome": outcome,
+        "summary": summary,
+        "labels": label_table(data.labels),
+        "recommendation": recommendation_texts(data),
+        "no_tradeoff": data.no_tradeoff,
+        "front": front_table(data),
+        "map": map_table(data),
+        "boundary": data.boundary.meaning if data.boundary else "",
+        "changes": change_table(data, changes),
+        "expectations": expectations(manifest),
+        "unexpected": unexpected_runs(data.store),
+    }
+
+
+def _pictures(data: ReportData, chart: Spec | None) -> dict[str, str]:
+    axes = " and ".join(data.map_axes.names) if data.map_axes else ""
+    return {
+        "bar": static_svg(label_bar(data.labels), "All runs by label"),
+        "heatmap": static_svg(default_map(data), f"Labels over {axes}"),
+        "chart": static_svg(chart, "Error against time of each configuration"),
+    }
+
+
+def _comparison_maps(comparison: BaselineComparison | None) -> list[str]:
+    maps = comparison.maps.items() if comparison else ()
+    return [static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps]
+
+
+def _script(content: PageContent) -> dict[str, str]:
+    return {
+        "script": "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
+        "bundle": packed_text(vega_bundle()),
+        "metadata": packed_text(as_json(content.metadata)),
+        "columns": as_json(content.columns),
+        "series": as_json(content.series),
+    }
+
+
+def _read(name: str) -> str:
+    return resources.files(_PACKAGE).joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,129 @@
+"""What changing one knob does, all else equal: matched pairs of runs, as numbers and as bars."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import altair as alt
+import numpy as np
+
+from contactlab.contact import Floats
+from contactlab.palette import COLOURS, INK
+from contactlab.reporting.report_columns import (
+    Codes,
+    GridAxis,
+    Quantity,
+    RunLabels,
+    combination_codes,
+)
+from contactlab.reporting.vega_rendering import Rows, Spec, layer_of
+
+_MOST_VALUES = 12
+_ROOM = 3.0
+
+
+@dataclass(frozen=True)
+class KnobChange:
+    """One knob from one value to another.
+
+    Attributes:
+        axis: the knob.
+        before: the value that it is compared with.
+        after: the value.
+        pairs: number of pairs of runs that differ in nothing else.
+        failed: fraction of these that fail before, and after.
+        ratios: quantity to the geometric mean of after over before, over the pairs in which
+            neither run fails; None where no pair has two positive values.
+    """
+
+    axis: str
+    before: str
+    after: str
+    pairs: int
+    failed: tuple[float, float]
+    ratios: dict[str, float | None]
+
+
+def knob_changes(
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> list[KnobChange]:
+    """Return every knob's values against its first, where runs can be matched."""
+    knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= _MOST_VALUES]
+    return [each for axis in knobs for each in _changes_of(axis, axes, labels, quantities)]
+
+
+def _changes_of(
+    axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> Iterator[KnobChange]:
+    others = combination_codes([each for each in axes if each is not axis], len(axis.codes))
+    base = np.flatnonzero(axis.codes == 0)
+    failed = labels.failed
+    for code in range(1, len(axis.ticks)):
+        before, after = _matched(others, base, np.flatnonzero(axis.codes == code))
+        if len(before):
+            fine = ~(failed[before] | failed[after])
+            yield KnobChange(
+                axis=axis.name,
+                before=axis.ticks[0],
+                after=axis.ticks[code],
+                pairs=len(before),
+                failed=(float(failed[before].mean()), float(failed[after].mean())),
+                ratios={
+                    each.name: _mean_ratio(each.values[before[fine]], each.values[after[fine]])
+                    for each in quantities
+                },
+            )
+
+
+def _matched(others: Codes, base: Codes, rows: Codes) -> tuple[Codes, Codes]:
+    _, first, second = np.intersect1d(others[base], others[rows], return_indices=True)
+    return base[first], rows[second]
+
+
+def _mean_ratio(before: Floats, after: Floats) -> float | None:
+    positive = (before > 0) & (after > 0)
+    if not positive.any():
+        return None
+    return float(np.exp(np.log(after[positive] / before[positive]).mean()))
+
+
+def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
+    """Return bars of the factor by which each change multiplies each quantity."""
+    rows: Rows = [
+        {
+            "change": f"{each.axis}  {each.before} → {each.after}",
+            "name": name,
+            "ratio": ratio,
+            "one": 1.0,
+            "text": f"x {ratio:.3g}",
+            "align": "left" if ratio >= 1 else "right",
+            "dx": 5 if ratio >= 1 else -5,
+        }
+        for each in changes
+        for name in names
+        if (ratio := each.ratios.get(name)) is not None
+    ]
+    order = list(dict.fromkeys(row["change"] for row in rows))
+    panels = [
+        _bars([row for row in rows if row["name"] == name], name, order, is_first=not index)
+        for index, name in enumerate(names)
+        if any(row["name"] == name for row in rows)
+    ]
+    return alt.hconcat(*panels, spacing=26).to_dict()
+
+
+def _bars(
+    rows: Rows, name: str, order: list[str], *, is_first: bool
+) -> alt.LayerChart | alt.FacetChart:
+    sizes = [row["ratio"] for row in rows]
+    domain = [min(*sizes, 1.0) / _ROOM, max(*sizes, 1.0) * _ROOM]
+    x = alt.X("ratio:Q").scale(type="log", domain=domain, nice=False)
+    x = x.axis(title=f"{name}, after / before", format="~g", tickCount=5)
+    y = alt.Y("change:N").scale(domain=order).axis(title=None, labelLimit=260, labels=is_first)
+    colour = alt.condition("datum.ratio >= 1", alt.value(COLOURS[1]), alt.value(COLOURS[0]))
+    base = layer_of(f"changes {name}", rows)
+    bars = base.mark_bar(height=13).encode(x, y, x2="one:Q", color=colour)
+    align, dx = alt.ExprRef("datum.align"), alt.ExprRef("datum.dx")
+    texts = base.mark_text(fontSize=11, color=INK, align=align, dx=dx)
+    texts = texts.encode(x, y, text="text:N")
+    one = base.mark_rule(color=INK).encode(alt.X("one:Q").scale(type="log", domain=domain))
+    return alt.layer(bars, one, texts).properties(width=240, height={"step": 22})

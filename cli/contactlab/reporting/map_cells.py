@@ -1,0 +1,192 @@
+"""What a map shows in each cell: how many runs have which label, or one number."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact import Floats
+from contactlab.reporting.packing import packed_integers, rounded_floats
+from contactlab.reporting.report_columns import SEED, STABLE, Codes, GridAxis, Quantity, RunLabels
+
+Statistic = Literal["worst", "median", "mean"]
+STATISTICS: tuple[Statistic, ...] = ("worst", "median", "mean")
+_MOST_AXES = 8
+
+
+@dataclass(frozen=True)
+class MapAxes:
+    """The two axes of a map over n runs.
+
+    Attributes:
+        x: the horizontal axis.
+        y: the vertical axis; None for a single row.
+    """
+
+    x: GridAxis
+    y: GridAxis | None
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
+        return (1 if self.y is None else len(self.y.ticks), len(self.x.ticks))
+
+    @property
+    def size(self) -> int:
+        """Number of cells."""
+        return self.shape[0] * self.shape[1]
+
+    @property
+    def cells(self) -> Codes:
+        """(n,) the cell of each run, row by row."""
+        rows = 0 if self.y is None else self.y.codes
+        return rows * len(self.x.ticks) + self.x.codes
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The axes' names, the horizontal one first."""
+        return tuple(axis.name for axis in (self.x, self.y) if axis)
+
+
+class CellStatistics(NamedTuple):
+    """Statistics of a quantity in each of C cells, NaN where it has no value.
+
+    Attributes:
+        worst: (C,) the largest magnitude; the least value of a quantity of which more is better.
+        median: (C,).
+        mean: (C,).
+    """
+
+    worst: Floats
+    median: Floats
+    mean: Floats
+
+
+def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
+    """Return (rows, columns, labels) how many runs have which worst label."""
+    count = len(labels.names)
+    combined = axes.cells * count + labels.codes
+    return np.bincount(combined, minlength=axes.size * count).reshape(*axes.shape, count)
+
+
+def cell_statistic(axes: MapAxes, quantity: Quantity, kind: Statistic) -> Floats:
+    """Return (rows, columns) one statistic of a quantity over the runs of each cell."""
+    statistics = cell_statistics(axes.cells, axes.size, quantity, ascending_runs(quantity))
+    return statistics[STATISTICS.index(kind)].reshape(axes.shape)
+
+
+def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
+    """Return (m,) the runs that have a value, the least first."""
+    return np.argsort(quantity.values)[: int(np.isfinite(quantity.values).sum())]
+
+
+def cell_statistics(
+    cells: NDArray[np.integer], size: int, quantity: Quantity, ascending: NDArray[np.intp]
+) -> CellStatistics:
+    """Return the statistics of a quantity in each cell.
+
+    One sort of the values serves every pair of axes: a stable sort of these by cell, which is
+    linear in time for small integers, leaves each cell's values in order.
+
+    Args:
+        cells: (n,) cell of each run.
+        size: number of cells.
+        quantity: n values.
+        ascending: (m,) the runs that have a value, the least first.
+    """
+    own, values = cells[ascending], quantity.values[ascending]
+    by_cell = values[np.argsort(own, kind="stable")]
+    counts = np.bincount(own, minlength=size)
+    filled = counts > 0
+    number = counts[filled]
+    ends = counts.cumsum()[filled]
+    starts = ends - number
+    low, high = by_cell[starts], by_cell[ends - 1]
+    worst = low if quantity.column.better == "higher" else np.maximum(np.abs(low), np.abs(high))
+    median = (by_cell[starts + (number - 1) // 2] + by_cell[starts + number // 2]) / 2
+    mean = np.bincount(own, values, minlength=size)[filled] / number
+    statistics = np.full((3, size), np.nan)
+    statistics[:, filled] = worst, median, mean
+    return CellStatistics(*statistics)
+
+
+def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
+    """Return (rows, columns) the most frequent failure label of each cell, -1 where there is none.
+
+    Of equally frequent ones the worst.
+    """
+    failures = len(labels.names) - (STABLE in labels.names)
+    if not failures:
+        return np.full(counts.shape[:2], -1)
+    failed = counts[..., :failures]
+    return np.where(failed.any(axis=-1), failed.argmax(axis=-1), -1)
+
+
+def most_informative_axes(axes: Sequence[GridAxis], labels: RunLabels) -> MapAxes | None:
+    """Return the two axes that explain most of which label a run gets; None without axes.
+
+    The second is the one that adds most to the first. The one with more values is horizontal.
+    """
+    usable = [axis for axis in axes if axis.name != SEED] or list(axes)
+    if not usable:
+        return None
+    first = max(usable, key=lambda axis: (_explained_variance(axis.codes, labels), len(axis.ticks)))
+    others = [axis for axis in usable if axis is not first]
+    if not others:
+        return MapAxes(first, None)
+
+    def added(axis: GridAxis) -> tuple[float, int]:
+        return _explained_variance(MapAxes(axis, first).cells, labels), len(axis.ticks)
+
+    x, y = sorted((first, max(others, key=added)), key=lambda axis: -len(axis.ticks))
+    return MapAxes(x, y)
+
+
+def _explained_variance(cells: Codes, labels: RunLabels) -> float:
+    """Return the share of the variance of labels between cells, adjusted for their number."""
+    _, codes = np.unique(cells, return_inverse=True)
+    runs = np.bincount(codes)
+    count = len(labels.names)
+    counts = np.bincount(codes * count + labels.codes, minlength=len(runs) * count)
+    within = len(cells) - float((counts.reshape(-1, count) ** 2 / runs[:, None]).sum())
+    total = len(cells) - float((np.array(labels.counts) ** 2).sum()) / len(cells)
+    freedom = max(1, len(cells) - len(runs)) / max(1, len(cells) - 1)
+    return round(1 - within / total / freedom, 9) if total > 0 else 0.0
+
+
+def aggregated_axes(axes: Sequence[GridAxis]) -> tuple[GridAxis, ...]:
+    """Return the axes that runs are aggregated over: the first eight, the seed last."""
+    return tuple(sorted(axes, key=lambda axis: axis.name == SEED)[:_MOST_AXES])
+
+
+def aggregated_columns(
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> dict[str, NDArray[Any]]:
+    """Return the cells of every map that a page can show, in place of too many runs.
+
+    They are called `cells:X:Y:labels` and `cells:X:Y:QUANTITY:STATISTIC`, X and Y being the
+    positions of the axes, and Y empty for a map of a single row.
+    """
+    maps = dict(_every_map(axes))
+    columns: dict[str, NDArray[Any]] = {
+        f"{name}:labels": packed_integers(label_counts(each, labels).ravel())
+        for name, each in maps.items()
+    }
+    cells = {name: each.cells.astype(np.uint16) for name, each in maps.items()}
+    for quantity in quantities:
+        ascending = ascending_runs(quantity)
+        for name, each in maps.items():
+            statistics = cell_statistics(cells[name], each.size, quantity, ascending)
+            for kind, values in zip(STATISTICS, statistics, strict=True):
+                columns[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
+    return columns
+
+
+def _every_map(axes: Sequence[GridAxis]) -> Iterator[tuple[str, MapAxes]]:
+    for index, axis in enumerate(axes):
+        yield f"cells:{index}:", MapAxes(axis, None)
+    for (first, x), (second, y) in combinations(enumerate(axes), 2):
+        yield f"cells:{first}:{second}", MapAxes(x, y)

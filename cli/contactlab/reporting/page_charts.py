@@ -1,0 +1,171 @@
+"""The charts of a page beside its map: labels, accuracy against time, a run over time."""
+
+import re
+from collections.abc import Iterator
+
+import altair as alt
+
+from contactlab.contact import NO_CONTACT, SLIDE, STICK
+from contactlab.palette import COLOURS, INK, mode_colour
+from contactlab.pareto import specify
+from contactlab.reporting.heatmap import EMPTY_FRAME, label_map, number_map
+from contactlab.reporting.report_columns import STABLE, RunLabels
+from contactlab.reporting.report_data import ReportData
+from contactlab.reporting.vega_rendering import (
+    HALO_AND_TEXT,
+    Rows,
+    Spec,
+    layer_of,
+    themed,
+    with_page_colours,
+)
+from contactlab.schema import Configuration, Setting, Settings, TradeoffReport
+
+MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
+_BAR = 700, 26
+_LEAST_WITH_TEXT = 0.03
+_MOST_CONFIGURATIONS = 600
+_TIMESTEP = "timestep"
+_COUNT = re.compile(r"^\d+ of \d+")
+_TIMELINE_WIDTH = 620
+_TIMELINE_HEIGHTS = {"motion": 120, "force": 120, "depth": 90}
+Key = tuple[tuple[str, Setting], ...]
+
+
+def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
+    """Return the specifications that a page's script fills with data, in the page's colours."""
+    templates = {
+        "labels": themed(label_map(EMPTY_FRAME, [], [], data.labels).to_dict()),
+        "number": themed(number_map(EMPTY_FRAME, [], [], "").to_dict()),
+        "timeline": themed(timeline_chart()),
+        "tradeoff": tradeoff,
+    }
+    return {name: with_page_colours(spec) for name, spec in templates.items() if spec is not None}
+
+
+def label_bar(labels: RunLabels) -> Spec:
+    """Return all runs as one bar, split by label."""
+    rows: Rows = []
+    before, total = 0, max(1, sum(labels.counts))
+    for index, count in enumerate(labels.counts):
+        start, stop = before / total, (before + count) / total
+        text = (labels.letters[index] or STABLE) if count > _LEAST_WITH_TEXT * total else ""
+        rows.append(
+            {
+                "x": start,
+                "x2": stop,
+                "label": labels.legend[index],
+                "text": text,
+                "middle": (start + stop) / 2,
+                "runs": count,
+            }
+        )
+        before += count
+    x = alt.X("x:Q").scale(domain=[0, 1]).axis(None)
+    colour = (
+        alt.Color("label:N")
+        .scale(domain=list(labels.legend), range=list(labels.colours))
+        .legend(None)
+    )
+    base = layer_of("bar", rows)
+    bar = base.mark_rect(stroke="white", strokeWidth=1).encode(x, colour, x2="x2:Q")
+    middle = alt.X("middle:Q").scale(domain=[0, 1]).axis(None)
+    texts = [
+        base.mark_text(fontWeight="bold", fontSize=13, **style).encode(middle, text="text:N")
+        for style in HALO_AND_TEXT
+    ]
+    chart = alt.layer(bar, *texts).properties(width=_BAR[0], height=_BAR[1])
+    return themed(chart.configure_view(stroke=None).to_dict())
+
+
+def tradeoff_chart(data: ReportData) -> Spec | None:
+    """Return accuracy against time; None where the store does not have both.
+
+    Of very many configurations it shows those of the best methods and a sample of the others.
+    """
+    report = data.tradeoff
+    if report is None or not any(map(_has_place, report.configurations)):
+        return None
+    places = _drawn_places(report)
+    drawn = tuple(report.configurations[place] for place in places)
+    spec = specify(report.model_copy(update={"configurations": drawn}))
+    for layer in spec["layer"]:
+        for row in layer["data"]["values"]:
+            if "place" in row:
+                row["place"] = places[row["place"]]
+    subtitle = spec["title"]["subtitle"]
+    subtitle[0] = _COUNT.sub(_feasible_count(report), subtitle[0])
+    return themed(spec)
+
+
+def _has_place(each: Configuration) -> bool:
+    return each.time is not None and each.error is not None
+
+
+def _feasible_count(report: TradeoffReport) -> str:
+    feasible = sum(each.feasible for each in report.configurations)
+    return f"{feasible} of {len(report.configurations)}"
+
+
+def _drawn_places(report: TradeoffReport) -> list[int]:
+    """Return the configurations to draw: whole methods, those of the fronts before others."""
+    by_method: dict[Key, list[int]] = {}
+    for place, each in enumerate(report.configurations):
+        by_method.setdefault(_method(each.configuration), []).append(place)
+    places: list[int] = []
+    for key in dict.fromkeys((*_best_methods(report), *_spread(list(by_method)))):
+        if len(places) < _MOST_CONFIGURATIONS:
+            places += by_method[key]
+    return sorted(places)
+
+
+def _best_methods(report: TradeoffReport) -> Iterator[Key]:
+    recommended = (each for each in (report.recommendation, report.robust) if each is not None)
+    for each in (*recommended, *report.front, *report.unconstrained_front):
+        yield _method(each.configuration)
+
+
+def _spread(keys: list[Key]) -> Iterator[Key]:
+    """Yield keys in an order that samples all of them evenly."""
+    stride = max(1, len(keys) // 64)
+    for start in range(stride):
+        yield from keys[start::stride]
+
+
+def _method(values: Settings) -> Key:
+    return tuple((name, value) for name, value in values.items() if name != _TIMESTEP)
+
+
+def timeline_chart() -> Spec:
+    """Return charts of a run below each other: motion, force, depth, stick and slide."""
+    panels = [_time_series(name, height) for name, height in _TIMELINE_HEIGHTS.items()]
+    chart = alt.vconcat(*panels, _contact_modes(), spacing=8).resolve_scale(color="independent")
+    return chart.to_dict()
+
+
+def _time_series(name: str, height: int) -> alt.Chart:
+    x = alt.X("time:Q").scale(nice=False).axis(title=None, labels=False, ticks=False)
+    y = alt.Y("value:Q").scale(zero=name != "motion").axis(title=name, format="~g", tickCount=4)
+    colour = alt.Color("name:N").scale(range=[COLOURS[0], COLOURS[1]]).legend(title=None)
+    return (
+        layer_of(name, [])
+        .mark_line(strokeWidth=1.4)
+        .encode(x, y, colour, order="order:Q")
+        .properties(width=_TIMELINE_WIDTH, height=height)
+    )
+
+
+def _contact_modes() -> alt.Chart:
+    x = alt.X("time:Q").scale(nice=False).axis(title="simulated time [s]", format="~g")
+    y = alt.Y("pair:N").axis(title=None, labelLimit=120)
+    colour = (
+        alt.Color("mode:N")
+        .scale(domain=list(MODE_NAMES.values()), range=[mode_colour(mode) for mode in MODE_NAMES])
+        .legend(title="contact")
+    )
+    return (
+        layer_of("modes", [])
+        .mark_bar(height=16, stroke=INK, strokeWidth=0)
+        .encode(x, y, colour, x2="end:Q")
+        .properties(width=_TIMELINE_WIDTH, height={"step": 22})
+    )

@@ -1,0 +1,292 @@
+"""What the script of a page is given: names and texts as JSON, numbers packed."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.errors import StoreError
+from contactlab.pareto import (
+    EQUALLY_FAST,
+    SAFE_MARGIN,
+    ToleranceTable,
+    mjcf_lines,
+)
+from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
+from contactlab.reporting.packing import pack, packed_integers, rounded_floats, run_id_halves
+from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
+from contactlab.reporting.report_columns import GridAxis
+from contactlab.reporting.report_data import PageRequest, ReportData
+from contactlab.reporting.run_series import read_mode_bands, read_signals
+from contactlab.reporting.vega_rendering import Spec
+from contactlab.schema import EvidenceRecord, TradeoffReport
+from contactlab.store import Store, row_to_record
+from contactlab.store.mcap import StoredTrace
+
+# Series of at most so many runs of a label come first, and so many in the order of the plan last.
+_SERIES_PER_LABEL = 3
+_SERIES_OF_OTHERS = 60
+_SERIES_IF_AGGREGATED = 12
+_RUNS_PER_LABEL = 50
+# Up to so many runs, numbers have all bits of single precision; above, those of three digits.
+_FEW_RUNS = 5_000
+_ALL_BITS, _FEW_BITS, _SERIES_BITS = 23, 11, 12
+_MOST_MJCF = 200
+# Bytes that a run takes, and each of its numbers, once compressed.
+_BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
+
+
+@dataclass(frozen=True)
+class PageContent:
+    """What a page's script is given.
+
+    Attributes:
+        metadata: names, texts and specifications.
+        columns: numbers of runs and configurations, packed.
+        series: time series of some runs, packed.
+        notes: what is left out.
+    """
+
+    metadata: dict[str, Any]
+    columns: dict[str, Any]
+    series: dict[str, Any]
+    notes: tuple[str, ...]
+
+
+def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> PageContent:
+    """Return what the script of a page is given.
+
+    Where all runs would take more room than the page may have, it is given the cells of every
+    map, and a selection of runs only.
+    """
+    is_aggregated = _size_of_runs(data) > request.most_bytes
+    traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
+    with_series = runs_with_series(data, traces)
+    rows = (
+        _selected_runs(data, with_series) if is_aggregated else np.arange(data.store.columns.runs)
+    )
+    positions = {row: position for position, row in enumerate(rows.tolist())}
+    records = {positions[row]: record for row, record in _records(data.store, with_series).items()}
+    axes = aggregated_axes(data.axes) if is_aggregated else data.axes
+    table = data.tolerance_table()
+    columns = _columns(data, axes, rows, table)
+    if is_aggregated:
+        columns |= aggregated_columns(axes, data.labels, data.quantities)
+    boundary = data.boundary
+    tradeoff = _tradeoff(data.store, data.tradeoff, table) if data.tradeoff and table else None
+    metadata = {
+        "store": str(data.store.address),
+        "runs": len(rows),
+        "total": data.store.columns.runs,
+        "aggregated": is_aggregated,
+        "axes": [
+            {
+                "name": each.name,
+                "title": each.title,
+                "ticks": each.ticks,
+                "binned": each.numbers is not None,
+            }
+            for each in axes
+        ],
+        "labels": {
+            "names": data.labels.names,
+            "letters": data.labels.letters,
+            "legend": data.labels.legend,
+            "every": data.labels.every,
+        },
+        "modes": list(MODE_NAMES.values()),
+        "quantities": [
+            [
+                each.name,
+                each.column.unit,
+                each.column.better,
+                each.column.resolution,
+                each.description,
+            ]
+            for each in data.quantities
+        ],
+        "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
+        "boundary": boundary
+        and {"axis": boundary.axis.name, "tickValues": boundary.axis.tick_values.tolist()},
+        "digits": 6 if len(rows) <= _FEW_RUNS else 3,
+        "specs": chart_templates(data, chart),
+        "tradeoff": tradeoff,
+        "details": {position: _details(record) for position, record in records.items()},
+    }
+    notes = (_aggregation_note(data, len(rows)),) if is_aggregated else ()
+    return PageContent(metadata, pack(columns), packed_series(data.store, records), notes)
+
+
+def _size_of_runs(data: ReportData) -> float:
+    """Return about how much room all runs would take [B]."""
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+    return 4 / 3 * width * data.store.columns.runs
+
+
+def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.int64]:
+    """Return the runs of an aggregated page: some of each label, and one of each cell."""
+    labels = data.labels
+    selected = [
+        np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in range(len(labels.names))
+    ]
+    if data.map_axes is not None:
+        selected.append(np.unique(data.map_axes.cells, return_index=True)[1])
+    return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
+
+
+def _aggregation_note(data: ReportData, selected: int) -> str:
+    runs = data.store.columns.runs
+    return (
+        f"{runs:,} runs are too many for one page: each map covers all of them, over any two axes "
+        f"and all values of the others; {selected:,} single runs are listed"
+    )
+
+
+def runs_with_series(data: ReportData, most: int) -> list[int]:
+    """Return the rows of at most so many runs, those that a reader will ask for first.
+
+    The recommended ones come first, then a few of each label, the worst first, then one of each
+    cell of the default map, then the others in the order of the plan.
+    """
+    return list(dict.fromkeys(_by_interest(data)))[:most] if most else []
+
+
+def _by_interest(data: ReportData) -> Iterator[int]:
+    ids = data.store.columns.byte_strings("run_id")
+    report = data.tradeoff
+    for run in (report.recommendation, report.robust) if report else ():
+        if run is not None:
+            yield from np.flatnonzero(ids == run.run_id.encode()).tolist()
+    for code in range(len(data.labels.names)):
+        yield from np.flatnonzero(data.labels.codes == code)[:_SERIES_PER_LABEL].tolist()
+    if data.map_axes is not None:
+        yield from np.sort(np.unique(data.map_axes.cells, return_index=True)[1]).tolist()
+    yield from range(min(len(ids), _SERIES_OF_OTHERS))
+
+
+def _columns(
+    data: ReportData,
+    axes: Sequence[GridAxis],
+    rows: NDArray[np.int64],
+    table: ToleranceTable | None,
+) -> dict[str, NDArray[Any]]:
+    """Return the columns of some runs, and of the configurations."""
+    labels = data.labels
+    bits = _ALL_BITS if len(rows) <= _FEW_RUNS else _FEW_BITS
+    columns: dict[str, NDArray[Any]] = {
+        "id": run_id_halves(data.store.columns.byte_strings("run_id")[rows]),
+        "label": packed_integers(labels.codes[rows]),
+        "labels": (labels.masks[rows] & 0xFFFFFFFF).astype("u4"),
+        "labels:high": (labels.masks[rows] >> 32).astype("u4"),
+        "expected": packed_integers(_expected(data.store)[rows]),
+    }
+    if data.boundary is not None:
+        columns["boundary"] = rounded_floats(data.boundary.values[rows])
+    for axis in axes:
+        columns[f"axis:{axis.name}"] = packed_integers(axis.codes[rows])
+        if axis.numbers is not None:
+            columns[f"number:{axis.name}"] = rounded_floats(axis.numbers[rows])
+    for each in data.quantities:
+        columns[f"value:{each.name}"] = rounded_floats(each.values[rows], bits)
+    if data.tradeoff is not None and table is not None:
+        columns |= _configuration_columns(data.tradeoff, table, rows, bits)
+    return columns
+
+
+def _expected(store: Store) -> NDArray[np.int64]:
+    """Return (n,) 2 for a run as expected, 1 for one that is not, 0 without an expectation."""
+    met, given = store.columns.numbers("expectation_met")
+    return np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
+
+
+def _configuration_columns(
+    report: TradeoffReport, table: ToleranceTable, rows: NDArray[np.int64], bits: int
+) -> dict[str, NDArray[Any]]:
+    exact = {report.error.name, *report.tolerances}
+    return {
+        "configuration": packed_integers(table.configuration[rows]),
+        "otherwiseFeasible": packed_integers(table.otherwise_feasible),
+        "time": np.array([each.time for each in report.configurations], dtype=np.float64),
+        "error": np.array([each.error for each in report.configurations], dtype=np.float64),
+        **{
+            f"worst:{name}": worst if name in exact else rounded_floats(worst, bits)
+            for name, worst in table.worst.items()
+        },
+    }
+
+
+def _tradeoff(store: Store, report: TradeoffReport, table: ToleranceTable) -> dict[str, Any]:
+    return {
+        "knobs": report.knobs,
+        "configurations": [list(each.configuration.values()) for each in report.configurations],
+        "error": [report.error.name, report.error.unit],
+        "tolerances": report.tolerances,
+        "equallyFast": EQUALLY_FAST,
+        "safeMargin": SAFE_MARGIN,
+        "mjcf": _mjcf(store, report, table),
+    }
+
+
+def _mjcf(store: Store, report: TradeoffReport, table: ToleranceTable) -> list[str] | None:
+    """Return the lines that set each configuration, unless there are too many."""
+    if len(report.configurations) > _MOST_MJCF:
+        return None
+    firsts = np.unique(table.configuration, return_index=True)[1].tolist()
+    records = _records(store, firsts)
+    return ["\n".join(mjcf_lines(report.knobs, records[row]).mjcf) for row in firsts]
+
+
+def _records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:
+    columns = store.columns
+    return {row: row_to_record(columns.row(row), columns.shared) for row in sorted(rows)}
+
+
+def _details(record: EvidenceRecord) -> dict[str, Any]:
+    """Return what a page shows of a run beside its numbers."""
+    return {
+        "labels": [[each.label, each.reason, each.step] for each in record.labels],
+        "settings": record.settings | record.axes,
+        "expectation_reason": record.expectation_reason,
+        "status": record.status,
+        "steps": record.steps,
+        "engine": f"{record.engine.name} {record.engine.version}",
+        "trace": record.trace.file if record.trace else None,
+    }
+
+
+def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str, Any]:
+    """Return the time series of the runs that have a trace: their names, and packed numbers."""
+    descriptions: dict[int, Any] = {}
+    columns: dict[str, np.ndarray] = {}
+    for row, record in records.items():
+        trace = _trace(store, record)
+        if trace is not None:
+            descriptions[row] = _add_series(columns, row, trace)
+    return {"runs": descriptions, "packed": pack(columns)}
+
+
+def _trace(store: Store, record: EvidenceRecord) -> StoredTrace | None:
+    if record.trace is None or store.manifest.traces_left_out:
+        return None
+    try:
+        return store.trace(record)
+    except StoreError:
+        # `contactlab verify` reports a damaged trace; the page shows the others.
+        return None
+
+
+def _add_series(columns: dict[str, np.ndarray], row: int, trace: StoredTrace) -> dict[str, Any]:
+    """Add the series of a run to columns, and return their names."""
+    signals, bands = read_signals(trace), read_mode_bands(trace)
+    for index, signal in enumerate(signals):
+        columns[f"{row}:t{index}"] = rounded_floats(signal.time, _SERIES_BITS)
+        columns[f"{row}:v{index}"] = rounded_floats(signal.values, _SERIES_BITS)
+    for index, band in enumerate(bands):
+        columns[f"{row}:s{index}"] = rounded_floats(band.starts, _SERIES_BITS)
+        columns[f"{row}:m{index}"] = packed_integers(band.modes)
+    return {
+        "signals": [[each.name, each.unit, each.panel] for each in signals],
+        "bands": [[each.pair, each.end] for each in bands],
+    }

@@ -1,0 +1,269 @@
+"""The text of a page: what was run, tables, and the recommendation in words."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import islice
+from typing import Any, NamedTuple
+
+from contactlab.pareto import SAFE_MARGIN
+from contactlab.reporting.knob_changes import KnobChange
+from contactlab.reporting.map_cells import label_counts
+from contactlab.reporting.report_columns import (
+    RunLabels,
+    number_with_unit,
+    summary_metrics,
+    with_unit,
+)
+from contactlab.reporting.report_data import ReportData
+from contactlab.schema import (
+    Configuration,
+    Recommendation,
+    Setting,
+    Settings,
+    StoreManifest,
+    Sweep,
+    TradeoffReport,
+)
+from contactlab.store import Store
+
+_MOST_UNEXPECTED = 50
+_MOST_CELLS = 400
+_MOST_CONFIGURATIONS = 24
+_MOST_RATIOS = 5
+_UNCHANGED = "as in the sweep"
+
+
+class TextTable(NamedTuple):
+    """A table; `more` rows are left out."""
+
+    header: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    more: int = 0
+
+
+def header_lines(manifest: StoreManifest) -> Iterator[tuple[str, str]]:
+    """Yield name and text of what was run, by what, where and when."""
+    sweep, made = manifest.sweep, manifest.provenance
+    revision = f", {made.git_revision[:12]}" if made.git_revision else ""
+    yield "scene", f"{sweep.scene} ({sweep.scene_hash})"
+    yield "runs", f"{manifest.runs:,} of {sweep.runs_asked:,}, {manifest.traces:,} traces"
+    yield "engine", f"{sweep.engine.name} {sweep.engine.version}"
+    yield "machine", f"{made.host.cpu_model}, {made.host.cores} cores, {made.host.os}"
+    yield "written by", f"contactlab {made.contactlab}{revision}, Python {made.python}"
+    yield "finished", manifest.finished[:16].replace("T", " ") + " UTC"
+    if sweep.overrides:
+        yield "overrides", " ".join(sweep.overrides)
+
+
+def expectation_summary(manifest: StoreManifest) -> tuple[str, str]:
+    """Return whether expectations are met (met, unmet or none), and that in words."""
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    if not met + unmet:
+        return "none", "no expectations defined"
+    if unmet:
+        return "unmet", f"{unmet:,} of {met + unmet:,} runs are not as expected"
+    return "met", f"{met:,} of {met:,} runs are as expected"
+
+
+def expectations(manifest: StoreManifest) -> list[tuple[str, str, str]]:
+    """Return which runs have an expectation, the expectation, and its reason."""
+    sweep = Sweep.model_validate(manifest.sweep.resolved)
+    rows: list[tuple[str, str, str]] = []
+    for each in sweep.expect:
+        conditions = [f"{name} = {value}" for name, value in each.where.settings.items()]
+        conditions += [each.where.where] if each.where.where else []
+        expected = [" or ".join(each.label)] if each.label else []
+        expected += [_bounds(name, bounds.min, bounds.max) for name, bounds in each.metrics.items()]
+        rows.append((", ".join(conditions) or "all runs", "; ".join(expected), each.reason or ""))
+    return rows
+
+
+def _bounds(name: str, low: float | None, high: float | None) -> str:
+    if low is not None and high is not None:
+        return f"{low:g} ≤ {name} ≤ {high:g}"
+    return f"{name} ≥ {low:g}" if low is not None else f"{name} ≤ {high:g}"
+
+
+def unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
+    """Return id, label and unmet expectation of the first runs that are not as expected."""
+    if not store.manifest.expectations.get("unmet", 0):
+        return []
+    columns = store.columns.to_pydict(["run_id", "label", "expectation_met", "expectation_reason"])
+    rows = zip(*columns.values(), strict=True)
+    unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
+    return list(islice(unmet, _MOST_UNEXPECTED))
+
+
+def label_table(labels: RunLabels) -> list[tuple[str, str, str, int, str, str]]:
+    """Return letter, colour, name, runs, fraction and meaning of each label, the worst first."""
+    fractions = [f"{count / max(1, sum(labels.counts)):.1%}" for count in labels.counts]
+    columns = (labels.letters, labels.colours, labels.names, labels.counts, fractions)
+    return list(zip(*columns, labels.meanings, strict=True))
+
+
+def map_table(data: ReportData) -> TextTable | None:
+    """Return the default map as a table of label counts; None where it has too many cells."""
+    axes, labels = data.map_axes, data.labels
+    if axes is None or axes.size > _MOST_CELLS:
+        return None
+    counts = label_counts(axes, labels)
+    corner = f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title
+    rows = [
+        (
+            axes.y.ticks[row] if axes.y else "all",
+            *(_counts_text(cell, labels.names) for cell in counts[row].tolist()),
+        )
+        for row in range(counts.shape[0] - 1, -1, -1)
+    ]
+    return TextTable((corner, *axes.x.ticks), rows)
+
+
+def _counts_text(counts: Sequence[int], names: Sequence[str]) -> str:
+    parts = [f"{count} {name}" for name, count in zip(names, counts, strict=True) if count]
+    return ", ".join(parts) or "no run"
+
+
+def recommendation_texts(data: ReportData) -> dict[str, Any]:
+    """Return the recommendation in words, for the page's template; empty without a trade-off.
+
+    Where no configuration is feasible, `blockers` says why, and most others are empty.
+    """
+    report = data.tradeoff
+    if report is None:
+        return {}
+    chosen = report.recommendation
+    varying = _varying_knobs(report)
+    return {
+        "settings": _settings(data, chosen) if chosen else [],
+        "error": number_with_unit(_number(chosen.error), report.error.unit) if chosen else "",
+        "time": _time(chosen) if chosen else "",
+        "margins": list(_margins(report, chosen)),
+        "mjcf": "\n".join(chosen.mjcf) if chosen else "",
+        "other": _settings_text(chosen.other, chosen.other) if chosen else "",
+        "robust": _robust(report, varying),
+        "next_step": _next_step(report, varying),
+        "notes": report.notes,
+        "blockers": [] if chosen else _blockers(report),
+        "command": f"contactlab tradeoff {data.store.address}",
+    }
+
+
+def _time(chosen: Recommendation) -> str:
+    return f"{chosen.time:.3g} CPU s per simulated s ({chosen.real_time_factor:,.0f} x real time)"
+
+
+def _settings(data: ReportData, chosen: Recommendation) -> list[tuple[str, str]]:
+    titles = {axis.name: axis.title for axis in data.axes}
+    settings = chosen.configuration.items()
+    return [(titles.get(name, name), _setting(value)) for name, value in settings]
+
+
+def _varying_knobs(report: TradeoffReport) -> list[str]:
+    """Return the knobs that differ between configurations."""
+    values = [each.configuration for each in report.configurations]
+    return [name for name in report.knobs if len({each[name] for each in values}) > 1]
+
+
+def _margins(
+    report: TradeoffReport, chosen: Recommendation | None
+) -> Iterator[tuple[str, float, str, str]]:
+    """Yield name, limit, worst value and margin of each tolerance."""
+    values = chosen.configuration if chosen else None
+    worst = next((each.worst for each in report.configurations if each.configuration == values), {})
+    for name, limit in report.tolerances.items():
+        margin = chosen.margins.get(name) if chosen else None
+        yield name, limit, _number(worst.get(name)), "-" if margin is None else f"x {margin:.3g}"
+
+
+def _robust(report: TradeoffReport, varying: Sequence[str]) -> str:
+    if not report.tolerances or report.recommendation is None:
+        return ""
+    if report.robust is None:
+        return f"No configuration keeps a margin of {SAFE_MARGIN} to every tolerance."
+    if report.robust.run_id == report.recommendation.run_id:
+        return f"It keeps a margin of {SAFE_MARGIN} to every tolerance."
+    ratio = report.robust.time / report.recommendation.time
+    values = _settings_text(report.robust.configuration, varying) or _UNCHANGED
+    return f"A margin of {SAFE_MARGIN} to every tolerance costs {ratio:.3g} x the time: {values}."
+
+
+def _next_step(report: TradeoffReport, varying: Sequence[str]) -> str:
+    after = report.next_step
+    if after is None:
+        return ""
+    gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g} x less error"
+    values = _settings_text(after.configuration, varying) or _UNCHANGED
+    return f"{after.time_ratio:.3g} x the time buys {gain}: {values}."
+
+
+def _blockers(report: TradeoffReport) -> list[str]:
+    return [
+        f"{each.kind} {each.name} rules out {each.configurations} configurations"
+        + ("" if each.best is None else f"; the best has {each.best:.3g}")
+        for each in report.blockers
+    ]
+
+
+def front_table(data: ReportData) -> TextTable | None:
+    """Return the first configurations, the feasible before others and the cheapest first."""
+    report = data.tradeoff
+    if report is None:
+        return None
+    varying = _varying_knobs(report)
+    ordered = sorted(report.configurations, key=lambda each: (not each.feasible, each.time or 0.0))
+    header = (*varying, with_unit(report.error.name, report.error.unit), "CPU s per s", "feasible")
+    rows = [_configuration_row(each, varying) for each in ordered[:_MOST_CONFIGURATIONS]]
+    return TextTable(header, rows, max(0, len(ordered) - _MOST_CONFIGURATIONS))
+
+
+def _configuration_row(each: Configuration, varying: Sequence[str]) -> tuple[str, ...]:
+    feasible = "yes" if each.feasible else "no: " + "; ".join(each.reasons)
+    values = (_setting(each.configuration[name]) for name in varying)
+    return (*values, _number(each.error), _number(each.time), feasible)
+
+
+def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable | None:
+    """Return what changing one knob does; None without changes."""
+    if not changes:
+        return None
+    names = _compared_names(data, changes)
+    header = ("knob", "from", "to", "pairs", "runs that fail", *(f"{name} x" for name in names))
+    rows = [
+        (
+            each.axis,
+            each.before,
+            each.after,
+            f"{each.pairs:,}",
+            f"{each.failed[0]:.0%} → {each.failed[1]:.0%}",
+            *(_number(each.ratios[name]) for name in names),
+        )
+        for each in changes
+    ]
+    return TextTable(header, rows)
+
+
+def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
+    """Return the first five of: time, error, tolerated metrics, metrics of the summary."""
+    report = data.tradeoff
+    wanted = [report.time.name, report.error.name, *report.tolerances] if report else []
+    wanted += ["cost_cpu_per_sim_s"] if report is None else []
+    wanted += summary_metrics()
+    present = [
+        name
+        for name in dict.fromkeys(wanted)
+        if any(each.ratios.get(name) is not None for each in changes)
+    ]
+    return present[:_MOST_RATIOS]
+
+
+def _settings_text(values: Settings, names: Iterable[str]) -> str:
+    return ", ".join(f"{name} {_setting(values[name])}" for name in names)
+
+
+def _setting(value: Setting) -> str:
+    if value is None:
+        return "as in the scene"
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.3g}"

@@ -1,0 +1,290 @@
+"""Figures for papers: the charts of a page, and some that it has no room for, such as impacts."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import altair as alt
+import numpy as np
+
+from contactlab.contact import (
+    LINEAR_VELOCITY,
+    STICK,
+    Floats,
+    damping_ratio,
+    restitution_of,
+    sticking_speed,
+)
+from contactlab.palette import COLOURS, INK, SHAPES
+from contactlab.reporting.heatmap import MapFrame, default_map, number_map, number_rows
+from contactlab.reporting.knob_changes import change_panels, knob_changes
+from contactlab.reporting.map_cells import cell_statistic
+from contactlab.reporting.page_charts import tradeoff_chart
+from contactlab.reporting.report_columns import GridAxis
+from contactlab.reporting.report_data import ReportData
+from contactlab.reporting.run_series import decimated, qpos_entries
+from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed
+from contactlab.schema import EvidenceRecord
+from contactlab.store import Store
+from contactlab.store.mcap import StoredPair, StoredTrace
+
+_MOST_BOUNCING = 6
+_MOST_BOUNCING_READ = 200
+_LEAST_PEAKS = 2
+# Peaks below this fraction of the fall are lost in the contact's own depth.
+_LEAST_PEAK = 0.02
+_MOST_IMPACTS_READ = 600
+_LEAST_IMPACTS = 3
+# Bodies that approach more slowly rest on each other; it is no impact [m/s].
+_LEAST_APPROACH = 0.05
+_OUTCOMES = ["sticks", "slides throughout"]
+
+
+@dataclass(frozen=True)
+class BouncingRun:
+    """One run that bounces.
+
+    Attributes:
+        setting: what distinguishes it from the others.
+        time: (P,) [s].
+        height: (P,) above the first contact [m].
+        peaks: (B + 1,) greatest height before the first bounce, and after each [m].
+        restitution: coefficient of restitution of its contact.
+    """
+
+    setting: str
+    time: Floats
+    height: Floats
+    peaks: Floats
+    restitution: float
+
+    @property
+    def ratios(self) -> Floats:
+        """(B,) height after each bounce over the height before; e^2 without loss in flight."""
+        return self.peaks[1:] / self.peaks[:-1]
+
+
+def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) -> list[BouncingRun]:
+    """Return runs that bounce at least once, one for each value of one axis.
+
+    Args:
+        store: the store.
+        axes: the axes that differ between its runs.
+        stable: (n,) whether a run has no failure label; only these are drawn.
+    """
+    axis = _axis_of_restitution(store, axes, stable)
+    by_setting: dict[str, BouncingRun] = {}
+    for row in np.flatnonzero(stable)[:_MOST_BOUNCING_READ].tolist():
+        setting = f"{axis.name} {axis.ticks[axis.codes[row]]}" if axis else "the scene's own"
+        if setting not in by_setting and len(by_setting) < _MOST_BOUNCING:
+            record = store.record(store.columns.identify([row])[0]["run_id"])
+            if record.trace is None:
+                continue
+            run = _bouncing_run(store.trace(record), record, setting)
+            if run is not None:
+                by_setting[setting] = run
+    return list(by_setting.values())
+
+
+def _axis_of_restitution(
+    store: Store, axes: Sequence[GridAxis], stable: np.ndarray
+) -> GridAxis | None:
+    """Return the axis along which the measured restitution of stable runs varies most."""
+    if not axes or "restitution_measured" not in store.columns.schema.names:
+        return None
+    values = store.columns.numbers("restitution_measured").values
+    values = np.where(stable, values, np.nan)
+
+    def spread(axis: GridAxis) -> float:
+        groups = (
+            values[(axis.codes == code) & np.isfinite(values)] for code in range(len(axis.ticks))
+        )
+        means = [float(np.median(group)) for group in groups if len(group)]
+        return max(means, default=0.0) - min(means, default=0.0)
+
+    return max(axes, key=spread)
+
+
+def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> BouncingRun | None:
+    heights = [
+        each for each in qpos_entries(trace.model_xml, trace.qpos.shape[1]) if each.is_height
+    ]
+    if not heights or not trace.pairs or not len(trace.pairs[0].steps):
+        return None
+    pair = trace.pairs[0]
+    height = trace.qpos[:, heights[0].index] - trace.qpos[pair.steps[0], heights[0].index]
+    peaks = np.array(list(_peaks(height, pair)))
+    low = np.flatnonzero(peaks < _LEAST_PEAK * peaks[0])
+    peaks = peaks[: low[0]] if len(low) else peaks
+    if len(peaks) < _LEAST_PEAKS:
+        return None
+    kept = decimated(height)
+    restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
+    return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
+
+
+def _peaks(height: Floats, pair: StoredPair) -> Iterator[float]:
+    """Yield the greatest height of each flight that ends in the trace."""
+    gaps = np.flatnonzero(np.diff(pair.steps) > 1)
+    yield float(height[: pair.steps[0] + 1].max())
+    for gap in gaps.tolist():
+        yield float(height[pair.steps[gap] : pair.steps[gap + 1] + 1].max())
+
+
+def first_impacts(store: Store) -> Rows:
+    """Return the first impacts of traced runs; none unless at least three of them slip.
+
+    Of each the `engine`, the `slip` before it [m/s], the largest slip that Coulomb friction stops,
+    mu (1 + e) v_n, as `bound` [m/s], and whether the `contact` sticks at any step of it.
+    """
+    if store.manifest.traces_left_out or store.manifest.traces < _LEAST_IMPACTS:
+        return []
+    records = (record for record in store.records() if record.trace is not None)
+    impacts: Rows = []
+    for record in islice(records, _MOST_IMPACTS_READ):
+        for pair in store.trace(record).pairs[:1]:
+            impacts += _first_impact(pair, record)
+    slipping = [each for each in impacts if each["slip"] > 0]
+    return impacts if len(slipping) >= _LEAST_IMPACTS else []
+
+
+def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
+    contact = record.pairs[pair.name]
+    if not len(pair.points) or contact.condim < 3:
+        return []
+    velocity = pair.points[0, LINEAR_VELOCITY]
+    normal, slip = abs(float(velocity[0])), float(np.linalg.norm(velocity[1:]))
+    if normal < _LEAST_APPROACH:
+        return []
+    restitution = restitution_of(damping_ratio(contact.solref))
+    bound = float(sticking_speed(normal, restitution, contact.friction[0]))
+    # The first touch only: after a flight another one follows.
+    breaks = np.flatnonzero(np.diff(pair.steps) > 1)
+    first = pair.mode[: breaks[0] + 1] if len(breaks) else pair.mode
+    outcome = _OUTCOMES[0] if (first == STICK).any() else _OUTCOMES[1]
+    engine = str(record.settings["engine"])
+    return [{"bound": bound, "slip": slip, "engine": engine, "contact": outcome}]
+
+
+def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
+    """Return height over time, and the ratio of heights at each bounce beside e^2."""
+    names = [each.setting for each in runs]
+    colour = (
+        alt.Color("setting:N")
+        .scale(domain=names, range=list(COLOURS[: len(names)]))
+        .legend(title=None)
+    )
+    heights: Rows = [
+        {"time": time, "height": height, "setting": each.setting}
+        for each in runs
+        for time, height in zip(each.time.tolist(), each.height.tolist(), strict=True)
+    ]
+    left = (
+        layer_of("heights", heights)
+        .mark_line(strokeWidth=1.4)
+        .encode(
+            alt.X("time:Q").scale(nice=False).axis(title="time [s]"),
+            alt.Y("height:Q").axis(title="height above first contact [m]"),
+            colour,
+        )
+        .properties(width=420, height=260)
+    )
+    return alt.hconcat(left, _ratios(runs, colour), spacing=30).to_dict()
+
+
+def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> alt.LayerChart | alt.FacetChart:
+    names = [each.setting for each in runs]
+    ratios: Rows = [
+        {"bounce": index + 1, "ratio": ratio, "setting": each.setting}
+        for each in runs
+        for index, ratio in enumerate(each.ratios.tolist())
+    ]
+    rules: Rows = [{"ratio": each.restitution**2, "setting": each.setting} for each in runs]
+    y = alt.Y("ratio:Q").scale(zero=True).axis(title="height after a bounce / before")
+    shape = alt.Shape("setting:N").scale(domain=names, range=list(SHAPES[: len(names)]))
+    points = (
+        layer_of("ratios", ratios)
+        .mark_point(size=55, filled=True, opacity=1)
+        .encode(
+            alt.X("bounce:Q").axis(title="bounce", tickMinStep=1), y, colour, shape.legend(None)
+        )
+    )
+    lines = layer_of("squares", rules).mark_rule(strokeDash=[5, 4], strokeWidth=1.3)
+    title = alt.TitleParams("dashed: e² of the contact", fontSize=11, fontWeight="normal")
+    return alt.layer(lines.encode(y, colour), points).properties(width=260, height=260, title=title)
+
+
+def cone_panel(impacts: Rows) -> Spec:
+    """Return impacts in velocity space, with the boundary of Coulomb's cone."""
+    most = max(each["bound"] for each in impacts) * 1.08
+    highest = max(each["slip"] for each in impacts) * 1.05
+    x = alt.X("bound:Q").scale(domain=[0, most], nice=False)
+    y = alt.Y("slip:Q").scale(domain=[0, highest], nice=False)
+    x = x.axis(title="μ (1 + e) · normal speed before the impact [m/s]")
+    y = y.axis(title="tangential speed before the impact [m/s]")
+    colour = (
+        alt.Color("contact:N").scale(domain=_OUTCOMES, range=list(COLOURS[:2])).legend(title=None)
+    )
+    shape = alt.Shape("contact:N").scale(domain=_OUTCOMES, range=["circle", "triangle-up"])
+    end = min(most, highest)
+    line_ends = [
+        {"bound": value, "slip": value, "line": True, "engine": engine}
+        for engine in dict.fromkeys(each["engine"] for each in impacts)
+        for value in (0.0, end)
+    ]
+    base = layer_of("impacts", [*impacts, *line_ends])
+    points = (
+        base.transform_filter("!datum.line")
+        .mark_point(size=60, filled=True, opacity=0.75)
+        .encode(x, y, colour, shape.legend(title=None))
+    )
+    line = base.transform_filter("datum.line").mark_line(color=INK, strokeDash=[6, 4])
+    chart = alt.layer(line.encode(x, y), points).properties(width=300, height=300)
+    title = alt.Header(title="dashed: the cone's boundary; engine", titleFontWeight="normal")
+    return chart.facet(column=alt.Column("engine:N").header(title)).to_dict()
+
+
+def figure_specs(data: ReportData) -> Iterator[tuple[str, Spec]]:
+    """Yield name and specification of each figure for which the store has the data."""
+    figures: dict[str, Callable[[ReportData], Spec | None]] = {
+        "labels": default_map,
+        "error": _error_map,
+        "work-precision": tradeoff_chart,
+        "bounces": _bounces,
+        "cone": _cone,
+        "effects": _effects,
+    }
+    for name, figure in figures.items():
+        spec = figure(data)
+        if spec is not None:
+            yield name, spec
+
+
+def _error_map(data: ReportData) -> Spec | None:
+    """Return the map of the error that stands for accuracy."""
+    if data.map_axes is None or data.tradeoff is None:
+        return None
+    for error in data.quantities_named(data.tradeoff.error.name):
+        pieces, texts = number_rows(cell_statistic(data.map_axes, error, "worst"))
+        title, resolution = f"worst {error.title}", error.column.resolution
+        frame = MapFrame.of(data.map_axes)
+        return themed(number_map(frame, pieces, texts, title, resolution).to_dict())
+    return None
+
+
+def _bounces(data: ReportData) -> Spec | None:
+    runs = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    return themed(bounce_panels(runs)) if runs else None
+
+
+def _cone(data: ReportData) -> Spec | None:
+    impacts = first_impacts(data.store)
+    return themed(cone_panel(impacts)) if impacts else None
+
+
+def _effects(data: ReportData) -> Spec | None:
+    report = data.tradeoff
+    names = [report.time.name, report.error.name] if report else ["cost_cpu_per_sim_s"]
+    changes = knob_changes(data.axes, data.labels, data.quantities_named(*names))
+    changes = [each for each in changes if any(each.ratios.values())]
+    return themed(change_panels(changes, names)) if changes else None

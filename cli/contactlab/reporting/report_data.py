@@ -1,0 +1,117 @@
+"""What a page is asked to hold, and everything of a store that it is made of, read once."""
+
+from dataclasses import dataclass
+
+from contactlab.errors import StoreError
+from contactlab.pareto import Criteria, ToleranceTable, analyse, tolerance_table
+from contactlab.reporting.map_boundary import Boundary, read_boundary
+from contactlab.reporting.map_cells import MapAxes, most_informative_axes
+from contactlab.reporting.report_columns import (
+    GridAxis,
+    Quantity,
+    RunLabels,
+    read_axes,
+    read_quantities,
+    read_run_labels,
+)
+from contactlab.schema import TradeoffReport
+from contactlab.store import Store
+
+_DEFAULT_CRITERIA = Criteria()
+
+
+@dataclass(frozen=True)
+class PageRequest:
+    """What a page holds.
+
+    Attributes:
+        criteria: which error stands for accuracy, and tolerances that replace the sweep's.
+        traces: number of runs whose time series it has.
+        most_bytes: a page that would be larger has aggregated cells in place of runs [B].
+        baseline: a store to compare with; None for none.
+    """
+
+    criteria: Criteria = _DEFAULT_CRITERIA
+    traces: int = 60
+    most_bytes: int = 25_000_000
+    baseline: Store | None = None
+
+
+@dataclass(frozen=True)
+class WrittenPage:
+    """A page that was written.
+
+    Attributes:
+        bytes: its size [B].
+        notes: what it leaves out.
+    """
+
+    bytes: int
+    notes: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ReportData:
+    """What a report draws of a store.
+
+    Attributes:
+        store: the store.
+        axes: the axes that differ between its runs.
+        labels: the labels of its runs.
+        quantities: what was measured of them.
+        map_axes: the two most informative axes; None without axes.
+        boundary: the closed-form boundary of the scene's maps; None without.
+        tradeoff: accuracy against time; None where the store has no error.
+        no_tradeoff: why there is none; empty where there is one.
+    """
+
+    store: Store
+    axes: tuple[GridAxis, ...]
+    labels: RunLabels
+    quantities: tuple[Quantity, ...]
+    map_axes: MapAxes | None
+    boundary: Boundary | None
+    tradeoff: TradeoffReport | None
+    no_tradeoff: str
+
+    def quantities_named(self, *names: str) -> list[Quantity]:
+        """Return the quantities of these names, as far as the store has them."""
+        return [each for each in self.quantities if each.name in names]
+
+    def tolerance_table(self) -> ToleranceTable | None:
+        """Return what the page evaluates other tolerances from; None without a trade-off."""
+        if self.tradeoff is None:
+            return None
+        names = dict.fromkeys((*(each.name for each in self.quantities), *self.tradeoff.tolerances))
+        return tolerance_table(self.store, self.tradeoff, tuple(names))
+
+
+def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> ReportData:
+    """Read what a report draws of a store.
+
+    Raises:
+        SweepFileError: the criteria name what the store does not have.
+        StoreError: the store has no value of the error that is asked for.
+    """
+    axes, labels = read_axes(store), read_run_labels(store)
+    report, reason = _analysed(store, criteria)
+    return ReportData(
+        store=store,
+        axes=axes,
+        labels=labels,
+        quantities=read_quantities(store),
+        map_axes=most_informative_axes(axes, labels),
+        boundary=read_boundary(store, axes),
+        tradeoff=report,
+        no_tradeoff=reason,
+    )
+
+
+def _analysed(store: Store, criteria: Criteria) -> tuple[TradeoffReport | None, str]:
+    """Return the trade-off of a store; without one, why there is none."""
+    try:
+        return analyse(store, criteria), ""
+    except StoreError as error:
+        if criteria.error is not None:
+            raise
+        return None, str(error)

@@ -1,0 +1,250 @@
+"""What is written can be read back by those who it is for."""
+
+import json
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import jsonschema
+import pytest
+import xmlschema
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.comparison import (
+    as_annotations,
+    as_junit,
+    as_markdown,
+    as_text,
+    compare,
+    unreadable_report,
+)
+from contactlab.errors import StoreError
+from contactlab.schema import (
+    Check,
+    ComparePolicy,
+    ComparisonReport,
+    PairCounts,
+    RunPair,
+    json_schemas,
+)
+
+XSD = xmlschema.XMLSchema(Path(__file__).with_name("junit.xsd"))
+Runs = Callable[[], Any]
+Stored = Callable[..., Path]
+PAIR = RunPair(baseline_run="a", candidate_run="b", axes={}, baseline="x", candidate=1.0)
+TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
+
+
+@pytest.fixture
+def worse(baseline: Path, runs: Runs, stored: Stored) -> ComparisonReport:
+    """A report with failed, warned, noted, skipped and passed checks."""
+    given_runs = runs()
+    given_runs.measure(0, depth=2e-3, grip=11.0)
+    given_runs.label(1, "chatter")
+    given_runs.versions["slip"] = 2
+    host = given_runs.provenance.host.model_copy(update={"cpu_model": "another"})
+    given_runs.provenance = given_runs.provenance.model_copy(update={"host": host})
+    return compare(baseline, stored("worse", given_runs))
+
+
+@pytest.fixture
+def same(baseline: Path, runs: Runs, stored: Stored) -> ComparisonReport:
+    return compare(baseline, stored("same", runs()))
+
+
+def check_of(text: str, number: int = 0, **changes: Any) -> Check:
+    plain: dict[str, Any] = {
+        "name": f"check {number} {text}".strip(),
+        "kind": "metrics",
+        "group": text,
+        "level": "gate",
+        "outcome": "failed",
+        "verdict": "worse",
+        "runs": 1,
+        "failing": 1,
+        "counts": {"worse": 1},
+        "message": text,
+        "worst": (PAIR.model_copy(update={"axes": {"x": text}, "baseline": text}),),
+    }
+    return Check(**{**plain, **changes})
+
+
+def report_of(same: ComparisonReport, *checks: Check) -> ComparisonReport:
+    return same.model_copy(update={"checks": checks, "exit_code": 1})
+
+
+def test_json_fits_its_schema(worse: ComparisonReport) -> None:
+    data = json.loads(worse.model_dump_json())
+    jsonschema.validate(data, json_schemas()["comparison.schema.json"])
+    assert ComparisonReport.model_validate(data) == worse
+
+
+def test_junit_fits_its_schema(worse: ComparisonReport, same: ComparisonReport) -> None:
+    error = unreadable_report(StoreError("no store at x"), ComparePolicy(version=1))
+    for report in (worse, same, error):
+        XSD.validate(as_junit(report))
+
+
+def test_junit_has_a_case_for_each_check(worse: ComparisonReport) -> None:
+    suite = ET.fromstring(as_junit(worse)).find("testsuite")  # noqa: S314 - our own
+    assert suite is not None
+    cases = suite.findall("testcase")
+    marks = {"failed": "failure", "warned": "system-out", "noted": "system-out"}
+    for case, check in zip(cases, worse.checks, strict=True):
+        mark = {**marks, "skipped": "skipped"}.get(check.outcome)
+        assert [child.tag for child in case] == ([mark] if mark else [])
+    outcomes = [check.outcome for check in worse.checks]
+    assert {"failed", "warned", "noted", "skipped", "passed"} == set(outcomes)
+    assert suite.get("failures") == str(outcomes.count("failed"))
+    assert suite.get("skipped") == str(outcomes.count("skipped"))
+    (failure,) = suite.findall(".//testcase[@name='depth no worse']/failure")
+    assert failure.get("message") == "worse: 1 of 8 runs worse"
+    assert "0.001 -> 0.002 m (+100 %) at cone=elliptic timestep=0.001" in (failure.text or "")
+
+
+def test_junit_names_are_unique_and_the_same_every_time(
+    worse: ComparisonReport, same: ComparisonReport
+) -> None:
+    names = [
+        [(case.get("classname"), case.get("name")) for case in ET.fromstring(text).iter("testcase")]  # noqa: S314
+        for text in (as_junit(worse), as_junit(same))
+    ]
+    assert names[0] == names[1]
+    assert len(set(names[0])) == len(names[0])
+    assert ("contactlab.tried.labels", "no new chatter") in names[0]
+
+
+@given(text=TEXTS)
+def test_junit_holds_any_text(text: str) -> None:
+    report = unreadable_report(StoreError(text), ComparePolicy(version=1))
+    XSD.validate(as_junit(report))
+
+
+ANNOTATION = re.compile(r"::(error|warning) title=([^:,\n\r]*)::([^\n\r]*)")
+
+
+@given(texts=st.lists(TEXTS, max_size=30))
+def test_annotations_are_read_back(texts: list[str]) -> None:
+    """As GitHub reads them: commands at the start of lines, three escapes undone."""
+    checks = [check_of("", number, message=text, worst=()) for number, text in enumerate(texts)]
+    report = MADE.model_copy(update={"checks": tuple(checks)})
+    lines = as_annotations(report).split("\n")
+    assert lines.pop() == ""
+    found = [ANNOTATION.fullmatch(line) for line in lines]
+    messages = [unescaped(match[3]) for match in found if match]
+    assert len(messages) == len(lines) == min(len(texts), 10)
+    for number, (message, text) in enumerate(zip(messages[:9], texts, strict=False)):
+        assert message == f"check {number}: {text}"
+    if len(texts) > 9:
+        assert messages[9] == f"and {len(texts) - 9} more; see the summary"
+
+
+def unescaped(text: str) -> str:
+    return text.replace("%0A", "\n").replace("%0D", "\r").replace("%25", "%")
+
+
+def test_errors_and_warnings_are_annotated(worse: ComparisonReport) -> None:
+    lines = as_annotations(worse).splitlines()
+    assert "::error title=contactlab tried::no new chatter: 1 of 8 runs newly chatter" in lines[0]
+    assert any("slip" in line and line.startswith("::error") for line in lines)
+    assert any("cpu_model" in line and line.startswith("::warning") for line in lines)
+
+
+class Cells(HTMLParser):
+    """Collects the tags of an HTML fragment."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: Any) -> None:  # noqa: ARG002
+        self.tags.append(tag)
+
+
+def rows_of(markdown: str) -> list[list[str]]:
+    """Return the cells of every table row, escapes undone."""
+    rows = [line for line in markdown.splitlines() if line.startswith("| ")]
+    cells = [re.split(r"(?<!\\)(?:\\\\)*\|", row)[1:-1] for row in rows]
+    return [[re.sub(r"\\(.)", r"\1", cell.strip()) for cell in row] for row in cells]
+
+
+def test_markdown_tells_the_worst_first(worse: ComparisonReport) -> None:
+    text = as_markdown(worse)
+    assert text.startswith("### ❌ worse: 2 of ")
+    header, _, first, *_ = (line for line in text.splitlines() if line.startswith("|"))
+    assert header == "| | check | result | worst | where |"
+    sign, name, found, values, where = rows_of(first)[0]
+    assert (sign, name, found) == ("❌", "no new chatter", "1 of 8 runs newly chatter")
+    assert values == "stable -> chatter"
+    assert where == "cone=elliptic timestep=0.002 [00000000]"
+    assert text.count("<details>") == text.count("</details>") == 2
+
+
+@given(text=TEXTS)
+def test_markdown_shows_any_text_as_it_is(text: str) -> None:
+    report = MADE.model_copy(update={"checks": (check_of("", message=text, worst=()),)})
+    markdown = as_markdown(report)
+    (row,) = [row for row in rows_of(markdown) if len(row) > 1 and row[1].startswith("check 0")]
+    assert len(row) == 5
+    assert row[2] == " ".join(text.split())
+    parser = Cells()
+    parser.feed(re.sub(r"\\<", "", markdown))
+    assert set(parser.tags) <= {"details", "summary"}
+
+
+def test_markdown_stays_below_what_a_job_summary_holds(same: ComparisonReport) -> None:
+    checks = [check_of("x" * 2_000, number) for number in range(2_000)]
+    text = as_markdown(report_of(same, *checks))
+    assert 100_000 < len(text.encode()) < 900_000
+    assert "The rest is left out" in text
+
+
+def test_text_of_many_failures_stays_readable(same: ComparisonReport) -> None:
+    checks = [check_of("", number, worst=()) for number in range(100)]
+    lines = as_text(report_of(same, *checks)).splitlines()
+    assert sum(line.startswith("FAIL") for line in lines) == 26
+    assert any(line.startswith("FAIL  and 75 more") for line in lines)
+
+
+def test_text_of_what_cannot_be_compared() -> None:
+    report = unreadable_report(StoreError("no store at x"), ComparePolicy(version=1))
+    assert as_text(report) == "not comparable: no store at x\n"
+    assert report.exit_code == 3
+    expected = "::error title=contactlab compare::not comparable: no store at x\n"
+    assert as_annotations(report) == expected
+
+
+def _made() -> ComparisonReport:
+    side: dict[str, Any] = {
+        "store": "s",
+        "sweep": "tried",
+        "runs": 1,
+        "engine": "mujoco 4.0.0",
+        "contactlab": "0.1.0",
+        "git_revision": "abc",
+        "cpu_model": "cpu",
+        "finished": "2026-01-01T00:00:00",
+    }
+    counts = dict.fromkeys(PairCounts.model_fields, 1)
+    return ComparisonReport.model_validate(
+        {
+            "verdict": "worse",
+            "exit_code": 1,
+            "headline": "worse",
+            "baseline": side,
+            "candidate": side,
+            "match": "id",
+            "pairs": counts,
+            "differences": (),
+            "transitions": (),
+            "checks": (),
+            "advice": (),
+        }
+    )
+
+
+MADE = _made()

@@ -1,0 +1,106 @@
+"""Runs are paired by what they are, never by their place."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.comparison import compare
+from contactlab.comparison.pairing import pair, rounded
+from contactlab.errors import StoreError
+from contactlab.schema import ComparePolicy
+
+BY_AXES = ComparePolicy(version=1, match="axes")
+KEYS = st.lists(st.integers(0, 30), unique=True)
+
+
+@given(KEYS.filter(len), KEYS.filter(len))
+def test_pairing_is_looking_up(old: list[int], new: list[int]) -> None:
+    found = pair(np.array(old), np.array(new))
+    pairs = {old[row]: new[other] for row, other in zip(*found[:2], strict=True)}
+    assert pairs == {key: key for key in set(old) & set(new)}
+    assert [old[row] for row in found.missing] == [key for key in old if key not in new]
+    assert [new[row] for row in found.new] == [key for key in new if key not in old]
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_rounding_keeps_nine_digits(value: float) -> None:
+    """Half a unit of the ninth digit is at most 5e-9 of the value."""
+    (found,) = rounded(np.array([value]))
+    assert abs(found - value) <= 5.0000001e-9 * abs(value)
+    assert rounded(np.array([found])) == found
+
+
+def test_another_order_is_no_difference(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    turned = runs()
+    turned.runs = [
+        run.model_copy(update={"index": place}) for place, run in enumerate(reversed(turned.runs))
+    ]
+    report = compare(baseline, stored("turned", turned))
+    assert (report.verdict, report.exit_code, report.pairs.bitwise_equal) == ("same", 0, 8)
+
+
+def test_axes_that_differ_in_the_last_digits(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    other = runs()
+    for index, run in enumerate(other.runs):
+        axes = {**run.axes, "timestep": run.axes["timestep"] * (1 + 1e-12)}
+        other.change(index, run_id=f"{index + 100:016x}", axes=axes)
+    with pytest.raises(StoreError, match=r"no run of .* is in .*; .* add --match axes"):
+        compare(baseline, stored("other", other))
+    assert compare(baseline, stored("other2", other), BY_AXES).pairs.paired == 8
+
+
+def test_runs_that_axes_do_not_tell_apart(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    other = runs()
+    other.change(1, axes=other.runs[0].axes)
+    message = "0{15}1 and 0{15}2 of the candidate have equal axis values and seed"
+    with pytest.raises(StoreError, match=message):
+        compare(baseline, stored("other", other), BY_AXES)
+
+
+def test_seeds_tell_runs_apart(runs: Callable[[], Any], stored: Callable[..., Path]) -> None:
+    given_runs = runs()
+    given_runs.change(1, axes=given_runs.runs[0].axes, seed=1)
+    one, two = (stored(name, given_runs) for name in ("one", "two"))
+    assert compare(one, two, BY_AXES).pairs.paired == 8
+
+
+def test_other_axes_cannot_be_matched(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    other = runs()
+    for index, run in enumerate(other.runs):
+        other.change(index, axes={**run.axes, "margin": 1e-3 * index})
+    with pytest.raises(StoreError, match="only one of the stores sweeps margin"):
+        compare(baseline, stored("other", other), BY_AXES)
+
+
+def test_an_axis_of_one_value_tells_no_runs_apart(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    """As when the candidate's sweep was run with `--set margin=0`."""
+    other = runs()
+    for index, run in enumerate(other.runs):
+        other.change(index, axes={**run.axes, "margin": 0.0})
+    report = compare(baseline, stored("other", other), BY_AXES)
+    assert report.pairs.paired == len(other.runs)
+
+
+def test_words_and_numbers_cannot_be_matched(
+    baseline: Path, runs: Callable[[], Any], stored: Callable[..., Path]
+) -> None:
+    other = runs()
+    for index, run in enumerate(other.runs):
+        other.change(index, axes={**run.axes, "timestep": str(run.axes["timestep"])})
+    with pytest.raises(StoreError, match="axis 'timestep' is text in one store only"):
+        compare(baseline, stored("other", other), BY_AXES)

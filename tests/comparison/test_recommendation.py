@@ -1,0 +1,91 @@
+"""The baseline's recommendation holds while it is feasible and nothing is far cheaper."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.comparison import compare
+from contactlab.schema import Check, ComparePolicy
+
+Runs = Callable[[], Any]
+Stored = Callable[..., Path]
+
+
+@pytest.fixture
+def weighed(runs: Runs) -> Callable[..., Any]:
+    """Return runs of which larger timesteps cost less, with a tolerance that all meet."""
+
+    def make() -> Any:
+        given_runs = runs()
+        for index, run in enumerate(given_runs.runs):
+            cost = run.cost.model_copy(update={"cpu_per_sim_s": 1e-3 / run.axes["timestep"]})
+            given_runs.change(index, cost=cost)
+        axes = {"cone": ["elliptic", "pyramidal"], "timestep": [1e-3, 2e-3, 4e-3, 8e-3]}
+        given_runs.identity["resolved"] = {
+            "version": 1,
+            "scene": "ball",
+            "axes": axes,
+            "tolerances": {"depth": 2e-3},
+        }
+        return given_runs
+
+    return make
+
+
+def checked(baseline: Path, candidate: Path) -> Check:
+    policy = ComparePolicy.model_validate({"version": 1, "recommendation": {"changed": "gate"}})
+    checks = compare(baseline, candidate, policy).checks
+    (found,) = [check for check in checks if check.kind == "recommendation"]
+    return found
+
+
+def test_it_holds(weighed: Runs, stored: Stored) -> None:
+    found = checked(stored("before", weighed()), stored("after", weighed()))
+    assert (found.outcome, found.verdict) == ("passed", "same")
+    assert "timestep=0.008" in found.message
+
+
+def test_it_is_not_feasible_any_more(weighed: Runs, stored: Stored) -> None:
+    after = weighed()
+    for index in (3, 7):
+        after.measure(index, depth=3e-3)
+    found = checked(stored("before", weighed()), stored("after", after))
+    assert (found.outcome, found.verdict) == ("failed", "worse")
+    assert "timestep=0.008 is not feasible any more; now recommends cone=" in found.message
+    assert found.message.endswith("timestep=0.004")
+
+
+def test_nothing_is_feasible_any_more(weighed: Runs, stored: Stored) -> None:
+    after = weighed()
+    for index in range(8):
+        after.measure(index, depth=3e-3)
+    before, nothing = stored("before", weighed()), stored("after", after)
+    assert checked(before, nothing).message.endswith("and nothing else is")
+    back = checked(nothing, before)
+    assert (back.outcome, back.verdict) == ("noted", "better")
+    assert checked(nothing, stored("again", after)).verdict == "same"
+
+
+@pytest.mark.parametrize(("factor", "verdict"), [(0.9, "same"), (0.5, "changed")])
+def test_something_else_is_far_cheaper(
+    weighed: Runs, stored: Stored, factor: float, verdict: str
+) -> None:
+    """A tenth is what two sessions differ by; a half is not."""
+    after = weighed()
+    cheapest = after.runs[7].cost.cpu_per_sim_s
+    for index in (0, 4):
+        cost = after.runs[index].cost.model_copy(update={"cpu_per_sim_s": factor * cheapest})
+        after.change(index, cost=cost)
+    found = checked(stored("before", weighed()), stored("after", after))
+    assert found.verdict == verdict
+    if verdict == "changed":
+        assert "timestep=0.001 takes 50 % less time than" in found.message
+
+
+def test_a_store_that_weighs_nothing_recommends_nothing(
+    baseline: Path, runs: Runs, stored: Stored
+) -> None:
+    message = "neither store recommends a configuration"
+    assert checked(baseline, stored("again", runs())).message == message

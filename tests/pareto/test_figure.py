@@ -1,0 +1,116 @@
+"""The chart shows what the report says, and never loses a point to a logarithmic axis."""
+
+from collections.abc import Callable
+from importlib import util
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.errors import OutputError
+from contactlab.pareto import draw
+from contactlab.pareto.chart_data import chart_data
+from contactlab.pareto.tradeoff_chart import specification
+from contactlab.schema import TradeoffReport
+
+Written = Callable[..., Any]
+Vary = Callable[..., TradeoffReport]
+
+
+def points(report: TradeoffReport) -> list[dict[str, Any]]:
+    return chart_data(report).points
+
+
+def changed(report: TradeoffReport, index: int, **changes: Any) -> TradeoffReport:
+    """Return a report with one configuration changed."""
+    configurations = list(report.configurations)
+    configurations[index] = configurations[index].model_copy(update=changes)
+    return report.model_copy(update={"configurations": tuple(configurations)})
+
+
+def test_every_configuration_has_its_point_within_the_frame(report: TradeoffReport) -> None:
+    shown = chart_data(report)
+    assert len(shown.points) == len(report.configurations)
+    for each in shown.points:
+        assert shown.frame.time[0] <= each["time"] <= shown.frame.time[1]
+        assert shown.frame.error[0] <= each["error"] <= shown.frame.error[1]
+
+
+@pytest.mark.parametrize("error", [0.0, 1e-300, None])
+def test_no_error_falls_off_the_axis(report: TradeoffReport, error: float | None) -> None:
+    found = chart_data(changed(report, 0, error=error))
+    assert 0 < found.frame.error[0] <= found.points[0]["error"] <= found.frame.error[1]
+
+
+def test_failures_are_at_the_edge(report: TradeoffReport) -> None:
+    outcomes = report.configurations[2].outcomes
+    failed = outcomes.model_copy(update={"labels": {"stable": 5, "chatter": 1}})
+    found = chart_data(changed(report, 2, outcomes=failed, feasible=False))
+    assert found.points[2]["state"] == "failed"
+    assert found.points[2]["error"] == found.frame.error[1]
+
+
+def test_what_is_recommended_is_ringed(report: TradeoffReport) -> None:
+    assert report.recommendation is not None
+    ringed = [each for each in points(report) if each["chosen"].startswith("recommended")]
+    assert [each["time"] for each in ringed] == [report.recommendation.time]
+
+
+def test_methods_beyond_eight_share_one_grey(report: TradeoffReport) -> None:
+    many = tuple(
+        each.model_copy(update={"configuration": {**each.configuration, "cone": str(number)}})
+        for number in range(6)
+        for each in report.configurations
+    )
+    methods = tuple(
+        each.model_copy(update={"configuration": {**each.configuration, "cone": str(number)}})
+        for number in range(6)
+        for each in report.methods
+    )
+    none = {"front": (), "unconstrained_front": (), "recommendation": None, "robust": None}
+    crowded = report.model_copy(update={"configurations": many, "methods": methods, **none})
+    assert len(chart_data(crowded).methods) == 8
+    assert "others" in {each["method"] for each in points(crowded)}
+
+
+@pytest.mark.parametrize("suffix", [".png", ".svg"])
+def test_a_file_is_drawn(report: TradeoffReport, tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"chart{suffix}"
+    draw(report, path)
+    head = path.read_bytes()[:8]
+    assert head == b"\x89PNG\r\n\x1a\n" if suffix == ".png" else head.startswith(b"<svg")
+
+
+def test_the_specification_has_data_only_and_no_address(report: TradeoffReport) -> None:
+    text = str({**specification(report).to_dict(), "$schema": ""})
+    assert "http" not in text
+    assert "NaN" not in text
+
+
+def test_another_suffix_is_refused(report: TradeoffReport, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"ends in \.png or \.svg"):
+        draw(report, tmp_path / "chart.bmp")
+
+
+def test_a_missing_extra_is_named(
+    report: TradeoffReport, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(util, "find_spec", lambda _: None)
+    monkeypatch.setattr("contactlab.pareto.drawing.find_spec", lambda _: None)
+    with pytest.raises(OutputError, match=r"pip install 'contactlab\[figures\]'"):
+        draw(report, tmp_path / "chart.png")
+
+
+def test_a_folder_that_is_not_there(report: TradeoffReport, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot write"):
+        draw(report, tmp_path / "nowhere" / "chart.png")
+
+
+def test_a_report_without_a_feasible_configuration_is_drawn(
+    report: TradeoffReport, tmp_path: Path
+) -> None:
+    empty = report.model_copy(
+        update={"recommendation": None, "robust": None, "front": (), "next_step": None}
+    )
+    draw(empty, tmp_path / "chart.svg")
+    assert (tmp_path / "chart.svg").stat().st_size > 1000

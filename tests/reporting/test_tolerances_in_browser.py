@@ -1,0 +1,158 @@
+"""Tolerances that are changed on a page, against `contactlab tradeoff`."""
+
+import re
+from collections.abc import Callable
+from importlib import resources
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from contactlab.pareto import EQUALLY_FAST, SAFE_MARGIN, Criteria, analyse
+from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
+from contactlab.pareto.pareto import equally_fast, feasible_front
+from contactlab.schema import ErrorMeasure, TimeMeasure, TradeoffReport
+from contactlab.store import Store
+
+Swept = Callable[[str], Store]
+Reported = Callable[[str], Path]
+Visit = Callable[..., Any]
+
+RULES = {"equallyFast": EQUALLY_FAST, "safeMargin": SAFE_MARGIN}
+SCRIPT = resources.files("contactlab.reporting").joinpath("script/evaluation.js")
+
+
+def text(page: Any, selector: str) -> str:
+    return re.sub(r"\s+", " ", page.locator(selector).first.text_content())
+
+
+def analysed(store: Store, **limits: float) -> TradeoffReport:
+    return analyse(store, Criteria(None, limits))
+
+
+def recommended_settings(page: Any) -> dict[str, str]:
+    read = "list => [...list.children].map(each => [...each.children].map(one => one.textContent))"
+    settings = page.locator("#recommendation-text dl.settings").evaluate(read)
+    return {name.split(" ")[0]: value for name, value in settings}
+
+
+def test_tolerances_are_evaluated_as_tradeoff_does(
+    visit: Visit, reported: Reported, swept: Swept
+) -> None:
+    page = visit(reported("tradeoff")).page
+    outcomes: set[bool] = set()
+    for error, depth in product((0.5, 0.08, 0.05, 0.03, 0.012, 1e-6), (0.03, 0.01)):
+        page.fill("tr[data-name=oracle_error] input", str(error))
+        page.fill("tr[data-name=penetration_max] input", str(depth))
+        report = analysed(swept("tradeoff"), oracle_error=error, penetration_max=depth)
+        check_recommendation(page, report)
+        outcomes.add(report.recommendation is not None)
+    assert outcomes == {True, False}
+
+
+def check_recommendation(page: Any, report: TradeoffReport) -> None:
+    feasible = sum(each.feasible for each in report.configurations)
+    page.wait_for_function(
+        "count => document.querySelector('#chart-picture').textContent.includes(count)",
+        arg=f"{feasible} of {len(report.configurations)} configurations",
+    )
+    chosen = report.recommendation
+    if chosen is None:
+        assert "No configuration is feasible" in text(page, "#recommendation-text")
+        return
+    shown = recommended_settings(page)
+    assert shown["integrator"] == chosen.configuration["integrator"]
+    assert float(shown["timestep"]) == chosen.configuration["timestep"]
+    assert shown["solref"] == chosen.configuration["solref"]
+    lines = text(page, "#recommendation-text pre").replace(" ", "")
+    assert lines == re.sub(r"\s", "", "".join(chosen.mjcf))
+    for name, margin in chosen.margins.items():
+        assert margin is not None
+        assert text(page, f"tr[data-name={name}] .margin") == f"x {float(f'{margin:.3g}'):g}"
+
+
+def random_runs(rng: np.random.Generator) -> StoredRuns:
+    """Return a run of each of 12 configurations, many of them equal in time or error."""
+    count = 12
+    coarse = rng.integers(1, 6, (3, count)) / 4
+    numbers = {
+        name: np.where(rng.random(count) < 0.1, np.nan, row)
+        for name, row in zip(("error", "time", "depth"), coarse, strict=True)
+    }
+    return StoredRuns(
+        ids=[str(index) for index in range(count)],
+        knobs={"knob": list(range(count))},
+        scenarios={},
+        seeds=[0] * count,
+        labels=rng.choice(["stable", "chatter"], count, p=[0.8, 0.2]).tolist(),
+        numbers=numbers,
+    )
+
+
+def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> None:
+    """Feasible ones, both recommendations and the front, of ties and unknown values too."""
+    rng = np.random.default_rng(7)
+    error = ErrorMeasure(name="error", unit="1", kind="metric", against=None, resolution=0.0)
+    time = TimeMeasure(name="time", source="timing", spread=None)
+    limits = {"depth": 1.0, "error": 1.0}
+    cases: list[dict[str, Any]] = []
+    expected: list[list[Any]] = []
+    for _ in range(200):
+        runs = random_runs(rng)
+        free = evaluate(runs, ResolvedCriteria(error, time, {}))
+        found = evaluate(runs, ResolvedCriteria(error, time, limits))
+        cases.append(
+            {
+                "otherwiseFeasible": [int(each.summary.feasible) for each in free],
+                "worst:depth": runs.numbers["depth"].tolist(),
+                "worst:error": runs.numbers["error"].tolist(),
+                "time": runs.numbers["time"].tolist(),
+                "error": runs.numbers["error"].tolist(),
+            }
+        )
+        best = [equally_fast(found, margin)[:1] for margin in (0.0, SAFE_MARGIN)]
+        expected.append(
+            [
+                [each.summary.feasible for each in found],
+                *([each.group.rows[0] for each in chosen] for chosen in best),
+                [each.group.rows[0] for each in feasible_front(found)],
+            ]
+        )
+    page = browser.new_page()
+    shown = page.evaluate(
+        """({code, rules, cases, limits}) => {
+          const load = new Function('metadata', `${code}; return evaluate;`);
+          const evaluate = load({ tradeoff: rules });
+          const listed = (place) => place === null ? [] : [place];
+          return cases.map((columns) => {
+            const { feasible, recommended, robust, front } = evaluate(columns, limits);
+            return [feasible, listed(recommended), listed(robust), front];
+          });
+        }""",
+        {"code": SCRIPT.read_text(), "rules": RULES, "cases": cases, "limits": limits},
+    )
+    page.close()
+    assert shown == expected
+
+
+def test_a_tolerance_of_any_metric_can_be_added(
+    visit: Visit, reported: Reported, swept: Swept
+) -> None:
+    store = swept("tradeoff")
+    seen = visit(reported("tradeoff"))
+    seen.page.select_option("select[aria-label='add a tolerance']", "solver_iterations_mean")
+    seen.page.fill("tr[data-name=solver_iterations_mean] input", "nonsense")
+    assert seen.page.get_attribute("tr[data-name=solver_iterations_mean] input", "aria-invalid")
+    seen.page.fill("tr[data-name=solver_iterations_mean] input", "1e-9")
+    assert analysed(store, solver_iterations_mean=1e-9).recommendation is None
+    assert "No configuration is feasible" in text(seen.page, "#recommendation-text")
+    assert "--tolerance solver_iterations_mean=1e-9" in text(seen.page, "#tradeoff-command")
+    assert seen.complaints == []
+
+
+def test_a_point_of_the_chart_leads_to_its_runs(visit: Visit, reported: Reported) -> None:
+    page = visit(reported("tradeoff")).page
+    page.locator("#chart-picture .mark-symbol path").nth(3).click(force=True)
+    heads = page.locator("#run-list table tbody tr")
+    assert heads.count() == 4, "two scenarios and two seeds"

@@ -1,0 +1,158 @@
+"""Pages and figures as files."""
+
+import json
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.comparison import compare
+from contactlab.errors import OutputError, SweepFileError
+from contactlab.pareto import Criteria
+from contactlab.reporting import PageRequest, write_figures, write_page
+from contactlab.reporting.page_tables import recommendation_texts
+from contactlab.reporting.paper_figures import bouncing_runs, first_impacts
+from contactlab.reporting.report_data import read_report_data
+from contactlab.store import Store
+
+Swept = Callable[[str], Store]
+
+ENGINE_FREE = """
+import sys
+from pathlib import Path
+
+sys.modules["mujoco"] = None
+from contactlab.store import Store
+from contactlab.reporting import write_page
+
+write_page(Store.open(Path(sys.argv[1])), Path(sys.argv[2]))
+print(sorted({"contactlab.run", "contactlab.scene", "contactlab.engines"} & set(sys.modules)))
+"""
+
+
+def test_the_same_store_gives_the_same_bytes(swept: Swept, tmp_path: Path) -> None:
+    for name in ("one.html", "two.html"):
+        write_page(swept("bounce"), tmp_path / name)
+    assert (tmp_path / "one.html").read_bytes() == (tmp_path / "two.html").read_bytes()
+    for name in ("one", "two"):
+        write_figures(swept("bounce"), tmp_path / name, ("png", "svg", "pdf"))
+    files = sorted(path.name for path in (tmp_path / "one").iterdir())
+    assert len(files) >= 12
+    assert files == sorted(path.name for path in (tmp_path / "two").iterdir())
+    for name in files:
+        assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes()
+
+
+def test_no_engine_is_loaded(swept: Swept, tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", ENGINE_FREE, str(swept("bounce").path), str(tmp_path / "page.html")],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+def test_figures_are_those_for_which_the_store_has_data(swept: Swept, tmp_path: Path) -> None:
+    written = write_figures(swept("bounce"), tmp_path, ("svg",))
+    assert {path.stem for path in written} == {
+        "labels",
+        "error",
+        "work-precision",
+        "bounces",
+        "effects",
+    }
+    assert all(path.read_text().startswith("<svg") for path in written)
+
+
+def test_bounces_are_as_high_as_restitution_says(swept: Swept) -> None:
+    """A bounce is seen up to a step late, as the scene's oracle derives: e within 0.07."""
+    data = read_report_data(swept("bounce"))
+    runs = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    assert {each.setting for each in runs} >= {"restitution 0.9"}
+    for each in runs:
+        assert np.sqrt(each.ratios[0]) == pytest.approx(each.restitution, abs=0.07)
+
+
+def test_knobs_without_a_line_of_mjcf_are_named_only_where_there_are_any(swept: Swept) -> None:
+    texts = recommendation_texts(read_report_data(swept("bounce")))
+    assert (texts["settings"], texts["other"]) == ([("timestep [s]", "0.0005")], "")
+
+
+def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:
+    assert first_impacts(swept("bounce")) == []
+
+
+@pytest.mark.parametrize("formats", [("gif",), ("png", "jpg")])
+def test_unknown_formats_are_refused(
+    swept: Swept, tmp_path: Path, formats: tuple[str, ...]
+) -> None:
+    with pytest.raises(OutputError, match="choose from png, svg, pdf"):
+        write_figures(swept("bounce"), tmp_path / "figures", formats)
+    assert not (tmp_path / "figures").exists()
+
+
+def test_a_page_that_cannot_be_written_leaves_no_file(swept: Swept, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot write"):
+        write_page(swept("bounce"), tmp_path / "missing" / "page.html")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_tolerance_of_an_unknown_metric_is_refused(swept: Swept, tmp_path: Path) -> None:
+    request = PageRequest(Criteria(None, {"penetration": 1.0}))
+    with pytest.raises(SweepFileError, match="penetration_max"):
+        write_page(swept("bounce"), tmp_path / "page.html", request)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_library_is_named(
+    swept: Swept, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for module in ("html_page", "heatmap", "vega_rendering"):
+        monkeypatch.delitem(sys.modules, f"contactlab.reporting.{module}", raising=False)
+    monkeypatch.setitem(sys.modules, "vl_convert", None)
+    with pytest.raises(OutputError, match=r"needs vl_convert, .* 'contactlab\[figures\]'"):
+        write_page(swept("bounce"), tmp_path / "page.html")
+
+
+def test_above_its_size_a_page_has_aggregated_cells(
+    swept: Swept, tmp_path: Path, visit: Callable[..., Any]
+) -> None:
+    """Cells are those of all runs, though few of them are on the page."""
+    store = swept("tradeoff")
+    full = write_page(store, tmp_path / "full.html")
+    aggregated = write_page(store, tmp_path / "aggregated.html", PageRequest(most_bytes=1000))
+    assert full.notes == ()
+    assert "too many for one page" in aggregated.notes[0]
+    cells: list[list[str]] = []
+    for name in ("full", "aggregated"):
+        seen = visit(tmp_path / f"{name}.html", "#what=oracle_error&x=timestep&y=integrator")
+        seen.page.locator("#map-data summary").click()
+        cells.append(seen.page.locator("#map-data td").all_inner_texts())
+        assert seen.complaints == []
+    assert len(cells[0]) == 10
+    assert cells[0] == cells[1]
+    page = (tmp_path / "aggregated.html").read_text()
+    columns = page.split('id="columns">')[1].split("</script>")[0]
+    lengths = {name: length for name, _, length in json.loads(columns)["columns"]}
+    assert lengths["label"] <= store.columns.runs
+    assert "Aggregated" in page
+
+
+def test_a_page_compares_with_a_baseline(swept: Swept, tmp_path: Path) -> None:
+    before = tmp_path / "before"
+    shutil.copytree(swept("bounce").path, before)
+    request = PageRequest(baseline=Store.open(before))
+    write_page(swept("bounce"), tmp_path / "page.html", request)
+    page = (tmp_path / "page.html").read_text()
+    assert f"contactlab compare {before} {swept('bounce').path}" in page
+    assert compare(before, swept("bounce").path).headline in page
+    comparison = page.split('id="comparison"')[1].split("</section>")[0]
+    assert comparison.count("<svg") == 2, "labels, and the error"
+    for title in ("baseline", "candidate", "difference"):
+        assert comparison.count(f">{title}</text>") == 2
