@@ -6,10 +6,9 @@ runs of two machines pair up.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,13 +17,13 @@ from contactlab.plan.grid import Block
 from contactlab.plan.names import UNREADABLE, SweepContext
 from contactlab.plan.yaml_document import KeyPath
 from contactlab.schema import (
-    FORMS,
     Axis,
     AxisSpec,
     Linspace,
     Logspace,
     Loguniform,
     Range,
+    Ranged,
     Sample,
     Uniform,
     Values,
@@ -34,19 +33,19 @@ from contactlab.schema import (
 _DIGITS = 12
 
 
-def listed_values(axis: Axis) -> list[object]:
+def listed_values(axis: Axis) -> Sequence[object]:
     """Return the values of an axis that is not sampled, in order, not yet canonical."""
     match axis:
         case Linspace(linspace=(first, last, count)):
-            return list(_linspace(first, last, count))
+            return _linspace(first, last, count)
         case Logspace(logspace=(first, last, count)):
-            return list(_logspace(first, last, count))
+            return _logspace(first, last, count)
         case Range(range=(first, last, step)):
-            return list(_range(first, last, step))
+            return _range(first, last, step)
         case Values(values=values):
-            return list(values)
+            return values
         case tuple():
-            return list(axis)
+            return axis
         case _:
             raise TypeError(f"{type(axis).__name__} is sampled")
 
@@ -69,34 +68,20 @@ def sampled_values(
     axis: Uniform | Loguniform, spec: AxisSpec, units: NDArray[np.float64]
 ) -> list[object]:
     """Return values for points in [0, 1); whole numbers where the axis takes no others."""
-    low, high = axis.uniform if isinstance(axis, Uniform) else axis.loguniform
-    whole = _takes_whole_only(spec, low, high)
+    low, high = _bounds(axis)
+    whole = low.is_integer() and high.is_integer() and spec.accepts(low)
+    whole = whole and not spec.accepts(low + 0.5)
     stop = high + 1 if whole else high
     if isinstance(axis, Uniform):
         scaled = low + units * (stop - low)
     else:
         scaled = np.exp(math.log(low) + units * (math.log(stop) - math.log(low)))
-    return [_within(value, low, high, whole) for value in scaled.tolist()]
+    rounded = (math.floor(value) if whole else _rounded(value) for value in scaled.tolist())
+    return [min(max(value, low), high) for value in rounded]
 
 
-def _within(value: float, low: float, high: float, whole: bool) -> object:
-    rounded = math.floor(value) if whole else _rounded(value)
-    return min(max(rounded, low), high)
-
-
-def _takes_whole_only(spec: AxisSpec, low: float, high: float) -> bool:
-    """Return whether an axis accepts its whole bounds, but no number between two of them."""
-    if not (low.is_integer() and high.is_integer() and _accepts(spec.parse, low)):
-        return False
-    return not _accepts(spec.parse, low + 0.5)
-
-
-def _accepts(parse: Callable[[object], object], value: float) -> bool:
-    try:
-        parse(value)
-    except ValueError:
-        return False
-    return True
+def _bounds(axis: Uniform | Loguniform) -> tuple[float, float]:
+    return axis.uniform if isinstance(axis, Uniform) else axis.loguniform
 
 
 def _linspace(first: float, last: float, count: int) -> list[float]:
@@ -128,109 +113,88 @@ def _rounded(value: float) -> float:
     return float(f"{value:.{_DIGITS}g}")
 
 
-AxisColumn = tuple[object, ...]
-
-
 def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
     """Return the blocks of the product, or None where the file only lists rows to include."""
     sweep = context.sweep
     blocks = [
-        Block((name,), tuple((value,) for value in _column(context, ("axes", name), name, axis)))
+        Block((name,), tuple((value,) for value in _listed(context, ("axes", name), name, axis)))
         for name, axis in sweep.axes.items()
         if not is_sampled(axis)
     ]
-    for index, columns in enumerate(sweep.zip):
-        blocks.append(_zipped(context, context.draft.path("zip", index), columns))
+    for index, axes in enumerate(sweep.zip):
+        blocks.append(_zipped(context, context.draft.path("zip", index), axes))
     blocks.extend(_sampled(context))
     return tuple(blocks) if blocks or not sweep.include else None
 
 
-def _column(context: SweepContext, path: KeyPath, name: str, axis: Axis) -> AxisColumn:
-    """Return the canonical values of a listed axis; each mistake is at its own value."""
-    data = context.document.at(path)
-    form = next((key for key in FORMS if isinstance(data, dict) and key in data), None)
-    below = (*path, form) if form else path
-    written = form in {None, "values"}
+def _listed(context: SweepContext, path: KeyPath, name: str, axis: Axis) -> list[object]:
+    """Return the canonical values of a listed axis."""
+    written = isinstance(axis, Values | tuple)
+    below = path if isinstance(axis, tuple) else (*path, _form(axis))
+    return _canonical(context, name, listed_values(axis), below, written=written)
+
+
+def _form(axis: Ranged) -> str:
+    return type(axis).__name__.lower()
+
+
+def _canonical(
+    context: SweepContext, name: str, values: Sequence[object], path: KeyPath, *, written: bool
+) -> list[object]:
+    """Return canonical values; each mistake is at its own value, if the values are written out."""
     column: list[object] = []
-    for index, value in enumerate(listed_values(axis)):
-        place = context.document.value((*below, index) if written else below)
-        canonical = context.canonical(name, value, place)
-        if canonical is UNREADABLE and not written:
+    for index, value in enumerate(values):
+        place = context.document.value((*path, index) if written else path)
+        column.append(context.canonical(name, value, place))
+        if column[-1] is UNREADABLE and not written:
             break
-        column.append(canonical)
-    return tuple(column)
+    return column
 
 
-def _zipped(context: SweepContext, path: KeyPath, axes: dict[str, Axis]) -> Block:
-    columns: dict[str, AxisColumn] = {}
+def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> Block:
+    document = context.document
+    columns: dict[str, list[object]] = {}
+    first, expected = "", 0
     for name, axis in axes.items():
         if is_sampled(axis):
             message = f"'{name}' is sampled, so it cannot advance with others"
-            place = context.document.key((*path, name))
-            context.document.add("sampled-in-zip", place, message, "move it to `axes`")
-        else:
-            columns[name] = _column(context, (*path, name), name, axis)
-    first = next(iter(columns), "")
-    for name, axis in axes.items():
-        expected = len(listed_values(axes[first])) if first else 0
-        if name in columns and len(listed_values(axis)) != expected:
-            message = (
-                f"'{name}' has {len(listed_values(axis))} values, but '{first}' has {expected}"
-            )
-            context.document.add("zip-length", (*path, name), message)
+            place = document.key((*path, name))
+            document.add("sampled-in-zip", place, message, "move it to `axes`")
+            continue
+        columns[name] = _listed(context, (*path, name), name, axis)
+        count = len(listed_values(axis))
+        if not first:
+            first, expected = name, count
+        if count != expected:
+            message = f"'{name}' has {count} values, but '{first}' has {expected}"
+            document.add("zip-length", (*path, name), message)
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 
 
 def _sampled(context: SweepContext) -> list[Block]:
     document, sample = context.document, context.sweep.sample
-    axes = {
-        name: cast("Uniform | Loguniform", axis)
-        for name, axis in context.sweep.axes.items()
-        if is_sampled(axis)
-    }
+    axes = {name: axis for name, axis in context.sweep.axes.items() if is_sampled(axis)}
     if axes and "sample" not in document.mapping():
         name = next(iter(axes))
         message = f"'{name}' is sampled, but there is no `sample`"
         hint = "add sample: {method: sobol, n: 64}"
         document.add("sample-missing", document.key(("axes", name)), message, hint)
-    if not any(_looks_sampled(context, name) for name in document.mapping("axes")) and sample:
+    written = (document.mapping("axes", name) for name in document.mapping("axes"))
+    if sample and not any("uniform" in form or "loguniform" in form for form in written):
         hint = "give an axis as {uniform: [low, high]} or {loguniform: [low, high]}"
         document.add("sample-unused", document.key(("sample",)), "no axis is sampled", hint)
     return [_drawn(context, axes, sample)] if axes and sample else []
 
 
-def _looks_sampled(context: SweepContext, name: str) -> bool:
-    form = context.document.mapping("axes", name)
-    return "uniform" in form or "loguniform" in form
-
-
-def _drawn(context: SweepContext, axes: dict[str, Uniform | Loguniform], sample: Sample) -> Block:
+def _drawn(
+    context: SweepContext, axes: Mapping[str, Uniform | Loguniform], sample: Sample
+) -> Block:
     cube = sample_points(sample, len(axes))
-    columns: list[Sequence[object]] = []
+    columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):
-        spec = context.find(name)
-        path = ("axes", name, "uniform" if isinstance(axis, Uniform) else "loguniform")
-        if spec is None or not _bounds_fit(context, path, axis):
-            continue
-        values = sampled_values(axis, spec, cube[:, index])
-        columns.append(_canonical_column(context, path, values))
+        spec, path = context.find(name), ("axes", name, _form(axis))
+        bounds = _canonical(context, name, _bounds(axis), path, written=True)
+        if spec is not None and UNREADABLE not in bounds:
+            values = sampled_values(axis, spec, cube[:, index])
+            columns.append(_canonical(context, name, values, path, written=False))
     return Block(tuple(axes), tuple(zip(*columns, strict=False)))
-
-
-def _bounds_fit(context: SweepContext, path: KeyPath, axis: Uniform | Loguniform) -> bool:
-    bounds = axis.uniform if isinstance(axis, Uniform) else axis.loguniform
-    places = [context.document.value((*path, index)) for index in range(2)]
-    parsed = [
-        context.canonical(str(path[1]), bound, place)
-        for bound, place in zip(bounds, places, strict=True)
-    ]
-    return UNREADABLE not in parsed
-
-
-def _canonical_column(context: SweepContext, path: KeyPath, values: list[object]) -> list[object]:
-    column: list[object] = []
-    for value in values:
-        column.append(context.canonical(str(path[1]), value, context.document.value(path)))
-        if column[-1] is UNREADABLE:
-            break
-    return column

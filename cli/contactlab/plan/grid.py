@@ -5,8 +5,8 @@ Rows are streamed: a plan of a million runs takes no memory for them.
 
 import itertools
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import cast
 
 from contactlab.expression import Expression, ExpressionError, NoValueError
@@ -28,6 +28,13 @@ class Block:
 
     names: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
+
+    def keeping(self, name: str, values: Collection[object]) -> "Block":
+        """Return the rows in which an axis, if the block has it, takes one of some values."""
+        if name not in self.names:
+            return self
+        index = self.names.index(name)
+        return Block(self.names, tuple(row for row in self.rows if row[index] in values))
 
 
 @dataclass(frozen=True)
@@ -97,6 +104,27 @@ class Grid:
     blocks: tuple[Block, ...] | None
     excludes: tuple[Match, ...]
     added: tuple[RowValues, ...]
+
+    def values(self) -> dict[str, dict[object, None]]:
+        """Return the values that each axis takes anywhere, each once, in order."""
+        values: dict[str, dict[object, None]] = {}
+        for block in self.blocks or ():
+            for name, column in zip(block.names, zip(*block.rows, strict=True), strict=False):
+                values[name] = dict.fromkeys(column)
+        for row in (self.base, *self.added):
+            for name, value in row.items():
+                values.setdefault(name, {})[value] = None
+        return values
+
+    def keeping(self, name: str, values: Collection[object]) -> "Grid":
+        """Return the rows in which an axis takes one of some values."""
+        added = tuple(row for row in self.added if (self.base | row).get(name) in values)
+        blocks = self.blocks
+        if blocks and any(name in block.names for block in blocks):
+            blocks = tuple(block.keeping(name, values) for block in blocks)
+        elif self.base.get(name) not in values:
+            blocks = None
+        return replace(self, blocks=blocks, added=added)
 
     @property
     def product_size(self) -> int:

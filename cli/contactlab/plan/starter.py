@@ -53,17 +53,9 @@ def _axes(vocabulary: Vocabulary) -> dict[str, list[str]]:
         spec = vocabulary.axes.find(name)
         values = (_FIRST.get(name) or spec.choices) if spec else ()
         written = [f"{value:g}" if isinstance(value, float) else str(value) for value in values]
-        if spec and written and all(_fits(spec, value) for value in values):
+        if spec and written and all(map(spec.accepts, values)):
             axes[name] = written
     return axes
-
-
-def _fits(spec: AxisSpec, value: object) -> bool:
-    try:
-        spec.parse(value)
-    except ValueError:
-        return False
-    return True
 
 
 def _listing(vocabulary: Vocabulary) -> list[str]:

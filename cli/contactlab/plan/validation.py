@@ -45,13 +45,13 @@ def add_validation_errors(
     """Add every validation error to the document, once each, at its place."""
     seen: set[tuple[str, KeyPath]] = set()
     details = error.errors(include_url=False)
-    deep = {path for detail in details for path in _above(file_path(detail["loc"]))}
-    for detail in details:
-        path = file_path(detail["loc"])
-        if detail["type"] == "too_short" and path in deep:
+    paths = [file_path(detail["loc"]) for detail in details]
+    above = {path[:length] for path in paths for length in range(len(path))}
+    for detail, exact in zip(details, paths, strict=True):
+        if detail["type"] == "too_short" and exact in above:
             continue
-        if detail["type"] in {"missing", "too_long"} and _is_form(path[:-1]):
-            path = path[:-1]
+        entry_of_form = detail["type"] in {"missing", "too_long"} and _is_form(exact[:-1])
+        path = exact[:-1] if entry_of_form else exact
         if (detail["type"], path) not in seen:
             seen.add((detail["type"], path))
             _add(document, detail, path, model)
@@ -60,10 +60,6 @@ def add_validation_errors(
 def file_path(loc: tuple[str | int, ...]) -> KeyPath:
     """Return where in the file an error lies: its location without the tags of unions."""
     return tuple(part for part in loc if not (isinstance(part, str) and part.startswith("@")))
-
-
-def _above(path: KeyPath) -> Iterator[KeyPath]:
-    return (path[:length] for length in range(len(path)))
 
 
 def _is_form(path: KeyPath) -> bool:
@@ -116,7 +112,9 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
         document.add("wrong-length", path, f"'{name}' takes {description}")
     elif kind == "missing":
         place = document.key(path[:-1]) if path[:-1] else document.value(())
-        document.add("missing-key", place.part(0, 1), f"missing key '{name}'", _example(path))
+        example = {"version": "1", "scene": "NAME"}.get(str(name), "...")
+        hint = f"add {name}: {example}"
+        document.add("missing-key", place.part(0, 1), f"missing key '{name}'", hint)
     elif axis := path[1:2] if path[0] == "axes" else path[2:3] if path[0] == "zip" else ():
         document.add("empty-axis", path, f"axis '{axis[0]}' has no values")
     else:
@@ -124,26 +122,14 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
         document.add("wrong-length", path, f"'{name}' has too few entries")
 
 
-def _example(path: KeyPath) -> str:
-    examples: dict[KeyPath, str] = {("version",): "version: 1", ("scene",): "scene: NAME"}
-    return f"add {examples.get(path, f'{path[-1]}: ...')}"
-
-
 def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
     data = document.at(path)
-    shown = "nothing" if data is None else repr(data) if _is_scalar(data) else _kind(data)
+    kinds = "a mapping" if isinstance(data, dict) else "a list"
+    shown = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
     name = next((part for part in reversed(path) if isinstance(part, str)), None)
     subject = f"'{name}' takes" if name else "the file is"
     place = document.key(path) if data is None and path else document.value(path)
     document.add("wrong-type", place, f"{subject} {wanted}, not {shown}")
-
-
-def _is_scalar(data: object) -> bool:
-    return isinstance(data, bool | int | float | str)
-
-
-def _kind(data: object) -> str:
-    return "a mapping" if isinstance(data, Mapping) else "a list"
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
@@ -206,11 +192,6 @@ class Draft:
         """Return where an entry of one of the sweep's lists lies in the file."""
         kept = self.kept.get(key)
         return (key, kept[index] if kept else index, *below)
-
-    @property
-    def has_scene(self) -> bool:
-        """Whether the file names its scene."""
-        return isinstance(self.document.at(("scene",)), str)
 
 
 def read_draft(document: Document) -> Draft:

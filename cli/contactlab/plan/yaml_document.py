@@ -4,6 +4,7 @@ import json
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Protocol, cast
 
 from ruamel.yaml import YAML
@@ -11,6 +12,7 @@ from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
+from contactlab.errors import SweepFileError
 from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
 
 KeyPath = tuple[str | int, ...]
@@ -114,6 +116,20 @@ class Document:
     def key(self, path: KeyPath) -> Place:
         """Return the place of the key at a path, or else of the value."""
         return self.keys.get(path) or self.value(path)
+
+
+def read_text(path: Path) -> str:
+    """Return a file's text.
+
+    Raises:
+        SweepFileError: it cannot be read, or is not UTF-8.
+    """
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise SweepFileError(f"cannot read {path}: {error.strerror}") from error
+    except UnicodeDecodeError as error:
+        raise SweepFileError(f"cannot read {path}: it is not UTF-8 text") from error
 
 
 def read_document(text: str, name: str) -> Document:

@@ -1,7 +1,7 @@
 """The forms in which a sweep file gives the values of an axis."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self, cast
+from typing import Annotated, Literal, Self, TypeGuard, cast
 
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
@@ -137,6 +137,6 @@ def axis_role(axis: Axis) -> Role:
     return axis.role if isinstance(axis, Ranged) else "knob"
 
 
-def is_sampled(axis: Axis) -> bool:
+def is_sampled(axis: Axis) -> TypeGuard[Uniform | Loguniform]:
     """Return whether the values of an axis are sampled, not listed."""
     return isinstance(axis, Uniform | Loguniform)

@@ -30,6 +30,14 @@ class AxisSpec:
     parts: tuple[str, ...] = ()
     split: Callable[[object], Mapping[str, float]] | None = None
 
+    def accepts(self, value: object) -> bool:
+        """Return whether the axis takes a value."""
+        try:
+            self.parse(value)
+        except ValueError:
+            return False
+        return True
+
 
 class Catalogue(Protocol):
     """The axes that one scene offers; engine fields by name make the list open-ended."""
