@@ -1,0 +1,31 @@
+"""The examples of CONTRIBUTING.md declare what they say they do."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.engines import ENGINES
+from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS
+
+TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
+
+
+@pytest.fixture(autouse=True)
+def _restored(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forget after each test what it declared."""
+    for registry in (METRICS, LABELS, THRESHOLDS, ORACLES, ENGINES):
+        monkeypatch.setattr(registry, "_entries", dict(registry))
+
+
+def test_each_example_adds_its_entries() -> None:
+    names: dict[str, Any] = {"__name__": "example"}
+    for example in EXAMPLES:
+        exec(example, names)  # noqa: S102 - it is ours
+    assert METRICS["joint_speed_max"].definition == "Largest speed of any joint, at any time."
+    assert LABELS["overspeed"].thresholds == (THRESHOLDS["joint_speed_max"],)
+    assert ORACLES["fall"].relative
+    assert ENGINES["mine"].version == "1.0"
+    assert len(EXAMPLES) == 3
