@@ -1,5 +1,52 @@
 """Evidence for contact simulation.
 
-Start with the command line: ``contactlab sweep bounce``. This module imports nothing on
-purpose: reading, comparing and drawing stored evidence must not load the physics engine.
+The command line is the way in: `contactlab sweep bounce`. The same questions can be asked from
+Python, where the answers are data:
+
+    import contactlab
+
+    store = contactlab.sweep("bounce")
+    store.runs.to_pandas()
+    contactlab.check("path/to/robot.xml").passed
+
+Importing this loads neither the physics engine nor Arrow; the first call does, if it needs them.
 """
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from contactlab.api.reading_functions import compare, open, report
+    from contactlab.api.running_functions import check, effects, stability, sweep, tradeoff
+
+    __version__: str
+
+__all__ = [
+    "__version__",
+    "check",
+    "compare",
+    "effects",
+    "open",
+    "report",
+    "stability",
+    "sweep",
+    "tradeoff",
+]
+_READING = {"compare", "open", "report"}
+
+
+def __getattr__(name: str) -> Any:  # noqa: ANN401 - each function has a type of its own
+    if name not in __all__:
+        raise AttributeError(f"module 'contactlab' has no attribute '{name}'")
+    if name == "__version__":
+        from importlib.metadata import version
+
+        return version("contactlab")
+    if name in _READING:
+        from contactlab.api import reading_functions as functions
+    else:
+        from contactlab.api import running_functions as functions
+    return getattr(functions, name)
+
+
+def __dir__() -> list[str]:
+    return __all__

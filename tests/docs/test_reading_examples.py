@@ -48,7 +48,7 @@ def test_every_example_is_run() -> None:
 
 
 def test_own_means(example: Any, store: Store) -> None:
-    found = example("from contactlab.store import Store")
+    found = example("import contactlab")
     assert found["bounce"].units["timestep"] == "s"
     assert found["errors"].shape == (4,)
     # Up to the last step, what the floor gives the ball is its change of momentum and its weight.

@@ -42,6 +42,7 @@ def check(
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
     from contactlab.studies.check import CheckRequest, run
+    from contactlab.studies.session import model_name
 
     opt.load_plugins(plugin)
     request = CheckRequest(
@@ -50,7 +51,7 @@ def check(
         only=only or (),
         kind=None if kind == "auto" else kind,
     )
-    target = folder or opt.RESULTS / "check" / _name(model)
+    target = folder or opt.RESULTS / "check" / model_name(model)
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
     if output == "json":
@@ -59,11 +60,6 @@ def check(
         _print(report, target)
     if failed := [each.name for each in report.checks if each.verdict == "fail"]:
         raise ExpectationError(f"{model} fails {', '.join(failed)}")
-
-
-def _name(model: str) -> str:
-    """Return a folder's name for a model: its file or folder, or what follows the last colon."""
-    return Path(model.rpartition(":")[2].rstrip("/")).stem or "model"
 
 
 def _print(report: "CheckReport", folder: Path) -> None:

@@ -163,7 +163,7 @@ def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFor
 
 
 def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:
-    from contactlab import compare as formats
+    from contactlab import comparison as formats
 
     renderers: dict[ReportFormat, Callable[[ComparisonReport], str]] = {
         "text": formats.as_text,

@@ -1,7 +1,6 @@
 """Options that several commands share, and how their values are read."""
 
 import math
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -122,15 +121,6 @@ FigureOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Draw the result: a .png or .svg file.")
 ]
 FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
-
-
-def worker_count(workers: int | None) -> int:
-    """Return the number of worker processes: as given, or one per core that may be used."""
-    if workers is not None:
-        return workers
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def load_plugins(files: Sequence[Path] | None) -> None:

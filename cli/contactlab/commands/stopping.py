@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from contactlab.commands.options import worker_count
 from contactlab.commands.terminal import progress_display, say
 from contactlab.errors import StoppedError
 
@@ -53,6 +52,7 @@ def study_session(folder: Path, workers: int | None, then: str = "resume") -> Ge
         workers: worker processes; None for one per core.
         then: what the same command does after an interruption.
     """
+    from contactlab.run import worker_count
     from contactlab.studies.session import Session
 
     count = worker_count(workers)

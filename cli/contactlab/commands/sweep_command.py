@@ -62,7 +62,7 @@ def sweep(
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
     from contactlab.plan import Overrides
-    from contactlab.run import forecast, read_request, run_sweep
+    from contactlab.run import forecast, read_request, run_sweep, worker_count
 
     _check_executor(executor, address, workers)
     path = resources.find_sweep(name)
@@ -74,7 +74,7 @@ def sweep(
         path.stem,
         target,
         folder=path.parent,
-        workers=opt.worker_count(workers),
+        workers=worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
         fresh=fresh,
         retry_failed=retry_failed,

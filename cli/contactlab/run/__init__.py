@@ -13,6 +13,7 @@ from contactlab.run.stored_runs import (
 from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
+from contactlab.run.worker_pool import worker_count
 
 __all__ = [
     "Finished",
@@ -32,4 +33,5 @@ __all__ = [
     "run_sweep",
     "timing_process",
     "without_option",
+    "worker_count",
 ]

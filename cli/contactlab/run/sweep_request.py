@@ -46,7 +46,7 @@ class SweepRequest:
 
 
 def read_request(  # noqa: PLR0913 - one argument an option
-    source: Path | str,
+    source: Path | str | Mapping[str, object],
     name: str,
     store: Address,
     *,
@@ -60,7 +60,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     """Read a sweep.
 
     Args:
-        source: the sweep file's path, or its text.
+        source: the sweep file's path or its text, or its content as data.
         name: the sweep's name.
         store: where the store is written.
         folder: where relative paths of scenes start.

@@ -4,6 +4,7 @@ Each worker has a private pipe, whose end is the only sign of its death: a share
 break, or hang, with the process that holds its lock.
 """
 
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import takewhile
@@ -26,6 +27,15 @@ from contactlab.run.worker_process import (
 
 # How long a request to stop that comes without a signal may go unnoticed [s].
 _STOP_INTERVAL = 0.1
+
+
+def worker_count(requested: int | None) -> int:
+    """Return the number of worker processes: as requested, or one per core that may be used."""
+    if requested is not None:
+        return requested
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE,
 from contactlab.store.mcap import StoredTrace, read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import read_table, shared_fields
+from contactlab.store.runs_view import Runs, store_line, store_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
 from contactlab.store.store_manifest import parse_manifest
@@ -24,7 +25,7 @@ from contactlab.store.table_layout import row_to_record
 _MAX_SIMILAR = 32
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Store:
     """A finished store.
 
@@ -59,6 +60,17 @@ class Store:
     @cached_property
     def _backend(self) -> Backend:
         return backend_at(self.address, StoreError)
+
+    def __repr__(self) -> str:
+        return store_line(self.address, self.manifest)
+
+    def _repr_html_(self) -> str:
+        return store_table(self.address, self.manifest)
+
+    @property
+    def runs(self) -> Runs:
+        """The table, for pandas, polars and others that read Arrow."""
+        return Runs(self.table)
 
     @cached_property
     def table(self) -> pa.Table:

@@ -90,6 +90,11 @@ class Session:
                 path.write_text(text, encoding="utf-8")
 
 
+def model_name(reference: str) -> str:
+    """Return a name for a model's folder: that of its file or folder, or of the robot."""
+    return Path(reference.rpartition(":")[2].rstrip("/")).stem or "model"
+
+
 def read_settings(
     scenes: SceneLoader, reference: str, assign: Sequence[str], keys: Collection[str] = ()
 ) -> tuple[Values, Sweep]:

@@ -1,0 +1,255 @@
+"""Run sweeps and studies."""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Literal
+
+from contactlab.api.reading_functions import address_of
+from contactlab.pareto import Criteria
+from contactlab.plan import Overrides
+from contactlab.plugins import load_plugins
+from contactlab.resources import find_sweep
+from contactlab.run import read_request, worker_count
+from contactlab.schema import (
+    CheckReport,
+    EffectsReport,
+    StabilityReport,
+    TaskKind,
+    TradeoffReport,
+)
+from contactlab.store import Address, Store, parse_address
+from contactlab.studies import check as check_study
+from contactlab.studies import effects as effects_study
+from contactlab.studies import stability_cases, tradeoff_sweep
+from contactlab.studies.session import Session, model_name
+
+Settings = Mapping[str, object] | Sequence[str]
+"""Settings by name, such as `{"timestep": [1e-3, 2e-3]}`, or options as typed, `timestep=1e-3`."""
+
+Progress = Callable[[int, int], None]
+"""Called with the runs done and the runs in all, as they finish."""
+
+_RESULTS = Path("results")
+
+
+def sweep(
+    source: str | Path | Mapping[str, object],
+    *,
+    output: str | Address | None = None,
+    set: Settings = (),
+    only: Settings = (),
+    limit: int | None = None,
+    workers: int | None = None,
+    fresh: bool = False,
+    retry_failed: bool = False,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> Store:
+    """Run a sweep into a store, or resume it, and open the store.
+
+    Args:
+        source: a sweep file, the name of a shipped sweep, or what a sweep file would say, as data.
+        output: the store, a folder or an address; `results/NAME` if left out.
+        set: axes or keys to replace.
+        only: axis values; runs with other values are left out.
+        limit: the first so many runs only.
+        workers: worker processes, 0 for none; one for each core if left out.
+        fresh: whether to replace a store that is there.
+        retry_failed: whether stored runs that crashed, timed out or failed are run again.
+        plugins: files that add metrics, labels, oracles or engines. They are executed.
+        progress: called as runs finish.
+
+    Raises:
+        SweepFileError: the sweep or a setting holds mistakes; all are named.
+        OutputError: the store cannot be written.
+        StoreError: the store is another sweep's.
+        StoppedError: the sweep was interrupted; the same call resumes it.
+    """
+    load_plugins([Path(each) for each in plugins])
+    if isinstance(source, Mapping):
+        name, text, folder = "sweep", source, Path()
+    else:
+        text = find_sweep(str(source))
+        name, folder = text.stem, text.parent
+    request = read_request(
+        text,
+        name,
+        _RESULTS / name if output is None else parse_address(output),
+        folder=folder,
+        workers=worker_count(workers),
+        overrides=Overrides(_assigned(set), _assigned(only), limit),
+        fresh=fresh,
+        retry_failed=retry_failed,
+    )
+    return _session(Path(), workers, progress).run(request)
+
+
+def check(
+    model: str | Path,
+    *,
+    set: Settings = (),
+    only: Sequence[str] = (),
+    output: str | Path | None = None,
+    keyframe: str | None = None,
+    kind: TaskKind | Literal["auto"] = "auto",
+    workers: int | None = None,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> CheckReport:
+    """Check a model before it is trusted: six checks, each with its numbers and what to change.
+
+    Args:
+        model: a shipped scene, a folder, an .xml or .urdf file, or `menagerie:ROBOT`.
+        set: settings to check it with.
+        only: names of checks; all if empty.
+        output: the folder of its evidence; `results/check/NAME` if left out.
+        keyframe: where runs start; `qpos0` is the model's own start.
+        kind: of task, which decides what the timestep has to suit.
+        workers: worker processes, 0 for none; one for each core if left out.
+        plugins: files that add metrics, labels, oracles or engines. They are executed.
+        progress: called as runs finish.
+
+    Raises:
+        SceneError: there is no such model or keyframe, or it does not compile.
+        SweepFileError: a setting or the name of a check is wrong.
+    """
+    load_plugins([Path(each) for each in plugins])
+    start = [f"keyframe={keyframe}"] if keyframe else []
+    request = check_study.CheckRequest(
+        model=str(model),
+        assign=[*_assigned(set), *start],
+        only=only,
+        kind=None if kind == "auto" else kind,
+    )
+    folder = Path(output or _RESULTS / "check" / model_name(str(model)))
+    return check_study.run(request, _session(folder, workers, progress))
+
+
+def effects(
+    source: str | Path,
+    *,
+    set: Settings = (),
+    seeds: int = 6,
+    output: str | Path | None = None,
+    workers: int | None = None,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> EffectsReport:
+    """Find which effects a scene needs, what each costs, and the smallest set that will do.
+
+    Args:
+        source: a scene, a sweep file or a model.
+        set: settings of the base configuration.
+        seeds: how many seeds to change effects with.
+        output: the folder of its evidence; `results/effects/NAME` if left out.
+        workers: worker processes, 0 for none; one for each core if left out.
+        plugins: files that add metrics, labels, oracles or engines. They are executed.
+        progress: called as runs finish.
+
+    Raises:
+        SceneError: there is no such scene.
+        SweepFileError: the sweep or a setting is wrong.
+    """
+    load_plugins([Path(each) for each in plugins])
+    request = effects_study.EffectsRequest(str(source), _assigned(set), seeds)
+    folder = Path(output or _RESULTS / "effects" / model_name(str(source)))
+    return effects_study.run(request, _session(folder, workers, progress))
+
+
+def stability(
+    names: Sequence[str | Path] = (),
+    *,
+    output: str | Path = _RESULTS / "stability",
+    workers: int | None = None,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> StabilityReport:
+    """Run hard cases, or generic checks of models.
+
+    Args:
+        names: cases of the catalogue, or models; the whole catalogue if empty.
+        output: the folder of the stores, one a case.
+        workers: worker processes, 0 for none; one for each core if left out.
+        plugins: files that add metrics, labels, oracles or engines. They are executed.
+        progress: called as runs finish.
+
+    Raises:
+        SweepFileError: there is no such case.
+    """
+    load_plugins([Path(each) for each in plugins])
+    request = stability_cases.StabilityRequest([str(each) for each in names])
+    return stability_cases.run(request, _session(Path(output), workers, progress))
+
+
+def tradeoff(
+    source: Store | str | Address,
+    *,
+    error: str | None = None,
+    tolerance: Mapping[str, float] | None = None,
+    output: str | Address | None = None,
+    workers: int | None = None,
+    plugins: Sequence[str | Path] = (),
+    progress: Progress | None = None,
+) -> TradeoffReport:
+    """Find what accuracy costs in time, and the cheapest configuration that will do.
+
+    Args:
+        source: a store, a sweep file or the name of a shipped sweep, which is then run.
+        error: what measures accuracy: `error_final`, `oracle_error` or any metric.
+        tolerance: largest acceptable values by metric, over those of the sweep.
+        output: the store of a sweep; `results/tradeoff/NAME` if left out.
+        workers: worker processes, 0 for none; one for each core if left out.
+        plugins: files that add metrics, labels, oracles or engines. They are executed.
+        progress: called as runs finish.
+
+    Raises:
+        SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
+        StoreError: the store has no error to evaluate.
+    """
+    load_plugins([Path(each) for each in plugins])
+    request = tradeoff_sweep.TradeoffRequest(
+        str(address_of(source)),
+        Criteria(error, tolerance or {}),
+        None if output is None else parse_address(output),
+    )
+    return tradeoff_sweep.run(request, _session(_RESULTS / "tradeoff", workers, progress))
+
+
+def _session(folder: Path, workers: int | None, progress: Progress | None) -> Session:
+    count = _Count(progress)
+    return Session(folder, worker_count(workers), begin=count.begin, progress=count.add)
+
+
+class _Count:
+    """Counts the runs of a sweep for a caller who wants to see them finish."""
+
+    def __init__(self, report: Progress | None) -> None:
+        self._report = report
+        self._done = self._total = 0
+
+    def begin(self, total: int, done: int) -> None:
+        """Begin a sweep, of which some runs are stored already."""
+        self._total = total
+        self._advance(done - self._done)
+
+    def add(self, finished: Sequence[object]) -> None:
+        """Count finished runs."""
+        self._advance(len(finished))
+
+    def _advance(self, runs: int) -> None:
+        self._done += runs
+        if self._report is not None:
+            self._report(self._done, self._total)
+
+
+def _assigned(settings: Settings) -> list[str]:
+    """Return settings as the command line has them: `NAME=VALUE,VALUE`."""
+    if not isinstance(settings, Mapping):
+        return list(settings)
+    return [f"{name}={_text(value)}" for name, value in settings.items()]
+
+
+def _text(value: object) -> str:
+    values = value if isinstance(value, list | tuple) else [value]
+    return ",".join(json.dumps(each) for each in values)
