@@ -67,10 +67,15 @@ class StoppedError(ContactlabError):
     exit_code = 130
 
 
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return "; did you mean 'x'?" for the closest known name, or an empty string."""
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Return "did you mean 'x'?" for the closest known name, or an empty string."""
     close = difflib.get_close_matches(name, list(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    return f"did you mean '{close[0]}'?" if close else ""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return a suggestion to append to a message, behind a semicolon; or an empty string."""
+    return f"; {found}" if (found := suggestion(name, known)) else ""
 
 
 @contextmanager

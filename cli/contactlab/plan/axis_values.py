@@ -122,7 +122,7 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
         if not is_sampled(axis)
     ]
     for index, axes in enumerate(sweep.zip):
-        blocks.append(_zipped(context, context.draft.path("zip", index), axes))
+        blocks.append(_zipped(context, context.path("zip", index), axes))
     blocks.extend(_sampled(context))
     return tuple(blocks) if blocks or not sweep.include else None
 

@@ -45,7 +45,7 @@ def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
         return tuple(_canonical_row(context, cells) for cells in lines)
     rows: list[RowValues] = []
     for index, row in enumerate(include):
-        path = context.draft.path("include", index)
+        path = context.path("include", index)
         keys = {name: document.key((*path, name)) for name in row}
         for name, place in keys.items():
             check_axis(context, name, place)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from itertools import combinations
 from typing import cast
 
-from contactlab.errors import did_you_mean
+from contactlab.errors import did_you_mean, suggestion
 from contactlab.plan.diagnostics import Place
 from contactlab.plan.validation import Draft
 from contactlab.plan.yaml_document import Document, KeyPath
@@ -16,21 +16,10 @@ UNREADABLE = object()
 
 
 @dataclass(frozen=True)
-class SweepContext:
+class SweepContext(Draft):
     """A draft, and the names that its scene offers."""
 
-    draft: Draft
     vocabulary: Vocabulary
-
-    @property
-    def document(self) -> Document:
-        """The file as written."""
-        return self.draft.document
-
-    @property
-    def sweep(self) -> Sweep:
-        """What of it could be read."""
-        return self.draft.sweep
 
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
@@ -79,7 +68,7 @@ def check_names(context: SweepContext) -> None:
     _check_tolerances(context)
     _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
-        path = context.draft.path("expect", index)
+        path = context.path("expect", index)
         _check_known(document, "metric", vocabulary.metrics, (*path, "metrics"))
         for position, label in enumerate(expectation.label or ()):
             if label not in vocabulary.labels:
@@ -115,7 +104,7 @@ def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collect
     elif context.find(name):
         hint = "add it to `axes`"
     else:
-        close = did_you_mean(name, swept).removeprefix("; ")
+        close = suggestion(name, swept)
         hint = close or f"swept here: {', '.join(swept) or 'nothing'}"
     context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)
 
@@ -159,5 +148,5 @@ def _add_unknown(
     document: Document, kind: str, name: str, place: Place, known: Collection[str]
 ) -> None:
     few = f"known: {', '.join(known)}" if 0 < len(known) <= 12 else ""
-    hint = did_you_mean(name, known).removeprefix("; ") or few
+    hint = suggestion(name, known) or few
     document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)

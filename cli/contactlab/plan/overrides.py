@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from contactlab.errors import did_you_mean
+from contactlab.errors import suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
@@ -94,7 +94,7 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
     form = (*path, call[1])
     document.keys[form] = place.part(0, len(call[1]))
     if call[1] not in FORMS:
-        hint = did_you_mean(call[1], FORMS).removeprefix("; ") or f"one of: {', '.join(FORMS)}"
+        hint = suggestion(call[1], FORMS) or f"one of: {', '.join(FORMS)}"
         document.add("unknown-key", document.keys[form], f"no form '{call[1]}'", hint)
     column = place.column + call.start(2)
     return {call[1]: read_argument(document, form, f"[{call[2]}]", place.source, column), **kept}

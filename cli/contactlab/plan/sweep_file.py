@@ -99,7 +99,7 @@ def _checked(
     if not isinstance(scene, str):
         return None
     try:
-        context = SweepContext(draft, vocabulary(scene))
+        context = SweepContext(document, draft.sweep, draft.kept, vocabulary(scene))
     except SceneError as error:
         first, _, rest = str(error).partition("\n")
         document.add("unknown-scene", ("scene",), first, rest.replace("\n", "; "))
@@ -137,7 +137,7 @@ def _read_grid(context: SweepContext, folder: Path) -> Grid:
         for name, value in switches(context.sweep.effects).items()
     }
     excludes = tuple(
-        read_condition(context, each, context.draft.path("exclude", index), _product_axes(context))
+        read_condition(context, each, context.path("exclude", index), _product_axes(context))
         for index, each in enumerate(context.sweep.exclude)
     )
     return Grid(base, blocks, excludes, added)

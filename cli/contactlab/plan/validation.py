@@ -11,7 +11,7 @@ from typing import Annotated, Union, cast, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-from contactlab.errors import did_you_mean
+from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema import FORMS, Sweep
 
@@ -83,7 +83,7 @@ def _add(document: Document, detail: ErrorDetails, path: KeyPath, model: type[Ba
 def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) -> None:
     name = str(path[-1])
     known = [field.alias or each for each, field in model.model_fields.items()]
-    hint = _suggestion(name, known) or f"known here: {', '.join(known)}"
+    hint = suggestion(name, known) or f"known here: {', '.join(known)}"
     if name in FORMS:
         hint = "an axis takes one form"
     document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
@@ -97,7 +97,7 @@ def _add_axis_form(document: Document, path: KeyPath) -> None:
         if wrong is None:
             document.add("empty-axis", path, f"axis '{name}' has no values", f"one of: {forms}")
             return
-        hint = _suggestion(wrong, FORMS) or f"one of: {forms}"
+        hint = suggestion(wrong, FORMS) or f"one of: {forms}"
         document.add("unknown-key", document.key((*path, wrong)), f"no form '{wrong}'", hint)
     elif data is None:
         document.add("empty-axis", path, f"axis '{name}' has no values", "write a list: [...]")
@@ -146,13 +146,9 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
         wording, hint = f"has no choice {detail['input']!r}", _TRACE
     if kind == "literal_error":
         choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
-        hint = _suggestion(str(detail["input"]), choices.replace(" or ", ", ").split(", "))
+        hint = suggestion(str(detail["input"]), choices.replace(" or ", ", ").split(", "))
     code = _CODES.get(kind, kind.replace("_", "-"))
     document.add(code, path, f"{name}{wording}", hint)
-
-
-def _suggestion(name: str, known: object) -> str:
-    return did_you_mean(name, cast("list[str]", known)).removeprefix("; ")
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:

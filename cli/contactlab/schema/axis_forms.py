@@ -1,9 +1,9 @@
 """The forms in which a sweep file gives the values of an axis."""
 
 from collections.abc import Mapping
-from typing import Annotated, Literal, Self, TypeGuard, cast
+from typing import Annotated, Literal, TypeGuard, cast
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole
@@ -12,7 +12,23 @@ Role = Literal["knob", "scenario"]
 MOST_VALUES = 1_000_000
 
 Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
-Span = tuple[Number, Number]
+
+
+def _reaching(values: tuple[float, float, float]) -> tuple[float, float, float]:
+    first, last, step = values
+    if step == 0 or (last - first) / step < 0:
+        raise PydanticCustomError(
+            "range_step", "needs a step that leads from the first value to the last"
+        )
+    if (last - first) / step >= MOST_VALUES:
+        raise PydanticCustomError("range_step", "has more than 1,000,000 values")
+    return values
+
+
+def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
+    if bounds[0] >= bounds[1]:
+        raise PydanticCustomError("span_order", "needs two bounds, the lower one first")
+    return bounds
 
 
 class Ranged(Model):
@@ -49,61 +65,30 @@ class Logspace(Ranged):
 class Range(Ranged):
     """Values at a fixed step."""
 
-    range: tuple[Number, Number, Number] = Field(
+    range: Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)] = Field(
         description="[first, last, step]: the last is included where the steps reach it"
     )
-
-    @model_validator(mode="after")
-    def _reaches(self) -> Self:
-        first, last, step = self.range
-        if step == 0 or (last - first) / step < 0:
-            raise PydanticCustomError(
-                "range_step", "needs a step that leads from the first value to the last"
-            )
-        if (last - first) / step >= MOST_VALUES:
-            raise PydanticCustomError("range_step", "has more than 1,000,000 values")
-        return self
-
-
-def _ordered(low: float, high: float) -> None:
-    if low >= high:
-        raise PydanticCustomError("span_order", "needs two bounds, the lower one first")
 
 
 class Uniform(Ranged):
     """Values sampled uniformly."""
 
-    uniform: Span = Field(description="[low, high]: sampled; needs `sample`")
-
-    @model_validator(mode="after")
-    def _is_ordered(self) -> Self:
-        _ordered(*self.uniform)
-        return self
+    uniform: Annotated[tuple[Number, Number], AfterValidator(_ordered)] = Field(
+        description="[low, high]: sampled; needs `sample`"
+    )
 
 
 class Loguniform(Ranged):
     """Values sampled log-uniformly."""
 
-    loguniform: tuple[Positive, Positive] = Field(
+    loguniform: Annotated[tuple[Positive, Positive], AfterValidator(_ordered)] = Field(
         description="[low, high], both positive: sampled by logarithm; needs `sample`"
     )
 
-    @model_validator(mode="after")
-    def _is_ordered(self) -> Self:
-        _ordered(*self.loguniform)
-        return self
-
 
 FORMS: Mapping[str, type[Ranged]] = {
-    "values": Values,
-    "linspace": Linspace,
-    "logspace": Logspace,
-    "range": Range,
-    "uniform": Uniform,
-    "loguniform": Loguniform,
+    form.__name__.lower(): form for form in (Values, Linspace, Logspace, Range, Uniform, Loguniform)
 }
-
-Listed = Annotated[tuple[Value, ...], Field(min_length=1)]
 
 
 def _form(data: object) -> str | None:
@@ -117,7 +102,7 @@ def _form(data: object) -> str | None:
 
 # Tags start with @ so that an error's path never mistakes one for a key of the file.
 Axis = Annotated[
-    Annotated[Listed, Tag("@list")]
+    Annotated[tuple[Value, ...], Field(min_length=1), Tag("@list")]
     | Annotated[Values, Tag("@values")]
     | Annotated[Linspace, Tag("@linspace")]
     | Annotated[Logspace, Tag("@logspace")]

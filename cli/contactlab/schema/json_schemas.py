@@ -34,14 +34,19 @@ EMITTED: Mapping[str, type[BaseModel]] = {
 }
 
 Node = dict[str, object]
-_DRAFT = "http://json-schema.org/draft-07/schema#"
+_DRAFT_07 = "http://json-schema.org/draft-07/schema#"
+_DRAFT_2020 = "https://json-schema.org/draft/2020-12/schema"
 _NULL: Node = {"type": "null"}
+_RENAMED = {"prefixItems": "items", "$defs": "definitions"}
 
 
 def json_schemas() -> dict[str, Node]:
     """Return the JSON Schema of every exchanged file, by file name."""
     written = {name: draft07(model.model_json_schema()) for name, model in WRITTEN.items()}
-    emitted = {name: _described(model) for name, model in EMITTED.items()}
+    emitted: dict[str, Node] = {
+        name: {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}
+        for name, model in EMITTED.items()
+    }
     return {**written, **emitted}
 
 
@@ -64,12 +69,7 @@ def draft07(schema: Mapping[str, object]) -> Node:
     Tuples become `items` lists, "or null" branches go (a key is left out instead), and generated
     titles go. Without this, editors miss tuples of the wrong length.
     """
-    return {"$schema": _DRAFT, **_rewritten(schema)}
-
-
-def _described(model: type[BaseModel]) -> Node:
-    schema = model.model_json_schema(mode="serialization")
-    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+    return {"$schema": _DRAFT_07, **_rewritten(schema)}
 
 
 def _texts() -> dict[str, str]:
@@ -88,9 +88,9 @@ def _rewritten(schema: Mapping[str, object]) -> Node:
             continue
         if key in {"properties", "$defs"}:
             named = cast("Mapping[str, Mapping[str, object]]", value)
-            node[_renamed(key)] = {name: _rewritten(part) for name, part in named.items()}
+            node[_RENAMED.get(key, key)] = {name: _rewritten(part) for name, part in named.items()}
         elif key not in {"default", "const", "enum", "examples"}:
-            node[_renamed(key)] = _part(value)
+            node[_RENAMED.get(key, key)] = _part(value)
         else:
             node[key] = value
     return _referenced(_without_null(node))
@@ -104,10 +104,6 @@ def _part(value: object) -> object:
     if isinstance(value, str):
         return value.replace("#/$defs/", "#/definitions/")
     return value
-
-
-def _renamed(key: str) -> str:
-    return {"prefixItems": "items", "$defs": "definitions"}.get(key, key)
 
 
 def _without_null(node: Node) -> Node:

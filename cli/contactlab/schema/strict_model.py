@@ -19,34 +19,29 @@ class Model(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def is_number(value: object) -> bool:
-    """Return whether a value is a number; True and False are not."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _finite(value: float) -> bool:
-    try:
-        return math.isfinite(float(value))
-    except OverflowError:
-        return False
-
-
 def _checked_number(value: object) -> float:
-    if not is_number(value):
+    if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("number", "takes numbers only in a list")
-    if not _finite(cast("float", value)):
+    try:
+        finite = math.isfinite(value)
+    except OverflowError:
+        finite = False
+    if not finite:
         raise PydanticCustomError("finite_number", "must be finite")
-    return cast("float", value)
+    return value
 
 
 def _checked_value(value: object) -> object:
-    if isinstance(value, bool | str):
-        return value
-    if isinstance(value, list | tuple):
-        return tuple(_checked_number(part) for part in cast("Sequence[object]", value))
-    if is_number(value):
-        return _checked_number(value)
-    raise PydanticCustomError("value", "takes numbers, words, true, false or lists of numbers")
+    match value:
+        case bool() | str():
+            return value
+        case int() | float():
+            return _checked_number(value)
+        case list() | tuple():
+            return tuple(_checked_number(part) for part in cast("Sequence[object]", value))
+        case _:
+            message = "takes numbers, words, true, false or lists of numbers"
+            raise PydanticCustomError("value", message)
 
 
 # A value of an axis as written, before its own parser makes it canonical.
