@@ -142,7 +142,7 @@ def test_words_compare_but_do_not_count() -> None:
 
 
 def test_a_pair_is_not_one_number() -> None:
-    with pytest.raises(ExpressionError, match="'solref' is not one number"):
+    with pytest.raises(ExpressionError, match="'solref' is not a single number"):
         Expression("solref > 1").evaluate({"solref": (0.02, 1.0)})
 
 

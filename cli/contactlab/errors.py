@@ -1,4 +1,4 @@
-"""One class a cause of failure, each with the exit code that the command line ends in.
+"""One exception class for each cause of failure, with the exit code of the command line.
 
 A message says what is wrong, where, and what to write instead.
 """
@@ -15,7 +15,7 @@ class ContactlabError(Exception):
 
 
 class SweepFileError(ContactlabError):
-    """A sweep file or a sweep option holds mistakes; all of them are in the message."""
+    """A sweep file or a sweep option has mistakes; the message lists all of them."""
 
 
 class SceneError(ContactlabError):
@@ -23,23 +23,23 @@ class SceneError(ContactlabError):
 
 
 class PolicyError(ContactlabError):
-    """A policy asks for what the compared stores do not have."""
+    """A policy refers to something that the compared stores do not have."""
 
 
 class EngineError(ContactlabError):
-    """Another version of the engine cannot be had, or cannot run this."""
+    """An engine, or a version of it, is not available or cannot run this."""
 
 
 class PluginError(ContactlabError):
-    """A plug-in cannot be loaded, or adds what is there already."""
+    """A plug-in cannot be loaded, or adds a name that exists already."""
 
 
 class ClusterError(ContactlabError):
-    """A cluster cannot be reached, or a node of it does not fit."""
+    """A cluster cannot be reached, or one of its nodes does not meet the requirements."""
 
 
 class OutputError(ContactlabError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the given place."""
 
 
 class StoreError(ContactlabError):
@@ -49,19 +49,19 @@ class StoreError(ContactlabError):
 
 
 class ExpectationError(ContactlabError):
-    """Evidence was written, but it is not what was expected of it."""
+    """Evidence was written, but it does not meet the expectations."""
 
     exit_code = 1
 
 
 class RunFailedError(ContactlabError):
-    """The sweep went through, but some runs crashed or ran out of time."""
+    """The sweep finished, but some runs crashed or timed out."""
 
     exit_code = 4
 
 
 class StoppedError(ContactlabError):
-    """A sweep ended early because it was told to; its store is resumable."""
+    """A sweep was stopped early; its store can be resumed."""
 
     # As a shell reports a command that Ctrl-C ended.
     exit_code = 130
@@ -80,10 +80,10 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 @contextmanager
 def optional(extra: str, purpose: str) -> Generator[None]:
-    """Say how to get what an import within lacks.
+    """Turn a missing import within into an error that says how to install it.
 
     Args:
-        extra: the optional part of this package that brings it.
+        extra: the optional extra of this package that installs it.
         purpose: what it is needed for.
 
     Raises:

@@ -18,7 +18,7 @@ _MAX_CHARACTERS = 1000
 
 
 class ExpressionError(ValueError):
-    """An expression cannot be read or computed.
+    """An expression cannot be parsed or evaluated.
 
     Attributes:
         start: where in the text the cause begins, counted from 0.
@@ -32,11 +32,11 @@ class ExpressionError(ValueError):
 
 
 class NoValueError(ExpressionError):
-    """A name that an expression reads has no value."""
+    """A name that an expression uses has no value."""
 
 
 class Expression:
-    """An expression that is read once and computed for many sets of values.
+    """An expression that is parsed once and evaluated for many sets of values.
 
     It may hold numbers, quoted words, names (dotted ones too), `+ - * / **`, comparisons,
     `and or not`, parentheses, the functions abs, min, max, sqrt, sin, cos, tan, exp, log, radians
@@ -44,7 +44,7 @@ class Expression:
 
     Attributes:
         text: as written.
-        places: the names it reads, with where each first begins.
+        places: the names it uses, with the start of each one's first use.
 
     Raises:
         ExpressionError: the text is not such an expression.
@@ -62,11 +62,11 @@ class Expression:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names that it reads."""
+        """The names that it uses."""
         return tuple(self.places)
 
     def evaluate(self, values: Mapping[str, object]) -> Result:
-        """Compute it.
+        """Evaluate the expression.
 
         Raises:
             ExpressionError: a name has no value, or the result is not a finite number.
@@ -80,7 +80,7 @@ class Expression:
         return result
 
     def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
-        """Travel to another process as text."""
+        """Pickle as text."""
         return Expression, (self.text,)
 
     def __repr__(self) -> str:
@@ -123,7 +123,7 @@ def _of_numbers(compute: Callable[[float, float], Result]) -> Callable[[Result, 
 def _reason(error: Exception) -> str:
     if isinstance(error, ZeroDivisionError):
         return "division by zero"
-    return "a number grows too large" if isinstance(error, OverflowError) else str(error)
+    return "a number is too large" if isinstance(error, OverflowError) else str(error)
 
 
 _FUNCTIONS: dict[str, Callable[..., float]] = {
@@ -166,7 +166,7 @@ class _Compiler(ast.NodeVisitor):
 
     Args:
         text: the whole expression.
-        places: gets every name that is read, with where it first begins.
+        places: filled with every name that is used, with the start of its first use.
     """
 
     def __init__(self, text: str, places: dict[str, int]) -> None:
@@ -177,16 +177,16 @@ class _Compiler(ast.NodeVisitor):
         return super().visit(node)
 
     def generic_visit(self, node: ast.AST) -> Evaluate:
-        raise self._error(node, "only numbers, names, operators and functions go here")
+        raise self._error(node, "only numbers, names, operators and functions are allowed here")
 
     def visit_Constant(self, node: ast.Constant) -> Evaluate:
         value = node.value
         if not isinstance(value, int | float | str):
-            raise self._error(node, "only numbers and quoted words can be written out")
+            raise self._error(node, "only numbers and quoted words are literals here")
         try:
             fixed = value if isinstance(value, bool | str) else float(value)
         except OverflowError as error:
-            raise self._error(node, "a number grows too large") from error
+            raise self._error(node, "a number is too large") from error
         return lambda _: fixed
 
     def visit_Name(self, node: ast.Name | ast.Attribute) -> Evaluate:
@@ -206,7 +206,7 @@ class _Compiler(ast.NodeVisitor):
                 return value
             if isinstance(value, int | float):
                 return float(value)
-            raise ExpressionError(f"'{name}' is not one number", start, width)
+            raise ExpressionError(f"'{name}' is not a single number", start, width)
 
         return read
 
@@ -216,14 +216,14 @@ class _Compiler(ast.NodeVisitor):
     def visit_UnaryOp(self, node: ast.UnaryOp) -> Evaluate:
         compute = _UNARY.get(type(node.op))
         if compute is None:
-            raise self._error(node, "this operator is not part of expressions")
+            raise self._error(node, "the unary operators are + - and not")
         operand = self.visit(node.operand)
         return lambda values: compute(operand(values))
 
     def visit_BinOp(self, node: ast.BinOp) -> Evaluate:
         compute = _ARITHMETIC.get(type(node.op))
         if compute is None:
-            raise self._error(node, "arithmetic here is + - * / and **")
+            raise self._error(node, "the arithmetic operators are + - * / and **")
         left, right = self.visit(node.left), self.visit(node.right)
         return lambda values: compute(left(values), right(values))
 
@@ -243,7 +243,7 @@ class _Compiler(ast.NodeVisitor):
 
     def visit_Compare(self, node: ast.Compare) -> Evaluate:
         if not all(type(each) in _COMPARISONS for each in node.ops):
-            raise self._error(node, "comparisons here are < <= > >= == and !=")
+            raise self._error(node, "the comparisons are < <= > >= == and !=")
         tests = [_COMPARISONS[type(each)] for each in node.ops]
         first, *others = [self.visit(each) for each in (node.left, *node.comparators)]
 
@@ -273,7 +273,7 @@ class _Compiler(ast.NodeVisitor):
             try:
                 return function(*arguments)
             except ValueError as error:
-                raise ArithmeticError(f"{name} is not defined there") from error
+                raise ArithmeticError(f"{name} is not defined for this value") from error
 
         return apply
 

@@ -1,4 +1,4 @@
-"""Where settings stand in MJCF, and the lines that write them; loads no engine.
+"""The MJCF attributes of settings, and the lines that set them; imports no engine.
 
 Source: MuJoCo's XML reference (option, flag, geom, pair).
 """
@@ -74,7 +74,7 @@ def default_lines(
     Args:
         contact: attributes of each element, as text.
         elements: `geom`, `pair`, or both.
-        comment: what to say behind each element.
+        comment: a comment to put after each element.
     """
     if not contact:
         return []
@@ -84,5 +84,5 @@ def default_lines(
 
 
 def attributes(values: Mapping[str, str]) -> str:
-    """Return attributes as they stand in an element, each behind a space."""
+    """Return attributes as written in an element, each preceded by a space."""
     return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())

@@ -1,4 +1,4 @@
-"""Tables that this package fills, and that plug-ins may add to."""
+"""Registries that this package fills, and that plug-ins may add to."""
 
 from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
@@ -9,7 +9,7 @@ from contactlab.errors import PluginError
 
 @runtime_checkable
 class Named(Protocol):
-    """What a registry holds."""
+    """An entry of a registry."""
 
     @property
     def name(self) -> str:

@@ -1,4 +1,4 @@
-"""A sweep file and the runs that it asks for; other files that people write."""
+"""Reads sweep files and plans their runs; reads other YAML files as models."""
 
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
 from contactlab.plan.grid import CONFIRM_ABOVE, MOST_RUNS, Match, Plan, Row, Run, SweptAxis

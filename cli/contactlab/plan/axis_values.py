@@ -1,8 +1,8 @@
 """The values of axes, and the factors of the product that they, zip blocks and samples make.
 
 Values of `linspace` and `range` are computed exactly and rounded once: the third step of 0.1 is
-0.3. Others are rounded to 12 digits: they then do not depend on the machine's math library, and
-runs of two machines pair up.
+0.3. Others are rounded to 12 digits: so they do not depend on the machine's math library, and
+runs of two machines can be paired.
 """
 
 import math
@@ -52,7 +52,7 @@ def listed_values(axis: Axis) -> Sequence[object]:
 
 def sample_points(sample: Sample, dimensions: int) -> NDArray[np.float64]:
     """Return (n, dimensions) points in the unit cube [0, 1)."""
-    # Importing it takes half a second; sweeps without samples do not wait for it.
+    # The import takes half a second, which sweeps without samples need not wait for.
     from scipy.stats import qmc  # noqa: PLC0415
 
     if sample.method == "random":

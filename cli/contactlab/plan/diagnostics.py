@@ -14,11 +14,11 @@ _MOST_SHOWN = 50
 
 @dataclass(frozen=True)
 class SourceText:
-    """A text that mistakes point into.
+    """A text in which mistakes are located.
 
     Attributes:
-        name: a path, or what else the user knows the text by.
-        lines: its lines without their ends.
+        name: a path, or another name that the user recognizes.
+        lines: its lines without line breaks.
         numbered: whether line numbers help; they do not in one command-line argument.
     """
 
@@ -29,7 +29,7 @@ class SourceText:
 
 @dataclass(frozen=True)
 class Place:
-    """Some characters of one line; line and column count from 1."""
+    """A range of characters in one line; line and column count from 1."""
 
     source: SourceText
     line: int
@@ -48,7 +48,7 @@ class Place:
         return f"in line {self.line}" if self.source.numbered else f"in `{self.text}`"
 
     def part(self, start: int, width: int) -> "Place":
-        """Return some of its characters, counted from its first."""
+        """Return a part of the range; `start` counts from its first character."""
         return Place(self.source, self.line, self.column + start, max(width, 1))
 
     def __str__(self) -> str:
@@ -122,10 +122,10 @@ def _window(place: Place) -> tuple[str, int, int]:
 
 
 def _blank(text: str) -> str:
-    return "".join("\t" if sign == "\t" else " " * _cells(sign) for sign in text)
+    return "".join("\t" if each == "\t" else " " * _cells(each) for each in text)
 
 
 def _cells(text: str) -> int:
-    """Return how many columns a terminal gives to a text."""
-    wide = sum(unicodedata.east_asian_width(sign) in "WF" for sign in text)
-    return len(text) + wide - sum(unicodedata.combining(sign) != 0 for sign in text)
+    """Return the width of a text in columns of a terminal."""
+    wide = sum(unicodedata.east_asian_width(each) in "WF" for each in text)
+    return len(text) + wide - sum(unicodedata.combining(each) != 0 for each in text)

@@ -23,7 +23,7 @@ class Block:
 
     Attributes:
         names: the axes.
-        rows: their values, one tuple a position.
+        rows: their values, one tuple for each row.
     """
 
     names: tuple[str, ...]
@@ -46,7 +46,7 @@ class Match:
         expression: a further condition, if any.
         place: where the condition is written.
         inside: where the expression's first character is, if known.
-        splits: how the values of axes split into parts that the expression names.
+        splits: functions that split the values of axes into the parts that the expression may name.
     """
 
     settings: tuple[tuple[str, object], ...]
@@ -194,13 +194,13 @@ class SweptAxis:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One rollout to do.
+    """One planned rollout.
 
     Attributes:
         index: its position in the plan, from 0.
         values: canonical settings by axis, the sweep's effects among them; treat as read-only,
-            since the seeds of one row share it. What is absent is as the scene has it.
-        seed: what the scene's perturbation is drawn from.
+            since the seeds of one row share it. What is absent keeps the scene's value.
+        seed: seeds the scene's perturbation.
     """
 
     index: int
@@ -225,7 +225,7 @@ class Row:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep file, with the options of the command line, asks for.
+    """The runs that a sweep file and the options of the command line define.
 
     Attributes:
         sweep: the file as read.

@@ -133,7 +133,7 @@ def _check_tolerances(context: SweepContext) -> None:
     _check_known(document, "metric", [*context.vocabulary.metrics, *ERRORS], ("tolerances",))
     for name in document.mapping("tolerances"):
         if name in ERRORS and context.sweep.accuracy is None:
-            message = f"'{name}' is measured only where a sweep asks for it"
+            message = f"'{name}' is only measured if the sweep requests accuracy"
             place = document.key(("tolerances", name))
             document.add("not-asked", place, message, "add accuracy: {}")
 

@@ -21,8 +21,8 @@ class Overrides:
 
     Attributes:
         assign: `NAME=VALUES` or `NAME=FORM(...)`: replaces or adds an axis or a key of the file.
-        only: `AXIS=VALUES`: keeps the runs that have one of the values; all must hold.
-        limit: keeps the first so many runs.
+        only: `AXIS=VALUES`: keeps the runs that have one of the values; several must all hold.
+        limit: keeps that many runs, the first ones.
     """
 
     assign: Sequence[str] = ()
@@ -57,7 +57,7 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
             continue
         path = _path(option.name)
         if path[0] == "axes" and any(option.name in block for _, block in zip_blocks(document)):
-            message = f"'{option.name}' advances with others in a zip block"
+            message = f"'{option.name}' is an axis of a zip block"
             document.add("set-zipped", option.key, message, "change the block in the file")
         else:
             _assign(document, option, path)
@@ -76,7 +76,7 @@ def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
             place = option.place
             value = read_argument(document, path, f" {option.value} ", place.source, place.column)
     if len(document.found) > known:
-        # The name stays known, and nothing else is said of it.
+        # The name stays known, and no further mistakes are reported for it.
         document.unreadable |= {option.key, option.place}
         document.values[path] = option.place
         value = None

@@ -1,4 +1,4 @@
-"""A commented sweep file to begin with."""
+"""A commented sweep file to start from."""
 
 import json
 
@@ -10,7 +10,7 @@ _MOST_LISTED = 40
 
 
 def starter(scene: str, vocabulary: Vocabulary) -> str:
-    """Return a sweep file of a scene that is ready to run, with what else could go in it."""
+    """Return a sweep file of a scene, ready to run, with comments on what else it can hold."""
     axes = [f"  {name}: [{', '.join(words)}]" for name, words in _axes(vocabulary).items()]
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     metric = next(iter(vocabulary.metrics), "")
@@ -25,7 +25,7 @@ def starter(scene: str, vocabulary: Vocabulary) -> str:
         "#   {linspace: [first, last, count]}   {logspace: [first, last, count]}",
         "#   {range: [first, last, step]}       {values: [...], role: scenario}",
         "#   {uniform: [low, high]}             {loguniform: [low, high]}   (with `sample`)",
-        "# A knob is something you may choose; a scenario is something the world chooses.",
+        "# A knob is a setting that you may choose; a scenario is an external condition.",
         "axes:" if axes else "axes: {}",
         *axes,
         "",
@@ -47,7 +47,7 @@ def starter(scene: str, vocabulary: Vocabulary) -> str:
 
 
 def _axes(vocabulary: Vocabulary) -> dict[str, list[str]]:
-    """Return a few axes that most questions begin with, as far as the scene has them."""
+    """Return a few common axes, as far as the scene has them."""
     axes: dict[str, list[str]] = {}
     for name in ("timestep", "integrator", "cone"):
         spec = vocabulary.axes.find(name)

@@ -32,8 +32,8 @@ class SweepFile:
     Attributes:
         path: where it lies; None if it was given as text or data.
         text: as written; JSON if it was given as data.
-        sweep: what it says, options of the command line included.
-        plan: the runs it asks for.
+        sweep: its content, with the options of the command line.
+        plan: its runs.
     """
 
     path: Path | None
@@ -50,7 +50,7 @@ def read_sweep(
     """Read and check a sweep file, with the options of the command line.
 
     Args:
-        source: its path, its text, or what it says as data that JSON can hold.
+        source: its path, its text, or its content as JSON data.
         vocabulary: gives the names that a scene offers; may raise SceneError.
         overrides: options of the command line.
 
@@ -154,7 +154,7 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
     document, seeds = context.document, len(context.sweep.seed_values)
     if limit is not None and limit < 1:
         place = Place(SourceText("command line", (f"--limit {limit}",), numbered=False), 1, 9, 9)
-        document.add("bad-option", place, "the limit is at least 1 run")
+        document.add("bad-option", place, "the limit must be at least 1 run")
         return None
     most = math.inf if limit is None else limit
     if grid.excludes and grid.product_size > MOST_RUNS:

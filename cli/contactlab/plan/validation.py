@@ -1,6 +1,6 @@
-"""Validate a document against its model: mistakes in the words of the file, each at its place.
+"""Validation of a document against its model, with mistakes in the file's terms, each at its place.
 
-What is sound stays as a draft for further checks, so that one pass finds all mistakes.
+What is valid is kept as a draft for further checks, so that one pass finds all mistakes.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -176,8 +176,8 @@ class Draft:
 
     Attributes:
         document: the file as written.
-        sweep: what could be read.
-        kept: for every list that lost entries, where the others stood in the file.
+        sweep: what is valid.
+        kept: for every list that lost entries, the positions of the others in the file.
     """
 
     document: Document

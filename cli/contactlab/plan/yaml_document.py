@@ -38,7 +38,7 @@ class Document:
         values: path to the place of the value there.
         keys: path to the place of the key there.
         found: mistakes, in the order in which they were added.
-        unreadable: places of syntax errors, which nothing else is said of.
+        unreadable: places of syntax errors; no further mistakes are added there.
     """
 
     source: SourceText
@@ -78,7 +78,7 @@ class Document:
         """Forget what stands at a path, and return the mapping that a new value goes into.
 
         Args:
-            path: where the value goes; mappings on the way are made as needed.
+            path: where the value goes; missing parents are created.
             at: the place of its key.
         """
         for places in (self.values, self.keys):
@@ -240,7 +240,7 @@ class _Reader:
             if isinstance(key, ScalarNode):
                 yield str(key.value), key, value
             else:
-                self._fail("a key is one word", self._place(key.start_mark, key.end_mark))
+                self._fail("a key must be a single word", self._place(key.start_mark, key.end_mark))
 
     def _scalar(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)
@@ -262,7 +262,7 @@ class _Reader:
 _PLAIN = {
     "mapping values are not allowed here": "a second ': ' in one line; quote the text or indent",
     "found character '\\t' that cannot start any token": "a tab; indent with spaces",
-    "but found another document": "a second document; a sweep file is one",
+    "but found another document": "a second document; a file holds one",
     "found undefined alias": "no anchor of this name",
 }
 

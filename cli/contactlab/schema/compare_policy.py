@@ -48,7 +48,7 @@ class AllowedTransition(Model):
 
     from_: Word = Field(alias="from", description="worst label in the baseline")
     to: Word = Field(description="worst label in the candidate")
-    max: Count = Field(description="how many runs may change so")
+    max: Count = Field(description="how many runs may change this way")
     reason: Word = Field(description="why it is accepted")
     until: date | None = Field(default=None, description="last accepted day, YYYY-MM-DD")
 
@@ -84,7 +84,7 @@ class MetricRule(Model):
         default=None, description="largest accepted change, relative to the baseline's value"
     )
     abs: Tolerance | None = Field(
-        default=None, description="accepted change besides that, in the metric's unit"
+        default=None, description="further accepted change, in the metric's unit"
     )
     statistic: Statistic | None = Field(
         default=None,

@@ -24,14 +24,14 @@ class Accuracy(Model):
     error_mean: float | None = Field(description="Mean over common times.")
     error_peak: float | None = Field(description="Largest over common times.")
     error_estimate: float | None = Field(
-        description="Largest distance of the two finest references, a bound on what each of the "
-        "errors may be off by."
+        description="Largest distance of the two finest references, a bound on the uncertainty of "
+        "each error."
     )
     error_final_estimate: float | None = Field(
-        description="Their distance at the end: a smaller `error_final` is not known."
+        description="Their distance at the end: a smaller `error_final` cannot be resolved."
     )
     error_mean_estimate: float | None = Field(
-        description="Their mean distance: a smaller `error_mean` is not known."
+        description="Their mean distance: a smaller `error_mean` cannot be resolved."
     )
     error_kind: ErrorKind
     chaotic: bool | None = Field(
@@ -83,7 +83,7 @@ class LabelEntry(Model):
 
     label: str
     reason: str
-    step: int | None = Field(description="The step at which it was first met.")
+    step: int | None = Field(description="The first step at which it applied.")
 
 
 class PairRecord(Model):
@@ -240,7 +240,7 @@ STORE_VERSION = 2
 
 
 class SweepIdentity(Model):
-    """What a store's runs were asked to be; a resumed sweep must match it (`sweep.json`)."""
+    """The definition of a store's runs; a resumed sweep must match it (`sweep.json`)."""
 
     store_version: Literal[2] = STORE_VERSION
     name: str
@@ -255,7 +255,7 @@ class SweepIdentity(Model):
     runs_asked: int
     lacking: dict[str, str] = Field(
         default_factory=dict,
-        description="What this version of the engine cannot give, and so is null, with the reason.",
+        description="Why this version of the engine leaves a value null, by the value's name.",
     )
     plan_hash: str = Field(description="Hash of every run id in plan order.")
     plugins: PluginInfos = ()

@@ -35,12 +35,12 @@ class StructureValue(Model):
     attribute: str
     integer: bool = False
     least: float | None = Field(
-        default=None, description="Least value; any above 0, or whole ones from 1, if not given."
+        default=None, description="Smallest value; if not given, any above 0, or 1 for integers."
     )
     text: str = Field(
         default="{}",
-        description="What is written, with the value for {} and what it comes to for an "
-        "expression over its name: `-{} {}` is a range, `0 {width / 2} 0` a place.",
+        description="The attribute's text: {} stands for the value, and braces may hold an "
+        "expression over its name: `-{} {}` is a range, `0 {width / 2} 0` a position.",
     )
 
 
@@ -69,8 +69,8 @@ class ControlEntry(Model):
 class HoldEntry(Model):
     """When the scene's subject is held, and by what."""
 
-    start: Term = Field(alias="from", description="When it should be held from [s].")
-    stop: Term = Field(alias="to", description="When it should be held to [s].")
+    start: Term = Field(alias="from", description="Start of the hold [s].")
+    stop: Term = Field(alias="to", description="End of the hold [s].")
     relative_to: str | None = Field(
         default=None, description="The body that holds it; the world if not given."
     )
@@ -88,7 +88,7 @@ class PairEntry(Model):
         default=None,
         ge=1,
         le=64,
-        description="Contacts recorded per step; by the shapes if not given.",
+        description="Contacts recorded per step; derived from the shapes if not given.",
     )
 
 
@@ -96,7 +96,7 @@ class Perturbation(Model):
     """How a seed perturbs the start state: a uniform offset in [-scale, scale] for each."""
 
     coordinates: tuple[str, ...]
-    scale: float = Field(gt=0, description="m, rad, m/s or rad/s, as the coordinate has it.")
+    scale: float = Field(gt=0, description="m, rad, m/s or rad/s, depending on the coordinate.")
 
 
 class ExpectedModes(Model):

@@ -1,4 +1,4 @@
-"""What `contactlab stability` finds of each hard case."""
+"""The report of `contactlab stability`: one result for each hard case."""
 
 from pydantic import Field, RootModel
 
@@ -11,7 +11,7 @@ class StabilityResult(Model):
     name: str
     runs: int
     asked: int = Field(description="Runs that an expectation applies to.")
-    met: int = Field(description="How many of these came out as expected.")
+    met: int = Field(description="How many of these were as expected.")
     controls: int = Field(description="Runs that are expected to fail, and did.")
     labels: dict[str, int] = Field(description="Runs by worst label.")
     error: float | None = Field(
@@ -25,7 +25,7 @@ class StabilityResult(Model):
     seconds: float = Field(description="Wall time [s].")
     store: str = Field(description="The evidence.")
     left_out: tuple[str, ...] = Field(
-        description="Why runs were left out that only newer engines can do."
+        description="Why runs that need a newer engine were left out."
     )
 
     @property

@@ -89,10 +89,10 @@ class Order(Model):
 
 
 class Floor(Model):
-    """A modelling error: what remains however small the timestep is."""
+    """A modelling error: what remains at any timestep, however small."""
 
     error: float
-    points: int = Field(description="Timesteps, from the finest up, over which it does not move.")
+    points: int = Field(description="Timesteps, from the finest up, over which it does not change.")
     timestep: float = Field(description="The longest of them [s].")
 
 

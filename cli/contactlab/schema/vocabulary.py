@@ -7,7 +7,7 @@ from typing import Protocol
 
 @dataclass(frozen=True)
 class AxisSpec:
-    """One thing that a sweep can vary.
+    """An axis that a sweep can vary.
 
     Attributes:
         name: as written in a sweep file.
