@@ -15,7 +15,7 @@ from typing import Any
 
 from contactlab.engines import mujoco_batch
 from contactlab.engines.mujoco_batch import Batch
-from contactlab.run.run_preparation import Preparer
+from contactlab.run.planned_runs import Preparer
 from contactlab.run.worker import Worker
 
 FAR = 50_000_000

@@ -47,7 +47,7 @@ import sys
 if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
     import ctypes, os, signal, time
     from contextlib import contextmanager
-    from contactlab.run.run_preparation import Preparer
+    from contactlab.run.planned_runs import Preparer
     watchdog = Preparer.watchdog
 
     @contextmanager

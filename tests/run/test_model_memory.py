@@ -5,7 +5,7 @@ from typing import Any
 import mujoco
 import pytest
 
-from contactlab.run import planned_runs, run_preparation
+from contactlab.run import planned_runs
 
 
 @pytest.mark.parametrize("models", [1, 2])
@@ -17,15 +17,15 @@ def test_a_bound_on_models_changes_nothing(
     assert base.size == mujoco.mj_sizeModel(base.model)
     portions: list[int] = []
     held: list[int] = []
-    plans = run_preparation.Preparer.plans
+    plans = planned_runs.Preparer.plans
 
-    def watched(self: run_preparation.Preparer, job: Any) -> Any:
+    def watched(self: planned_runs.Preparer, job: Any) -> Any:
         portions.append(len(job))
         made = plans(self, job)
         held.append(len(vars(self)["_models"]))
         return made
 
-    monkeypatch.setattr(run_preparation.Preparer, "plans", watched)
+    monkeypatch.setattr(planned_runs.Preparer, "plans", watched)
     monkeypatch.setattr(planned_runs, "MODEL_BYTES", models * base.size)
     sweeper.run(ball, "bounded")
     assert sweeper.outcome("bounded") == sweeper.outcome("usual")

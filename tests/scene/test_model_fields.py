@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.scene import Scene
-from contactlab.scene.model_fields import field_axis
+from contactlab.scene.model_edits import field_axis
 
 # Derived quantities sum a few products, so that equal models agree to a few last bits.
 REL = 1e-12

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 
 from contactlab.scene import ID_BYTES, PARAMETERS, ResolvedRun, Scene
 from contactlab.scene.effects import EFFECTS
-from contactlab.scene.model_fields import is_as_written
+from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import non_default
-from contactlab.scene.run_identity import other_effects
+from contactlab.scene.resolution import other_effects
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 

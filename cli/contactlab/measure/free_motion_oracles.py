@@ -6,7 +6,7 @@ from contactlab.contact import Floats, rotate, rotate_back
 from contactlab.measure.conservation import energy_scale
 from contactlab.measure.context import Context, energy, kinetic
 from contactlab.measure.entries import oracle
-from contactlab.measure.oracle_quantities import distance_from_rest
+from contactlab.measure.oracle_error import distance_from_rest
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 

@@ -11,7 +11,7 @@ from contactlab.contact import (
 )
 from contactlab.measure.context import Context, contact_depths
 from contactlab.measure.entries import oracle
-from contactlab.measure.oracle_quantities import end_velocity, friction, restitution_of_solref
+from contactlab.measure.oracle_error import end_velocity, friction, restitution_of_solref
 from contactlab.measure.restitution import restitution_measured
 
 _BALL = 2 / 7

@@ -6,7 +6,7 @@ from contactlab.contact import DISTANCE, FOUND, Floats, PairTrace
 from contactlab.contact import rest_penetration as resting_depth
 from contactlab.measure.context import Context
 from contactlab.measure.entries import oracle
-from contactlab.measure.oracle_quantities import gravity
+from contactlab.measure.oracle_error import gravity
 from contactlab.measure.penetration import steady_by_pair
 
 _CORNERS = 4

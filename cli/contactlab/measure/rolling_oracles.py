@@ -5,7 +5,7 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.entries import oracle
-from contactlab.measure.oracle_quantities import (
+from contactlab.measure.oracle_error import (
     along_direction,
     displacement,
     distance_from_rest,

@@ -25,7 +25,7 @@ from contactlab.engines import (
 from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
-from contactlab.run.run_preparation import AbandonedError, Preparer
+from contactlab.run.planned_runs import AbandonedError, Preparer
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene import InitialStates, make_setup

@@ -1,6 +1,7 @@
 """From what a sweep names to compiled models: scenes, parameters, engine switches."""
 
 from contactlab.scene.axis_catalogue import EngineTraits, LenientCatalogue
+from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.contact_pairs import MonitoredPair, can_collide
 from contactlab.scene.effects import EFFECTS, NOT_IN_MODEL, Effect, EffectState
@@ -9,10 +10,8 @@ from contactlab.scene.model_joints import actuated_limbs, joints_of
 from contactlab.scene.model_options import FLAGS, MODEL_ENGINE
 from contactlab.scene.mujoco_versions import has_batch, silence_mujoco, why_unsupported
 from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.recording_sensors import PREFIX
-from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.resolution import ID_BYTES, ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
-from contactlab.scene.run_identity import ID_BYTES
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
 from contactlab.scene.scene_source import (

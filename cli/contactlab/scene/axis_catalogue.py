@@ -9,7 +9,7 @@ from contactlab.mjcf import CONTACT
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
-from contactlab.scene.model_fields import field_axis
+from contactlab.scene.model_edits import field_axis
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import (
     accepting_unsupported,

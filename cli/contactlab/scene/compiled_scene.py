@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.compile_model import compile_model
+from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
     declared_pairs,
@@ -41,7 +41,6 @@ from contactlab.scene.model_edits import (
     nonuniform_settings,
 )
 from contactlab.scene.model_options import base_settings, read_flags
-from contactlab.scene.recording_sensors import SensorLayout, add_sensors, find_layout
 from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.timed_inputs import HoldSpec, find_hold

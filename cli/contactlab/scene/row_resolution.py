@@ -14,12 +14,13 @@ from contactlab.scene.effects import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolution import (
     ResolvedRun,
+    RunIdentity,
     RunResolver,
+    id_entry,
     settings_of,
     steps_of,
     write_axis,
 )
-from contactlab.scene.run_identity import RunIdentity, id_entry
 from contactlab.scene.setting_values import Settings, as_number
 
 # Values of a setting that are cached; a sampled axis has another one in each row.

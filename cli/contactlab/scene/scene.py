@@ -26,9 +26,8 @@ from contactlab.scene.initial_states import (
     nudged_states,
 )
 from contactlab.scene.mujoco_versions import missing_flags
-from contactlab.scene.resolution import ResolvedRun, RunResolver, switched_by
+from contactlab.scene.resolution import ResolvedRun, RunIdentity, RunResolver, switched_by
 from contactlab.scene.row_resolution import RowResolver
-from contactlab.scene.run_identity import RunIdentity
 from contactlab.scene.scene_source import SceneSource, find_scene
 
 _NO_ENGINES: Engines = MappingProxyType({})

@@ -9,9 +9,15 @@ from contactlab.scene.effects.effect import (
     ModelFacts,
     RunState,
 )
-from contactlab.scene.effects.effect_choice import choose, leave_out, left_uncompiled, remove
+from contactlab.scene.effects.effect_choice import (
+    choose,
+    find_facts,
+    is_straight,
+    leave_out,
+    left_uncompiled,
+    remove,
+)
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.effects.model_facts import find_facts, is_straight
 
 __all__ = [
     "EFFECTS",
