@@ -23,7 +23,7 @@ from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_stor
 
 from contactlab.comparison import as_junit, as_markdown, as_text, compare
 from contactlab.measure import LABELS, METRICS
-from contactlab.schema import ComparePolicy
+from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.store import Store
 
 SIZES = (10_000, 1_000_000)

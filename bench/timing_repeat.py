@@ -20,7 +20,7 @@ import numpy as np
 
 from contactlab import resources
 from contactlab.pareto import analyse
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store
 
 TARGET = 0.05

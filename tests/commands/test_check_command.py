@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from contactlab.schema import CheckReport, json_schemas
+from contactlab.schema.check_report import CheckReport
+from contactlab.schema.json_schemas import json_schemas
 
 Run = Callable[..., Any]
 

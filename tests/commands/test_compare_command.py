@@ -13,7 +13,7 @@ import pytest
 from contactlab.comparison import accept, acceptance
 from contactlab.resources import scene_folder
 from contactlab.run import read_request, run_sweep
-from contactlab.schema import ComparisonReport
+from contactlab.schema.comparison_report import ComparisonReport
 from contactlab.store import Store
 
 Run = Callable[..., Any]

@@ -7,7 +7,7 @@ from typing import Any
 from typer.testing import CliRunner
 
 from contactlab.commands.main import app
-from contactlab.schema import EffectsReport
+from contactlab.schema.effects_report import EffectsReport
 from contactlab.store import Store, verify
 
 SLIDE = "version: 1\nscene: box_slide\nduration: 0.2\ntolerances: {drift: 0.01}\n"

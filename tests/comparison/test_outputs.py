@@ -23,14 +23,9 @@ from contactlab.comparison import (
     unreadable_report,
 )
 from contactlab.errors import StoreError
-from contactlab.schema import (
-    Check,
-    ComparePolicy,
-    ComparisonReport,
-    PairCounts,
-    RunPair,
-    json_schemas,
-)
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, RunPair
+from contactlab.schema.json_schemas import json_schemas
 
 XSD = xmlschema.XMLSchema(Path(__file__).with_name("junit.xsd"))
 Runs = Callable[[], Any]

@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from contactlab.comparison import as_text, compare
-from contactlab.schema import Check, ComparePolicy, ComparisonReport
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import Check, ComparisonReport
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

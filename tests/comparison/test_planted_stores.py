@@ -10,7 +10,9 @@ import pytest
 
 from contactlab.comparison import as_text, compare
 from contactlab.errors import ContactlabError, PolicyError, StoreError
-from contactlab.schema import Check, ComparePolicy, ComparisonReport, EvidenceRecord
+from contactlab.schema import EvidenceRecord
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import Check, ComparisonReport
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

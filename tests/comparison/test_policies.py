@@ -10,7 +10,7 @@ import pytest
 from contactlab.comparison import accept, acceptance, compare, read_policy
 from contactlab.comparison.policies import effective_rule, kind_of
 from contactlab.errors import PolicyError, SweepFileError
-from contactlab.schema import ComparePolicy
+from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.store import MeasuredColumn
 
 Runs = Callable[[], Any]

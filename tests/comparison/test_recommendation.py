@@ -7,7 +7,8 @@ from typing import Any
 import pytest
 
 from contactlab.comparison import compare
-from contactlab.schema import Check, ComparePolicy
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import Check
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

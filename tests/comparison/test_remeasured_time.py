@@ -17,7 +17,7 @@ from contactlab.comparison import Remeasure, as_text, compare
 from contactlab.comparison.remeasured_time import median_interval
 from contactlab.errors import PolicyError, StoreError
 from contactlab.run import timing_process
-from contactlab.schema import Check, ComparisonReport
+from contactlab.schema.comparison_report import Check, ComparisonReport
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

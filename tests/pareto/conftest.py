@@ -9,7 +9,7 @@ import pytest
 from contactlab.pareto import analyse
 from contactlab.pareto.configurations import Evaluated, ResolvedCriteria, StoredRuns, evaluate
 from contactlab.run import read_request, run_sweep
-from contactlab.schema import ErrorMeasure, TimeMeasure, TradeoffReport
+from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store import Store
 
 Rows = Sequence[dict[str, Any]]

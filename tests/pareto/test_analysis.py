@@ -11,7 +11,7 @@ from contactlab import resources
 from contactlab.errors import StoreError, SweepFileError
 from contactlab.pareto import Criteria, analyse, recommended_sweep
 from contactlab.run import read_request, run_sweep
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store
 
 Written = Callable[..., Store]

@@ -11,7 +11,7 @@ from contactlab.errors import OutputError
 from contactlab.pareto import draw
 from contactlab.pareto.chart_data import chart_data
 from contactlab.pareto.tradeoff_chart import specification
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 
 Written = Callable[..., Any]
 Vary = Callable[..., TradeoffReport]

@@ -13,7 +13,7 @@ from contactlab.pareto.configurations import (
     with_one_idle_value,
 )
 from contactlab.pareto.convergence import methods
-from contactlab.schema import Method
+from contactlab.schema.tradeoff_report import Method
 
 Weigh = Callable[..., list[Evaluated]]
 STEPS = [2.5e-4, 5e-4, 1e-3, 2e-3, 4e-3, 8e-3]

@@ -6,7 +6,7 @@ import mujoco
 import pytest
 
 from contactlab.pareto import Criteria, analyse
-from contactlab.schema import Order
+from contactlab.schema.tradeoff_report import Order
 from contactlab.store import Store
 
 # Before MuJoCo 4.0, RK4 put its stages of a rotation together with an error of second order.

@@ -8,7 +8,7 @@ import pytest
 from contactlab import resources
 from contactlab.pareto import analyse, recommended_sweep
 from contactlab.run import read_request, run_sweep
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store
 
 Weighed = Callable[[str], tuple[Store, TradeoffReport]]

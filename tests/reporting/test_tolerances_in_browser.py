@@ -12,7 +12,7 @@ import numpy as np
 from contactlab.pareto import EQUALLY_FAST, SAFE_MARGIN, Criteria, analyse
 from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
 from contactlab.pareto.pareto import equally_fast, feasible_front
-from contactlab.schema import ErrorMeasure, TimeMeasure, TradeoffReport
+from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store import Store
 
 Swept = Callable[[str], Store]

@@ -10,8 +10,14 @@ from jsonschema import Draft7Validator, Draft202012Validator
 from pydantic import ValidationError
 
 from contactlab import resources
-from contactlab.schema import Sweep, json_schemas, schema_drift, write_json_schemas
-from contactlab.schema.json_schemas import EMITTED, WRITTEN
+from contactlab.schema import Sweep
+from contactlab.schema.json_schemas import (
+    EMITTED,
+    WRITTEN,
+    json_schemas,
+    schema_drift,
+    write_json_schemas,
+)
 
 GOOD: dict[str, Any] = {
     "version": 1,

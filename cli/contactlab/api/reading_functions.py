@@ -6,7 +6,7 @@ from typing import Literal
 from contactlab.comparison import DEFAULT_POLICY, read_policy
 from contactlab.comparison import compare as compare_stores
 from contactlab.reporting import PageRequest, write_page
-from contactlab.schema import ComparisonReport
+from contactlab.schema.comparison_report import ComparisonReport
 from contactlab.store import Address, Store, parse_address
 
 

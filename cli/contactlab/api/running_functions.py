@@ -11,13 +11,10 @@ from contactlab.plan import Overrides
 from contactlab.plugins import load_plugins
 from contactlab.resources import find_sweep
 from contactlab.run import read_request, worker_count
-from contactlab.schema import (
-    CheckReport,
-    EffectsReport,
-    StabilityReport,
-    TaskKind,
-    TradeoffReport,
-)
+from contactlab.schema.check_report import CheckReport, TaskKind
+from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.stability_report import StabilityReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Address, Store, parse_address
 from contactlab.studies import check as check_study
 from contactlab.studies import effects as effects_study

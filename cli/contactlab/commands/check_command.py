@@ -12,7 +12,7 @@ from contactlab.commands.terminal import print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.schema import Change, CheckReport
+    from contactlab.schema.check_report import Change, CheckReport
 
 
 def check(

@@ -15,7 +15,8 @@ from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreE
 
 if TYPE_CHECKING:
     from contactlab.comparison import Remeasure
-    from contactlab.schema import ComparePolicy, ComparisonReport
+    from contactlab.schema.compare_policy import ComparePolicy
+    from contactlab.schema.comparison_report import ComparisonReport
 
 
 ReportFormat = Literal["text", "json", "markdown", "junit", "github"]

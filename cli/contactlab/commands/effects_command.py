@@ -11,7 +11,7 @@ from contactlab.commands.terminal import print_table, say
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.schema import EffectFinding, EffectsReport, Ratio
+    from contactlab.schema.effects_report import EffectFinding, EffectsReport, Ratio
 
 
 def effects(

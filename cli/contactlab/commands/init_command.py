@@ -21,7 +21,7 @@ def init(
     """Write a starter sweep file for a scene, and its JSON Schema beside it."""
     from contactlab.plan import SCHEMA_NAME, starter
     from contactlab.run import SceneLoader
-    from contactlab.schema import json_schemas
+    from contactlab.schema.json_schemas import json_schemas
     from contactlab.store import write_error
 
     text = starter(scene, SceneLoader(path.parent).vocabulary(scene))

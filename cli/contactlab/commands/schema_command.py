@@ -24,7 +24,7 @@ def schema(
     ] = None,
 ) -> None:
     """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
-    from contactlab.schema import json_schemas
+    from contactlab.schema.json_schemas import json_schemas
 
     if write is not None:
         _write(write)
@@ -43,7 +43,7 @@ def schema(
 
 
 def _write(folder: Path) -> None:
-    from contactlab.schema import write_json_schemas
+    from contactlab.schema.json_schemas import write_json_schemas
     from contactlab.store import write_error
 
     try:
@@ -54,7 +54,7 @@ def _write(folder: Path) -> None:
 
 
 def _check(folder: Path) -> None:
-    from contactlab.schema import schema_drift
+    from contactlab.schema.json_schemas import schema_drift
 
     if differing := schema_drift(folder):
         raise ExpectationError(

@@ -11,7 +11,7 @@ from contactlab.commands.terminal import print_json, print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.schema import StabilityResult
+    from contactlab.schema.stability_report import StabilityResult
 
 _MOST_MISSES = 5
 _THEN = "repeat the finished cases and resume this one"

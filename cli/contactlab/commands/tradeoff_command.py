@@ -13,7 +13,7 @@ from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
     from contactlab.pareto import Criteria
-    from contactlab.schema import (
+    from contactlab.schema.tradeoff_report import (
         Configuration,
         FrontPoint,
         Method,

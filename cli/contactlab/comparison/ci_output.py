@@ -17,7 +17,7 @@ from contactlab.comparison.report_lines import (
     run_summary,
     store_summary,
 )
-from contactlab.schema import Check, ComparisonReport
+from contactlab.schema.comparison_report import Check, ComparisonReport
 
 MOST_BYTES = 900_000
 """A job summary of more than 1 MiB is lost."""

@@ -30,7 +30,8 @@ from contactlab.comparison.run_checks import (
 from contactlab.comparison.verdicts import NAMES, NOT_COMPARABLE, SAME, CheckSubject
 from contactlab.comparison.wording import plural
 from contactlab.errors import ContactlabError, ExpectationError, StoreError
-from contactlab.schema import Check, ComparePolicy, ComparisonReport, PairCounts, Verdict
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, Verdict
 from contactlab.store import Address
 
 DEFAULT_POLICY = ComparePolicy(version=1)

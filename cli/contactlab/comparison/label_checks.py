@@ -21,7 +21,8 @@ from contactlab.comparison.verdicts import (
     Verdicts,
 )
 from contactlab.comparison.wording import out_of, plural
-from contactlab.schema import AllowedTransition, Check, Transition
+from contactlab.schema.compare_policy import AllowedTransition
+from contactlab.schema.comparison_report import Check, Transition
 
 BitSets = NDArray[np.int64]
 

@@ -25,7 +25,7 @@ from contactlab.comparison.verdicts import (
 )
 from contactlab.comparison.wording import format_percent, out_of, value_change
 from contactlab.contact import Floats
-from contactlab.schema import Check, RunPair, Verdict
+from contactlab.schema.comparison_report import Check, RunPair, Verdict
 from contactlab.store import MeasuredColumn, NumberColumn
 
 _SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}

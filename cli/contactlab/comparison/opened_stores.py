@@ -6,14 +6,9 @@ from pathlib import Path
 
 from contactlab.comparison.verdicts import CHANGED, SAME, CheckSubject
 from contactlab.errors import PolicyError, StoreError
-from contactlab.schema import (
-    Check,
-    ComparedStore,
-    ComparePolicy,
-    Difference,
-    Sameness,
-    StoreManifest,
-)
+from contactlab.schema import StoreManifest
+from contactlab.schema.compare_policy import ComparePolicy, Sameness
+from contactlab.schema.comparison_report import Check, ComparedStore, Difference
 from contactlab.store import Address, RunColumns, Store, verify
 
 _MOST_PROBLEMS = 3

@@ -12,17 +12,15 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from contactlab.errors import PolicyError, did_you_mean
 from contactlab.measure import METRICS
 from contactlab.plan import read_yaml_as
-from contactlab.schema import (
+from contactlab.schema.compare_policy import (
     AcceptedCheck,
-    Check,
-    CheckKind,
     ComparePolicy,
-    ComparisonReport,
     Level,
     MetricRule,
     Sameness,
     Statistic,
 )
+from contactlab.schema.comparison_report import Check, CheckKind, ComparisonReport
 from contactlab.store import MeasuredColumn, atomic_write
 
 REMEASURED = "remeasured_time"

@@ -13,7 +13,7 @@ from contactlab.comparison.paired_stores import PairedStores
 from contactlab.comparison.policies import REMEASURED, effective_rule
 from contactlab.comparison.verdicts import BETTER, SAME, WORSE, CheckSubject
 from contactlab.comparison.wording import format_percent, plural
-from contactlab.schema import Check, RunPair
+from contactlab.schema.comparison_report import Check, RunPair
 from contactlab.store import MeasuredColumn
 
 _CONFIDENCE = 0.95

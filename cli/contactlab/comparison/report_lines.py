@@ -5,7 +5,13 @@ from typing import NamedTuple
 
 from contactlab.comparison.policies import REMEASURED
 from contactlab.comparison.wording import format_number, format_settings, plural, value_change
-from contactlab.schema import Check, CheckOutcome, ComparedStore, ComparisonReport, RunPair
+from contactlab.schema.comparison_report import (
+    Check,
+    CheckOutcome,
+    ComparedStore,
+    ComparisonReport,
+    RunPair,
+)
 
 WORDS: dict[CheckOutcome, str] = {
     "failed": "FAIL",

@@ -19,7 +19,8 @@ from contactlab.comparison.verdicts import (
 from contactlab.comparison.wording import format_percent, format_settings, out_of, plural
 from contactlab.errors import ContactlabError
 from contactlab.pareto import analyse
-from contactlab.schema import Check, TradeoffReport
+from contactlab.schema.comparison_report import Check
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store
 
 Mask = NDArray[np.bool_]

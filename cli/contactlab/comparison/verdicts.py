@@ -7,7 +7,8 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.schema import Check, CheckKind, CheckOutcome, Level, RunPair, Verdict
+from contactlab.schema.compare_policy import Level
+from contactlab.schema.comparison_report import Check, CheckKind, CheckOutcome, RunPair, Verdict
 
 Verdicts = NDArray[np.int8]
 

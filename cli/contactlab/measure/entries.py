@@ -18,7 +18,7 @@ from contactlab.contact import Floats
 from contactlab.errors import PluginError, SceneError, did_you_mean
 from contactlab.measure.context import Context
 from contactlab.registry import Registry
-from contactlab.schema import MetricRule
+from contactlab.schema.compare_policy import MetricRule
 
 Direction = Literal["lower", "higher", "none"]
 Kind = Literal["physics", "work", "check", "detail"]

@@ -15,7 +15,7 @@ from contactlab.measure.entries import (
     metric,
     runs_where,
 )
-from contactlab.schema import MetricRule
+from contactlab.schema.compare_policy import MetricRule
 
 RESIDUAL = Threshold(
     "residual",

@@ -29,12 +29,12 @@ from contactlab.pareto.pareto import (
     front_of,
     next_more_accurate,
 )
-from contactlab.schema import (
+from contactlab.schema import Setting
+from contactlab.schema.tradeoff_report import (
     Blocker,
     FrontPoint,
     NextStep,
     Recommendation,
-    Setting,
     TradeoffReport,
 )
 from contactlab.store import Store

@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.palette import LETTERS
 from contactlab.pareto.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
 from contactlab.pareto.pareto import pareto_front
-from contactlab.schema import Configuration, Settings, TradeoffReport
+from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 OTHERS = "others"
 # A run labelled oracle_miss has a large error, which the chart shows.

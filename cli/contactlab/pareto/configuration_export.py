@@ -8,7 +8,8 @@ from pathlib import Path
 from contactlab import resources
 from contactlab.errors import StoreError
 from contactlab.mjcf import CONTACT, FLAGS, OPTIONS, attribute_of, default_lines, option_lines
-from contactlab.schema import ERRORS, EvidenceRecord, Setting, Sweep, TradeoffReport
+from contactlab.schema import ERRORS, EvidenceRecord, Setting, Sweep
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store
 
 

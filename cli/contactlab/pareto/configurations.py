@@ -9,15 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact import Floats
-from contactlab.schema import (
+from contactlab.schema import Role, Setting, Sweep, axis_role
+from contactlab.schema.tradeoff_report import (
     Configuration,
     ConfigurationOutcomes,
     ErrorMeasure,
-    Role,
-    Setting,
-    Sweep,
     TimeMeasure,
-    axis_role,
 )
 from contactlab.store import Store
 

@@ -8,7 +8,8 @@ import numpy as np
 from contactlab.contact import Floats
 from contactlab.measure import LABELS
 from contactlab.pareto.configurations import Evaluated
-from contactlab.schema import Floor, Method, Order, Setting
+from contactlab.schema import Setting
+from contactlab.schema.tradeoff_report import Floor, Method, Order
 
 FEWEST = 3
 # An error this many times the uncertainty of its reference is off by a third at most.

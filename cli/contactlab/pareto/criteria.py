@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from contactlab.errors import StoreError, SweepFileError, did_you_mean
-from contactlab.schema import ERRORS, ErrorMeasure, Sweep, TimeMeasure
+from contactlab.schema import ERRORS, Sweep
+from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure
 from contactlab.store import Address, Store, parse_address
 
 MODELLING = "oracle_error"

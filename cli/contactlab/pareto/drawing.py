@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from contactlab.errors import OutputError
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 
 if TYPE_CHECKING:
     import altair as alt

@@ -8,7 +8,7 @@ import altair as alt
 
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, SHAPES
 from contactlab.pareto.chart_data import OTHERS, ChartData, chart_data
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 
 _SIZE = (640, 440)
 # As a fraction while that is short; most labels of a logarithmic axis are left empty.

@@ -29,7 +29,8 @@ from contactlab.reporting.report_columns import (
 )
 from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import Spec, themed
-from contactlab.schema import Check, CheckOutcome, ComparePolicy, ComparisonReport
+from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison_report import Check, CheckOutcome, ComparisonReport
 from contactlab.store import Store
 
 _WORSE, _BETTER, _SAME = 0, 1, 2

@@ -19,7 +19,8 @@ from contactlab.reporting.vega_rendering import (
     themed,
     with_page_colours,
 )
-from contactlab.schema import Configuration, Setting, Settings, TradeoffReport
+from contactlab.schema import Setting
+from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 _BAR = 700, 26

@@ -21,7 +21,8 @@ from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import PageRequest, ReportData
 from contactlab.reporting.run_series import read_mode_bands, read_signals
 from contactlab.reporting.vega_rendering import Spec
-from contactlab.schema import EvidenceRecord, TradeoffReport
+from contactlab.schema import EvidenceRecord
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store, row_to_record
 from contactlab.store.mcap import StoredTrace
 

@@ -14,13 +14,11 @@ from contactlab.reporting.report_columns import (
     with_unit,
 )
 from contactlab.reporting.report_data import ReportData
-from contactlab.schema import (
+from contactlab.schema import Setting, StoreManifest, Sweep
+from contactlab.schema.tradeoff_report import (
     Configuration,
     Recommendation,
-    Setting,
     Settings,
-    StoreManifest,
-    Sweep,
     TradeoffReport,
 )
 from contactlab.store import Store

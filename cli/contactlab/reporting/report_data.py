@@ -14,7 +14,7 @@ from contactlab.reporting.report_columns import (
     read_quantities,
     read_run_labels,
 )
-from contactlab.schema import TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Store
 
 _DEFAULT_CRITERIA = Criteria()

@@ -11,7 +11,7 @@ from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run import SweepRequest, read_request
 from contactlab.scene import is_menagerie, menagerie_name
-from contactlab.schema import StabilityReport, StabilityResult
+from contactlab.schema.stability_report import StabilityReport, StabilityResult
 from contactlab.studies.session import Session
 
 FOLDER = "stability"

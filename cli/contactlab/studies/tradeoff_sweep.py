@@ -10,7 +10,8 @@ from contactlab import resources
 from contactlab.pareto import Criteria, analyse, chosen_error, find_store
 from contactlab.plan import Overrides
 from contactlab.run import SweepRequest, read_request
-from contactlab.schema import ERRORS, Sweep, TradeoffReport
+from contactlab.schema import ERRORS, Sweep
+from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store import Address, Store
 from contactlab.studies.session import Session
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from contactlab.schema import CheckReport, CheckResult, Measure
+from contactlab.schema.check_report import CheckReport, CheckResult, Measure
 from contactlab.studies.check import CheckRequest, run
 from contactlab.studies.session import Session
 

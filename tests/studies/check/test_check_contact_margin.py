@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import pytest
 
-from contactlab.schema import CheckResult, Measure
+from contactlab.schema.check_report import CheckResult, Measure
 
 One = Callable[..., CheckResult]
 Values = Callable[[CheckResult, str], Mapping[str | None, float | None]]

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import pytest
 
-from contactlab.schema import CheckResult, Measure
+from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.free_motion_check import DRIFT
 
 One = Callable[..., CheckResult]

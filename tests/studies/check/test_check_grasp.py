@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping
 
 import pytest
 
-from contactlab.schema import CheckReport, CheckResult, Measure
+from contactlab.schema.check_report import CheckReport, CheckResult, Measure
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]

@@ -9,7 +9,7 @@ import pytest
 from contactlab.contact import PairTrace
 from contactlab.measure import assess
 from contactlab.scene import make_setup
-from contactlab.schema import CheckResult, Measure
+from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.checked_model import CheckRunner, open_model
 from contactlab.studies.check.hold_check import held_pairs, part_of, slots_of
 from contactlab.studies.session import Session

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from contactlab.engines import MujocoEngine, Rollout
-from contactlab.schema import CheckReport, CheckResult, Measure, Reference
+from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Reference
 from contactlab.store import Store
 
 Checked = Callable[..., CheckReport]

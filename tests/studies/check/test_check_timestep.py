@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.scene import MonitoredPair, actuated_limbs
-from contactlab.schema import CheckReport, CheckResult, Measure
+from contactlab.schema.check_report import CheckReport, CheckResult, Measure
 from contactlab.studies.check.timestep_check import pair_speeds
 
 One = Callable[..., CheckResult]

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contactlab.schema import EffectsReport
+from contactlab.schema.effects_report import EffectsReport
 from contactlab.studies import effects
 from contactlab.studies.effects import EffectsRequest
 from contactlab.studies.session import Session

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.scene import Scene
-from contactlab.schema import EffectsReport
+from contactlab.schema.effects_report import EffectsReport
 
 Ablate = Callable[..., EffectsReport]
 FEATURES = {

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from contactlab.mjcf import CONTACT, OPTIONS, default_lines, option_lines
 from contactlab.run.evidence_record import as_written
-from contactlab.schema import Change, CheckName, CheckResult, Measure
+from contactlab.schema.check_report import Change, CheckName, CheckResult, Measure
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values
 

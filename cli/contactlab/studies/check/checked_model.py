@@ -23,7 +23,8 @@ from contactlab.scene import (
     actuated_limbs,
     make_setup,
 )
-from contactlab.schema import EvidenceRecord, TaskKind
+from contactlab.schema import EvidenceRecord
+from contactlab.schema.check_report import TaskKind
 from contactlab.store import Store
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.session import Session, Values, read_settings

@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from contactlab.contact import DISTANCE, FORCE, stiffness_damping
-from contactlab.schema import Change, CheckResult, Measure
+from contactlab.schema.check_report import Change, CheckResult, Measure
 from contactlab.studies.check.check_results import (
     change,
     check_result,

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from contactlab.contact import rest_penetration, stiffness_damping
-from contactlab.schema import Change, CheckResult, Measure
+from contactlab.schema.check_report import Change, CheckResult, Measure
 from contactlab.studies.check.check_results import (
     change,
     check_result,

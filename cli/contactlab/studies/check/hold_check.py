@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact import SLIDE, SLOT_WIDTH, Floats, HoldWindow, PairTrace, Setup, Trace
 from contactlab.measure import assess
 from contactlab.scene import MonitoredPair, as_number, make_setup
-from contactlab.schema import Change, CheckResult, Measure
+from contactlab.schema.check_report import Change, CheckResult, Measure
 from contactlab.store.mcap import StoredTrace
 from contactlab.studies.check.check_results import (
     change,

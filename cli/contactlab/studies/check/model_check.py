@@ -5,7 +5,14 @@ from dataclasses import dataclass
 
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
-from contactlab.schema import Change, CheckName, CheckReport, CheckResult, Measure, TaskKind
+from contactlab.schema.check_report import (
+    Change,
+    CheckName,
+    CheckReport,
+    CheckResult,
+    Measure,
+    TaskKind,
+)
 from contactlab.studies.check.checked_model import CheckRunner, open_model
 from contactlab.studies.check.contact_margin_check import check_contact_margin
 from contactlab.studies.check.flat_contact_check import check_flat_contact

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from contactlab.measure import METRICS
-from contactlab.schema import CheckResult, Measure, Reference
+from contactlab.schema.check_report import CheckResult, Measure, Reference
 from contactlab.studies.check.check_results import check_result, not_applicable, upper_limit
 from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckRun, CheckRunner
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from contactlab.contact import Floats, stiffness_damping
 from contactlab.scene import MonitoredPair, make_setup
-from contactlab.schema import Change, CheckResult, Measure, TaskKind
+from contactlab.schema.check_report import Change, CheckResult, Measure, TaskKind
 from contactlab.studies.check.check_results import (
     change,
     check_result,

@@ -6,13 +6,13 @@ from itertools import combinations
 
 from contactlab.run.evidence_record import as_written, engine, provenance
 from contactlab.scene import EFFECTS
-from contactlab.schema import (
+from contactlab.schema import Setting
+from contactlab.schema.effects_report import (
     EffectFinding,
     EffectsReport,
     Interaction,
     Need,
     Ratio,
-    Setting,
     SmallestSet,
     Verification,
 )

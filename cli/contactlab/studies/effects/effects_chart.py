@@ -9,7 +9,7 @@ from typing import Any
 import altair as alt
 
 from contactlab.pareto import save_figure
-from contactlab.schema import EffectFinding, EffectsReport, MetricChange
+from contactlab.schema.effects_report import EffectFinding, EffectsReport, MetricChange
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3

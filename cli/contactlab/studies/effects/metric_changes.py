@@ -8,7 +8,7 @@ from statistics import fmean, median
 
 from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
-from contactlab.schema import MetricChange, Ratio
+from contactlab.schema.effects_report import MetricChange, Ratio
 from contactlab.studies.effects.effect_toggles import ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values
