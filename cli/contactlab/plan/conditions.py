@@ -18,47 +18,46 @@ def read_condition(
     Args:
         context: the file and its names.
         condition: as written.
-        path: where it stands.
+        path: where it is in the file.
         known: the axes that it may name.
     """
     document = context.document
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():
-        if name not in known:
+        if name in known:
+            value = context.canonical(name, raw, document.value((*path, name)))
+            settings.append((name, value))
+        else:
             add_not_swept(context, name, document.key((*path, name)), known)
-            continue
-        settings.append((name, context.canonical(name, raw, document.value((*path, name)))))
-    expression, inside, splits = None, None, ()
-    if condition.where is not None:
-        inside = _inside(context, (*path, "where"), condition.where)
-        specs = [spec for spec in map(context.find, known) if spec is not None]
-        parts = {part for spec in specs for part in spec.parts}
-        expression = _read_expression(context, condition.where, (*path, "where"), {*known, *parts})
-        splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
+    if condition.where is None:
+        return Match(tuple(settings), None, document.value(path))
+    specs = [spec for name in known if (spec := context.find(name))]
+    names = {*known, *(part for spec in specs for part in spec.parts)}
+    where = document.value((*path, "where"))
+    inside = _first_character(where, condition.where)
+    expression = _read_expression(context, condition.where, names, inside, where)
+    splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
     return Match(tuple(settings), expression, document.value(path), inside, splits)
 
 
 def _read_expression(
-    context: SweepContext, text: str, path: KeyPath, known: Collection[str]
+    context: SweepContext, text: str, names: Collection[str], inside: Place | None, where: Place
 ) -> Expression | None:
-    inside = _inside(context, path, text)
-    whole = context.document.value(path)
     try:
         expression = Expression(text)
     except ExpressionError as error:
-        place = inside.part(error.start, error.width) if inside else whole
+        place = inside.part(error.start, error.width) if inside else where
         context.document.add("bad-expression", place, str(error))
         return None
     for name, start in expression.places.items():
-        if name not in known:
-            place = inside.part(start, len(name)) if inside else whole
-            add_not_swept(context, name, place, known)
+        if name not in names:
+            place = inside.part(start, len(name)) if inside else where
+            add_not_swept(context, name, place, names)
     return expression
 
 
-def _inside(context: SweepContext, path: KeyPath, text: str) -> Place | None:
-    """Return where the first character of a text is; None if the text is written with escapes."""
-    place = context.document.value(path)
+def _first_character(place: Place, text: str) -> Place | None:
+    """Return where a text at a place begins, quoted or not; None if it is written with escapes."""
     for skip in (0, 1):
         start = place.column - 1 + skip
         if place.text[start : start + len(text)] == text:

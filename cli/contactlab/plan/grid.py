@@ -13,18 +13,16 @@ from contactlab.expression import Expression, ExpressionError, NoValueError
 from contactlab.plan.diagnostics import Diagnostic, Place, SweepMistakesError
 from contactlab.schema import Expectation, Role, Sweep
 
+CONFIRM_ABOVE = 100_000
+MOST_RUNS = 10_000_000
+
 RowValues = dict[str, object]
 Split = Callable[[object], Mapping[str, float]]
 
 
 @dataclass(frozen=True)
 class Block:
-    """Axes that advance together: one factor of the product.
-
-    Attributes:
-        names: the axes.
-        rows: their values, one tuple for each row.
-    """
+    """Axes that advance together, with one tuple of values for each row; a factor of the product."""
 
     names: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]
@@ -96,7 +94,7 @@ class Grid:
     Attributes:
         base: settings of every row.
         blocks: factors of the product, the last one fastest; None where there is no product.
-        excludes: rows of the product to leave out.
+        excludes: conditions on rows of the product to leave out.
         added: further rows.
     """
 
@@ -168,19 +166,9 @@ class Grid:
         return any(each.holds(row) for each in self.excludes)
 
 
-CONFIRM_ABOVE = 100_000
-MOST_RUNS = 10_000_000
-
-
 @dataclass(frozen=True)
 class SweptAxis:
-    """One axis of a plan.
-
-    Attributes:
-        name: as in the sweep file.
-        role: knob or scenario.
-        values: the canonical values it takes, each once, in order.
-    """
+    """One axis of a plan, with its canonical values, each once, in order."""
 
     name: str
     role: Role
@@ -210,13 +198,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """The runs of one row of settings.
-
-    Attributes:
-        first: the first run's position in the plan, from 0.
-        values: canonical settings by axis; see `Run`.
-        seeds: one for each run.
-    """
+    """The runs of one row of settings, one for each seed; `first` is the index of the first run."""
 
     first: int
     values: Mapping[str, object]
@@ -228,11 +210,9 @@ class Plan:
     """The runs that a sweep file and the options of the command line define.
 
     Attributes:
-        sweep: the file as read.
-        axes: the axes, in the order in which they advance, the slowest first.
+        axes: in the order in which they advance, the slowest first.
         count: number of runs.
         warnings: mistakes that do not stop the sweep.
-        grid: the rows of settings.
         expected: conditions of `expect`, each with its expectation.
     """
 

@@ -18,13 +18,7 @@ _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
 
 @dataclass(frozen=True)
 class CsvCell:
-    """One value of a table.
-
-    Attributes:
-        name: the axis that its column is for.
-        value: a number, a truth value or a word; empty cells are left out.
-        place: where it stands.
-    """
+    """One value of a row, with the axis of its column; empty cells are left out."""
 
     name: str
     value: object

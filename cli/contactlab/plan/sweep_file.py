@@ -180,7 +180,7 @@ def _warn_unmet(
 ) -> None:
     for name, value in match.settings:
         if value not in values.get(name, ()):
-            message = f"no run has {name} = {value}, so nothing is expected here"
+            message = f"no run has {name} = {value}, so this applies to no run"
             document.add("unmatched-expect", match.place, message, severity="warning")
 
 

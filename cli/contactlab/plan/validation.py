@@ -36,7 +36,6 @@ _CODES = {
     "string_pattern_mismatch": "bad-value",
 }
 _COUNTED = set(FORMS) - {"values"}
-_TRACE = "write all, flagged, none or sample:N"
 
 
 def add_validation_errors(
@@ -118,15 +117,19 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
     elif axis := path[1:2] if path[0] == "axes" else path[2:3] if path[0] == "zip" else ():
         document.add("empty-axis", path, f"axis '{axis[0]}' has no values")
     else:
-        name = next(part for part in reversed(path) if isinstance(part, str))
-        document.add("wrong-length", path, f"'{name}' has too few entries")
+        document.add("wrong-length", path, f"'{_name(path)}' has too few entries")
+
+
+def _name(path: KeyPath) -> str:
+    """Return the last key of a path, or an empty string."""
+    return next((part for part in reversed(path) if isinstance(part, str)), "")
 
 
 def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
     data = document.at(path)
     kinds = "a mapping" if isinstance(data, dict) else "a list"
     shown = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
-    name = next((part for part in reversed(path) if isinstance(part, str)), None)
+    name = _name(path)
     subject = f"'{name}' takes" if name else "the file is"
     place = document.key(path) if data is None and path else document.value(path)
     document.add("wrong-type", place, f"{subject} {wanted}, not {shown}")
@@ -134,7 +137,7 @@ def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
     kind = detail["type"]
-    name = next((f"'{part}' " for part in reversed(path) if isinstance(part, str)), "")
+    name = f"'{_name(path)}' " if _name(path) else ""
     wording = (
         detail["msg"]
         .replace("a finite number", "finite")
@@ -143,7 +146,8 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
     )
     hint = ""
     if kind == "string_pattern_mismatch":
-        wording, hint = f"has no choice {detail['input']!r}", _TRACE
+        wording = f"has no choice {detail['input']!r}"
+        hint = "write all, flagged, none or sample:N"
     if kind == "literal_error":
         choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
         hint = suggestion(str(detail["input"]), choices.replace(" or ", ", ").split(", "))
@@ -152,9 +156,9 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:
-    """Return the model that reads what lies at a location, within the whole file's."""
+    """Return the model of the mapping at a location, found from the model of the whole file."""
     for part in loc:
-        if isinstance(part, str) and part.removeprefix("@") in FORMS and part.startswith("@"):
+        if isinstance(part, str) and part.startswith("@") and part[1:] in FORMS:
             model = FORMS[part[1:]]
         elif part in model.model_fields:
             annotation = model.model_fields[str(part)].annotation
@@ -192,16 +196,15 @@ class Draft:
 
 def read_draft(document: Document) -> Draft:
     """Check a document against the model of a sweep, noting its mistakes."""
-    data = document.mapping()
     try:
         return Draft(document, Sweep.model_validate(document.data), {})
     except ValidationError as error:
         add_validation_errors(document, error)
-        return _salvaged(document, data, error)
+        return _without_errors(document, error)
 
 
-def _salvaged(document: Document, data: dict[str, object], error: ValidationError) -> Draft:
-    kept: dict[str, list[int]] = {}
+def _without_errors(document: Document, error: ValidationError) -> Draft:
+    data, kept = document.mapping(), dict[str, list[int]]()
     for depth in (2, 1):
         data, lists = _pruned(data, error, depth)
         kept |= lists
