@@ -22,7 +22,7 @@ Split = Callable[[object], Mapping[str, float]]
 
 @dataclass(frozen=True)
 class Block:
-    """Axes that advance together, with one tuple of values for each row; a factor of the product."""
+    """A factor of the product: axes that advance together, with one tuple of values a row."""
 
     names: tuple[str, ...]
     rows: tuple[tuple[object, ...], ...]

@@ -1,4 +1,4 @@
-"""Rows of `include`: written in the sweep file, or in a CSV file, with the place of every cell."""
+"""Rows of `include`, from the sweep file itself or from a CSV file."""
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,7 +18,7 @@ _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
 
 @dataclass(frozen=True)
 class CsvCell:
-    """One value of a row, with the axis of its column; empty cells are left out."""
+    """One cell: a value, and the axis of its column. Empty cells are left out."""
 
     name: str
     value: object
@@ -36,7 +36,10 @@ def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
     if isinstance(include, IncludeFile):
         header, *lines = _read_csv(document, folder / include.file) or [[]]
         _check_header(context, header)
-        return tuple(_canonical_row(context, cells) for cells in lines)
+        return tuple(
+            {cell.name: context.canonical(cell.name, cell.value, cell.place) for cell in cells}
+            for cells in lines
+        )
     rows: list[RowValues] = []
     for index, row in enumerate(include):
         path = context.path("include", index)
@@ -44,13 +47,9 @@ def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
         for name, place in keys.items():
             check_axis(context, name, place)
         check_conflicts(context, keys)
-        cells = [CsvCell(name, row[name], document.value((*path, name))) for name in row]
-        rows.append(_canonical_row(context, cells))
+        places = {name: document.value((*path, name)) for name in row}
+        rows.append({name: context.canonical(name, row[name], places[name]) for name in row})
     return tuple(rows)
-
-
-def _canonical_row(context: SweepContext, cells: Iterable[CsvCell]) -> RowValues:
-    return {cell.name: context.canonical(cell.name, cell.value, cell.place) for cell in cells}
 
 
 def _check_header(context: SweepContext, header: Iterable[CsvCell]) -> None:
