@@ -75,7 +75,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a suggestion to append to a message, behind a semicolon; or an empty string."""
-    return f"; {found}" if (found := suggestion(name, known)) else ""
+    return f"; {hint}" if (hint := suggestion(name, known)) else ""
 
 
 @contextmanager

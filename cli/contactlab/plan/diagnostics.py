@@ -89,9 +89,9 @@ class SweepMistakesError(SweepFileError):
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)
-        shown = [str(diagnostic) for diagnostic in self.diagnostics[:_MOST_SHOWN]]
-        more = len(self.diagnostics) - len(shown)
-        super().__init__("\n\n".join([*shown, f"and {more:,} more"] if more else shown))
+        texts = [str(diagnostic) for diagnostic in self.diagnostics[:_MOST_SHOWN]]
+        more = len(self.diagnostics) - len(texts)
+        super().__init__("\n\n".join([*texts, f"and {more:,} more"] if more else texts))
 
 
 def _excerpt(place: Place, hint: str) -> list[str]:
@@ -114,11 +114,11 @@ def _window(place: Place) -> tuple[str, int, int]:
     if len(line) <= _EXCERPT:
         return line, start, width
     first = max(0, min(start - _EXCERPT // 3, len(line) - _EXCERPT))
-    shown = line[first : first + _EXCERPT]
+    excerpt = line[first : first + _EXCERPT]
     before = "..." if first else ""
     after = "..." if first + _EXCERPT < len(line) else ""
     width = min(width, first + _EXCERPT - start)
-    return before + shown + after, start - first + len(before), width
+    return before + excerpt + after, start - first + len(before), width
 
 
 def _blank(text: str) -> str:

@@ -85,12 +85,12 @@ def _read_csv(document: Document, path: Path) -> list[list[CsvCell]]:
 
 def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
     line, start = source.lines[number - 1], 0
-    while found := _CELL.match(line, start):
-        group = 2 if found.group(1) is None else 1
-        text, begin = found.group(group), found.start(group)
+    while match := _CELL.match(line, start):
+        group = 2 if match.group(1) is None else 1
+        text, begin = match.group(group), match.start(group)
         yield text.replace('""', '"'), Place(source, number, begin + 1, max(len(text), 1))
-        start = found.end()
-        if not found.group(3):
+        start = match.end()
+        if not match.group(3):
             return
     rest = Place(source, number, start + 1, max(len(line) - start, 1))
     yield line[start:], rest

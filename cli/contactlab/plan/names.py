@@ -37,8 +37,8 @@ class SweepContext(Draft):
             return spec.parse(value)
         except ValueError as error:
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
-            shown = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
-            message = f"{shown!r} is not a value of '{name}'"
+            written = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
+            message = f"{written!r} is not a value of '{name}'"
             self.document.add("bad-value", place, message, f"{error}{close}")
             return UNREADABLE
 
@@ -60,11 +60,7 @@ def zip_blocks(document: Document) -> Iterator[tuple[int, dict[str, object]]]:
 def check_names(context: SweepContext) -> None:
     """Find unknown names, axes given twice and axes that set the same thing."""
     document, vocabulary = context.document, context.vocabulary
-    for name, path in context.swept():
-        check_axis(context, name, document.key(path))
-    for name in _switched(document):
-        check_axis(context, name, document.key(("effects", name)), "effect")
-    _check_twice(context)
+    _check_axes(context)
     _check_tolerances(context)
     _check_known(document, "threshold", vocabulary.thresholds, ("thresholds",))
     for index, expectation in enumerate(context.sweep.expect):
@@ -109,23 +105,22 @@ def add_not_swept(context: SweepContext, name: str, place: Place, swept: Collect
     context.document.add("axis-not-swept", place, f"'{name}' is not an axis of this sweep", hint)
 
 
-def _check_twice(context: SweepContext) -> None:
+def _check_axes(context: SweepContext) -> None:
     document = context.document
+    # `base` is for the effects that have no entry of their own.
+    effects = [name for name in document.mapping("effects") if name != "base"]
+    named = [(name, path, "axis") for name, path in context.swept()]
+    named += [(name, ("effects", name), "effect") for name in effects]
     places: dict[str, Place] = {}
-    paths = [(name, ("effects", name)) for name in _switched(document)]
-    for name, path in [*context.swept(), *paths]:
+    for name, path, kind in named:
         place = document.key(path)
+        check_axis(context, name, place, kind)
         if name in places:
             hint = f"first given {places[name].spot}"
             document.add("axis-twice", place, f"'{name}' is given twice", hint)
         else:
             places[name] = place
     check_conflicts(context, places)
-
-
-def _switched(document: Document) -> list[str]:
-    """Return the effects that the file switches by name; `base` is for the others."""
-    return [name for name in document.mapping("effects") if name != "base"]
 
 
 def _check_tolerances(context: SweepContext) -> None:

@@ -1,4 +1,4 @@
-"""What the command line changes in a sweep file: `--set`, `--only` and `--limit`."""
+"""Changes of a sweep file by the command line: `--set`, `--only` and `--limit`."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -64,7 +64,7 @@ def apply_settings(document: Document, settings: Sequence[str]) -> None:
 
 
 def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
-    role, known = document.mapping(*path).get("role"), len(document.found)
+    role, known = document.mapping(*path).get("role"), len(document.mistakes)
     parent = document.replace(path, option.key)
     document.values[path] = option.place
     if path[0] == "axes":
@@ -75,7 +75,7 @@ def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
             # Read again without the brackets: a single value is not a list.
             place = option.place
             value = read_argument(document, path, f" {option.value} ", place.source, place.column)
-    if len(document.found) > known:
+    if len(document.mistakes) > known:
         # The name stays known, and no further mistakes are reported for it.
         document.unreadable |= {option.key, option.place}
         document.values[path] = option.place
@@ -84,7 +84,7 @@ def _assign(document: Document, option: ParsedOption, path: KeyPath) -> None:
 
 
 def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: object) -> object:
-    """Return what an option makes of an axis, which keeps the role that it has in the file."""
+    """Return the new form of an axis, with the role that the axis has in the file."""
     kept = {} if role is None else {"role": role}
     call, place = _CALL.fullmatch(option.value), option.place
     if call is None:
@@ -134,10 +134,10 @@ def check_values(
     for each in filters:
         values = list(taken.get(each.name, ()))
         if not set(values).intersection(each.values):
-            shown = ", ".join(str(value) for value in values[:8])
+            first = ", ".join(str(value) for value in values[:8])
             more = ", ..." if len(values) > 8 else ""
             message = f"'{each.name}' never takes this value in this sweep"
-            document.add("value-not-swept", each.place, message, f"it takes {shown}{more}")
+            document.add("value-not-swept", each.place, message, f"it takes {first}{more}")
 
 
 def _option(document: Document, flag: str, text: str) -> ParsedOption | None:

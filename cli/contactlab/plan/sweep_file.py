@@ -65,8 +65,8 @@ def read_sweep(
     else:
         text = read_text(path) if path else str(source)
         document = read_document(text, str(path) if path else "sweep")
-    if document.found and document.data is None:
-        raise SweepMistakesError(document.found)
+    if document.mistakes and document.data is None:
+        raise SweepMistakesError(document.mistakes)
     if isinstance(document.data, dict):
         apply_settings(document, overrides.assign)
     draft = read_draft(document)
@@ -84,7 +84,7 @@ def _sorted(document: Document) -> list[Diagnostic]:
         argument = "" if source.numbered else place.text
         return source is not document.source, source.name, argument, place.line, place.column
 
-    return sorted(document.found, key=position)
+    return sorted(document.mistakes, key=position)
 
 
 def _checked(
@@ -125,7 +125,7 @@ def _checked(
     count = _count(context, grid, overrides.limit, warn=not filters)
     if count is None:
         return None
-    warnings = tuple(each for each in document.found if each.severity == "warning")
+    warnings = tuple(each for each in document.mistakes if each.severity == "warning")
     return Plan(draft.sweep, _axes(draft.sweep, grid), count, warnings, grid, expected)
 
 
@@ -211,4 +211,4 @@ def read_yaml_as(path: Path, kind: type[_Kind]) -> _Kind:
             return kind.model_validate(document.data)
         except ValidationError as error:
             add_validation_errors(document, error, kind)
-    raise SweepMistakesError(document.found)
+    raise SweepMistakesError(document.mistakes)

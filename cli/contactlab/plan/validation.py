@@ -128,11 +128,11 @@ def _name(path: KeyPath) -> str:
 def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
     data = document.at(path)
     kinds = "a mapping" if isinstance(data, dict) else "a list"
-    shown = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
+    given = "nothing" if data is None else kinds if isinstance(data, dict | list) else repr(data)
     name = _name(path)
     subject = f"'{name}' takes" if name else "the file is"
     place = document.key(path) if data is None and path else document.value(path)
-    document.add("wrong-type", place, f"{subject} {wanted}, not {shown}")
+    document.add("wrong-type", place, f"{subject} {wanted}, not {given}")
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:

@@ -30,14 +30,14 @@ class _Mark(Protocol):
 
 @dataclass
 class Document:
-    """Plain data with places, and the mistakes found in it.
+    """Plain data with the places of its parts, and the mistakes in it.
 
     Attributes:
         source: the text.
         data: mappings, lists, words, numbers, booleans and None.
         values: path to the place of the value there.
         keys: path to the place of the key there.
-        found: mistakes, in the order in which they were added.
+        mistakes: in the order in which they were added, warnings included.
         unreadable: places of syntax errors; no further mistakes are added there.
     """
 
@@ -45,13 +45,13 @@ class Document:
     data: object = None
     values: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
     keys: dict[KeyPath, Place] = field(default_factory=dict[KeyPath, Place])
-    found: list[Diagnostic] = field(default_factory=list[Diagnostic])
+    mistakes: list[Diagnostic] = field(default_factory=list[Diagnostic])
     unreadable: set[Place] = field(default_factory=set[Place])
 
     @property
     def has_errors(self) -> bool:
         """Whether any mistake is more than a warning."""
-        return any(each.severity == "error" for each in self.found)
+        return any(each.severity == "error" for each in self.mistakes)
 
     def mapping(self, *path: str | int) -> dict[str, object]:
         """Return the mapping at a path, or an empty one."""
@@ -70,7 +70,7 @@ class Document:
         """Add a mistake at the value of a path, or at a place."""
         place = path if isinstance(path, Place) else self.value(path)
         if place not in self.unreadable:
-            self.found.append(Diagnostic(code, message, place, hint, severity))
+            self.mistakes.append(Diagnostic(code, message, place, hint, severity))
         if code == "syntax":
             self.unreadable.add(place)
 
@@ -133,7 +133,7 @@ def read_text(path: Path) -> str:
 
 
 def read_document(text: str, name: str) -> Document:
-    """Read a YAML text; its mistakes are in the document's `found`."""
+    """Read a YAML text; its mistakes are in the document."""
     document = Document(SourceText(name, tuple(_BREAK.split(text))))
     document.data = _Reader(document, document.source).read(text)
     return document
