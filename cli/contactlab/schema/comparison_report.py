@@ -54,12 +54,12 @@ class Check(Model):
     kind: CheckKind
     group: str = Field(description="Axis values of its runs, such as cone=elliptic; or empty.")
     level: Level
-    outcome: CheckOutcome = Field(description="What it means for the job.")
-    verdict: Verdict = Field(description="What it means for the evidence.")
+    outcome: CheckOutcome = Field(description="Its effect on the job.")
+    verdict: Verdict = Field(description="Its result for the evidence.")
     runs: int = Field(description="Runs, or groups of them, that were judged.")
     failing: int = Field(description="How many of these fail.")
     counts: dict[Verdict, int] = Field(description="How many have each verdict.")
-    message: str = Field(description="What was found, in words.")
+    message: str = Field(description="The result, in words.")
     unit: str = ""
     accepted: str | None = Field(default=None, description="Why the policy accepts it.")
     worst: tuple[RunPair, ...] = Field(default=(), description="The worst few.")

@@ -229,8 +229,8 @@ class EvidenceRecord(Model):
     provenance: Provenance
     plugins: PluginInfos = ()
     cost: Cost | None = None
-    accuracy: Accuracy | None = Field(default=None, description="Null if the sweep asks for none.")
-    timing: Timing | None = Field(default=None, description="Null if the sweep asks for none.")
+    accuracy: Accuracy | None = Field(default=None, description="Null if the sweep requests none.")
+    timing: Timing | None = Field(default=None, description="Null if the sweep requests none.")
     trace: TraceFile | None = None
     started: str | None = Field(default=None, description="UTC, ISO 8601.")
     finished: str | None = Field(default=None, description="UTC, ISO 8601.")

@@ -29,10 +29,9 @@ from contactlab.schema.strict_model import (
 
 EffectsBase = Literal["auto", "all"]
 _BASE = "base"
-_RESTS = ("auto", "all")
 
 
-def _spelled_out(value: object) -> object:
+def _as_mapping(value: object) -> object:
     return {_BASE: value} if isinstance(value, str) else value
 
 
@@ -46,23 +45,23 @@ def _checked(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBa
     return value
 
 
-_WORDS = {
+_BASE_SCHEMA = {
     "type": "string",
-    "enum": list(_RESTS),
+    "enum": ["auto", "all"],
     "description": "auto: leave out what provably changes nothing; all: leave out nothing",
 }
 # `auto` and `all` alone are short for {base: auto} and {base: all}.
 Effects = Annotated[
     dict[str, Annotated[bool, Field(strict=True)] | EffectsBase],
-    BeforeValidator(_spelled_out),
+    BeforeValidator(_as_mapping),
     AfterValidator(_checked),
     WithJsonSchema(
         {
             "anyOf": [
-                _WORDS,
+                _BASE_SCHEMA,
                 {
                     "type": "object",
-                    "properties": {_BASE: _WORDS},
+                    "properties": {_BASE: _BASE_SCHEMA},
                     "additionalProperties": {
                         "type": "boolean",
                         "description": "whether an effect is on",
