@@ -26,7 +26,7 @@ from contactlab.reporting.report_data import PageRequest, ReportData, read_repor
 from contactlab.reporting.vega_rendering import Spec, static_svg, vega_bundle
 from contactlab.store import Store
 
-_PACKAGE = "contactlab.reporting"
+_PACKAGE = __name__.rpartition(".")[0]
 _SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
 
 
