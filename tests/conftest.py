@@ -1,6 +1,7 @@
 """What all tests share."""
 
 import logging
+import os
 import runpy
 import signal
 import threading
@@ -18,9 +19,11 @@ if TYPE_CHECKING:
     from contactlab.store import ObjectAddress
     from contactlab.store.object_client import ObjectClient
 
-# A busy machine is no defect of the code under test.
-settings.register_profile("patient", deadline=None)
-settings.load_profile("patient")
+# A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in CI's run
+# with the lowest versions, looks at twice as many examples.
+settings.register_profile("patient", deadline=None, max_examples=50)
+settings.register_profile("thorough", deadline=None, max_examples=100)
+settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "patient"))
 
 # A shell makes what it runs in the background deaf to Ctrl-C, and all that is started from there.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and (

@@ -136,7 +136,7 @@ STUDIES: dict[str, Callable[[Path], Any]] = {
 }
 
 
-@pytest.mark.parametrize("name", STUDIES)
+@pytest.mark.parametrize("name", [pytest.param("check", marks=pytest.mark.slow), "stability"])
 def test_a_study_reports_what_its_command_prints(name: str, tmp_path: Path) -> None:
     report = STUDIES[name](tmp_path / "api")
     arguments = {"check": ["box_stack", "--only", "timestep"], "stability": ["free_fall"]}

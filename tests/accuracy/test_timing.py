@@ -40,6 +40,7 @@ def test_every_run_has_its_times_and_its_work(sweeper: Any) -> None:
     assert len({row["timing_settings"] for row in found}) == 1
 
 
+@pytest.mark.slow
 def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
     """RK4 evaluates the forces four times a step; interleaved, both see the same machine."""
     sweeper.run(TIMED)
@@ -52,6 +53,7 @@ def test_four_evaluations_take_four_times_as_long(sweeper: Any) -> None:
     assert least["Euler", 1e-3, 0] / least["Euler", 2e-3, 0] == pytest.approx(2, rel=0.3)
 
 
+@pytest.mark.slow
 def test_work_repeats_and_settings_tell_rounds_apart(sweeper: Any) -> None:
     sweeper.run(TIMED, "one")
     sweeper.run(TIMED.replace("rounds: 4", "rounds: 3"), "two", workers=2)

@@ -142,6 +142,7 @@ def test_a_changed_scene_by_axes(
     assert err == f"error: {out.splitlines()[0]}\n"
 
 
+@pytest.mark.slow
 def test_a_millionth_of_a_millionth(tmp_path: Path, contactlab: Run) -> None:
     """The throw is chaotic enough that a start 1e-6 away turns some label, 1e-12 none.
 

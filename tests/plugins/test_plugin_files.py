@@ -48,7 +48,7 @@ def load(folder: Path, *names: str) -> tuple[Plugin, ...]:
     return load_plugins([folder / name for name in names])
 
 
-@pytest.mark.parametrize("workers", [0, 1])
+@pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow)])
 def test_what_a_plugin_adds_is_in_the_store(folder: Path, workers: int) -> None:
     plugins = load(folder, *FILES)
     assert [(each.name, each.version) for each in plugins] == [(name, "") for name in NAMES]

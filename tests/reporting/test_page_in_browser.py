@@ -32,7 +32,10 @@ def pairs(page: Any, place: int) -> dict[str, str]:
     return dict(page.locator("#run dl.pairs").nth(place).evaluate(read))
 
 
-@pytest.mark.parametrize("name", SWEEPS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(each, marks=[] if each == "bounce" else pytest.mark.slow) for each in SWEEPS],
+)
 def test_a_page_works_alone(visit: Visit, reported: Reported, name: str) -> None:
     """No message, no error, and nothing is asked for but the file itself."""
     path = reported(name)
@@ -150,6 +153,7 @@ def test_a_click_in_one_of_several_maps_leads_to_its_runs(visit: Visit, reported
     assert text(page, "#map-cell").startswith("drop_height 1, timestep [s] 0.02, restitution 0.9:")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("sides", "place"), [("x=tilt&y=cone", "x"), ("x=cone&y=tilt", "y")])
 def test_the_boundary_lies_where_the_closed_form_has_it(
     visit: Visit, reported: Reported, sides: str, place: str
@@ -192,6 +196,7 @@ def test_a_strict_policy_still_shows_the_essentials(
     assert len(fills) >= 2, "colours do not need the style sheet"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("media", ["light", "dark", "print"])
 def test_words_stand_out_from_the_page(visit: Visit, reported: Reported, media: str) -> None:
     """WCAG's contrast of 4.5 between words and page, of the text and of the charts."""

@@ -35,6 +35,7 @@ print(sorted({"contactlab.run", "contactlab.scene", "contactlab.engines"} & set(
 """
 
 
+@pytest.mark.slow
 def test_the_same_store_gives_the_same_bytes(swept: Swept, tmp_path: Path) -> None:
     for name in ("one.html", "two.html"):
         write_page(swept("bounce"), tmp_path / name)
@@ -120,6 +121,7 @@ def test_a_missing_library_is_named(
         write_page(swept("bounce"), tmp_path / "page.html")
 
 
+@pytest.mark.slow
 def test_above_its_size_a_page_has_aggregated_cells(
     swept: Swept, tmp_path: Path, visit: Callable[..., Any]
 ) -> None:

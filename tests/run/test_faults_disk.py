@@ -141,6 +141,7 @@ def test_a_disk_that_is_read_only(command: Any, tmp_path: Path, disk: Disk) -> N
     assert list(disk.path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_store_that_became_read_only(
     command: Any, tmp_path: Path, disk: Disk, outcome: Any
 ) -> None:
@@ -153,6 +154,7 @@ def test_a_store_that_became_read_only(
     assert outcome(disk.path / "store") == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["file", "file/store", "/proc/store"])
 def test_places_where_nobody_can_write(command: Any, tmp_path: Path, place: str) -> None:
     (tmp_path / "file").write_text("not a folder")

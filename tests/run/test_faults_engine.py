@@ -72,6 +72,7 @@ def test_only_the_culprits_are_lost(sweep: Any, quiet: Any, sweeper: Any, but: A
     assert verify(sweeper.folder / "store") == []
 
 
+@pytest.mark.slow
 def test_an_error_of_the_engine_is_its_runs_own(
     sweep: Any, quiet: Any, sweeper: Any, but: Any
 ) -> None:
@@ -85,6 +86,7 @@ def test_an_error_of_the_engine_is_its_runs_own(
     assert verify(sweeper.folder / "store") == []
 
 
+@pytest.mark.slow
 def test_a_result_larger_than_a_pipe_arrives(sweep: Any, quiet: Any, sweeper: Any) -> None:
     code, _, err = sweep({CULPRIT: "huge", CULPRIT + 1: "huge"}, "--workers", "1")
     assert (code, err) == (0, "")

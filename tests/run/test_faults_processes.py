@@ -48,6 +48,7 @@ def steps(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[], bool]
     return lambda: any(name.isdigit() for _, _, names in os.walk(folder) for name in names)
 
 
+@pytest.mark.slow
 def test_a_long_run_ends_with_the_command(
     command: Any, tmp_path: Path, until: Until, steps: Callable[[], bool]
 ) -> None:
@@ -64,6 +65,7 @@ def test_a_long_run_ends_with_the_command(
     assert time.monotonic() - killed < SOON
 
 
+@pytest.mark.slow
 def test_a_hang_ends_with_the_command(
     command: Any, tmp_path: Path, until: Until, steps: Callable[[], bool], inject: Any
 ) -> None:

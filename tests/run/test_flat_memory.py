@@ -67,6 +67,7 @@ def fresh(jobs: list[Job], models: str) -> Iterator[Job]:
         )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("trace", "models"),
     [

@@ -108,7 +108,7 @@ def slow(command: Any, tmp_path: Path) -> Slow:
     ("workers", "number", "tell"),
     [
         (1, signal.SIGINT, os.killpg),
-        (2, signal.SIGTERM, os.killpg),
+        pytest.param(2, signal.SIGTERM, os.killpg, marks=pytest.mark.slow),
         pytest.param(0, signal.SIGINT, os.kill, marks=pytest.mark.slow),
         pytest.param(0, signal.SIGTERM, os.kill, marks=pytest.mark.slow),
         pytest.param(1, signal.SIGTERM, os.kill, marks=pytest.mark.slow),
@@ -231,6 +231,7 @@ class After:
             self.stop.set()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, pytest.param(1, marks=pytest.mark.slow), 2])
 @pytest.mark.parametrize("label", ["held against references", "counted"])
 @pytest.mark.usefixtures("_short_clocks")

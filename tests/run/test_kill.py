@@ -58,6 +58,7 @@ def test_killed_ten_times(
     assert (table, traces) == outcome(tmp_path / "whole")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "begun", [pytest.param("store", marks=pytest.mark.slow), "servers", "workers"]
 )
@@ -93,6 +94,7 @@ def test_interrupted_and_resumed(command: Any, tmp_path: Path, until: Until) -> 
     assert verify(tmp_path / "store") == []
 
 
+@pytest.mark.slow
 def test_workers_end_with_their_parent(command: Any, tmp_path: Path, until: Until) -> None:
     process = command.start("sweep", "long.yaml", "-o", "store", "--workers", "2")
     until(lambda: size(tmp_path / "store" / "journal.jsonl") > 0)

@@ -115,6 +115,7 @@ class FarMachine:
             yield worker.run(job)
 
 
+@pytest.mark.slow
 def test_workers_of_another_machine(
     sweeper: Any, ball: str, address: ObjectAddress, outcome_at: Callable[[Address], Any]
 ) -> None:
@@ -126,6 +127,7 @@ def test_workers_of_another_machine(
     assert verify(address) == []
 
 
+@pytest.mark.slow
 def test_passes_are_resumed_too(
     sweeper: Any, address: ObjectAddress, outcome_at: Callable[[Address], Any]
 ) -> None:

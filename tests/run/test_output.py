@@ -18,6 +18,7 @@ resource.setrlimit(resource.RLIMIT_FSIZE, ({size}, {size}))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "limited",
     [

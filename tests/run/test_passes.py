@@ -57,11 +57,11 @@ def whole(tmp_path_factory: pytest.TempPathFactory, make_sweeper: Callable[[Path
 @pytest.mark.parametrize(
     ("label", "after", "workers"),
     [
-        ("held against references", 5, 0),
-        ("held against references", 5, 2),
+        pytest.param("held against references", 5, 0, marks=pytest.mark.slow),
+        pytest.param("held against references", 5, 2, marks=pytest.mark.slow),
         ("counted", 1, 0),
-        ("counted", 12, 2),
-        ("timed", 7, 0),
+        pytest.param("counted", 12, 2, marks=pytest.mark.slow),
+        pytest.param("timed", 7, 0, marks=pytest.mark.slow),
     ],
 )
 def test_stopped_in_a_pass_it_goes_on(
@@ -103,6 +103,7 @@ if "forkserver" in " ".join(sys.orig_argv):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("purpose", "column"),
     [

@@ -36,6 +36,7 @@ if "forkserver" in " ".join(sys.orig_argv):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSEGV])
 def test_killing_workers_from_outside_loses_nothing(
     sweeper: Any, ball: str, number: signal.Signals
@@ -151,6 +152,7 @@ def test_a_worker_that_dies_in_mid_message_loses_its_job(slot: tuple[Any, Any]) 
     ]
 
 
+@pytest.mark.slow
 def test_a_long_temporary_path_is_no_hindrance(
     command: Any, ball: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

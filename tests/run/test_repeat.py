@@ -16,6 +16,7 @@ def test_workers_change_nothing(sweeper: Any, sweep_text: str, workers: int) -> 
     assert multiprocessing.active_children() == []
 
 
+@pytest.mark.slow
 def test_portions_change_nothing(
     sweeper: Any, sweep_text: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -76,6 +76,7 @@ def began(sweeper: Any) -> Any:
     return lambda total, done: sweeper.began.append((total, done))
 
 
+@pytest.mark.slow
 def test_a_retry_may_be_interrupted_and_goes_on(lossy: Any, sweeper: Any, ball: str) -> None:
     store = lossy()
     stop = Stop()

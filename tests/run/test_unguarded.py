@@ -4,6 +4,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
+
 # A script without the usual guard: whoever imports it, runs it.
 SCRIPT = """
 from pathlib import Path
@@ -22,6 +24,7 @@ print(manifest.runs)
 """
 
 
+@pytest.mark.slow
 def test_a_script_without_a_guard_sweeps_once(tmp_path: Path, ball: str) -> None:
     (tmp_path / "small.yaml").write_text(ball)
     (tmp_path / "script.py").write_text(SCRIPT)

@@ -111,6 +111,7 @@ def test_uv_as_a_module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     assert made[:4] == [sys.executable, "-m", "uv", "venv"]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("option", [["--mujoco", OTHER], [f"--mujoco={OTHER}"]])
 def test_the_other_one_takes_over(option: list[str], notes: Path, tmp_path: Path) -> None:
     done = run("sweep", "bounce", *option, "--limit", "2", folder=tmp_path)
@@ -126,6 +127,7 @@ def test_the_other_one_takes_over(option: list[str], notes: Path, tmp_path: Path
     assert notes.is_file()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("notes")
 def test_a_store_that_is_named_stays_so(tmp_path: Path) -> None:
     done = run("sweep", "bounce", "-o", "mine", "--mujoco", OTHER, folder=tmp_path)
@@ -188,6 +190,7 @@ def test_a_python_without_mujoco(cache: Path, tmp_path: Path) -> None:
     assert cache.exists()
 
 
+@pytest.mark.slow
 def test_a_python_that_is_given(cache: Path) -> None:
     found = find_interpreter(sys.executable, lambda _: None)
     assert found is not None

@@ -106,6 +106,7 @@ def test_a_camera_of_the_model_is_used(drawn: Draw) -> None:
         assert bluish(picture).any() == seen
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("speed", [None, 0.25])
 def test_films_last_as_long_as_the_run(drawn: Draw, target: Target, speed: float | None) -> None:
     run, path = drawn("ball"), target(".mp4")

@@ -69,6 +69,7 @@ axes: {{direction: {{values: [{}], role: scenario}}}}
 """
 
 
+@pytest.mark.slow
 def test_an_effect_that_matters_in_one_scenario_is_kept(ablate: Ablate) -> None:
     """A pyramid is exact along its axes and 41 % too weak between them."""
     assert needs(ablate(SLIDE.format("0")))["elliptic"] == "free"
@@ -81,6 +82,7 @@ def test_an_effect_that_matters_in_one_scenario_is_kept(ablate: Ablate) -> None:
     assert "elliptic" in report.smallest_set.on
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "need"), [(2, "needed"), (1, "unused")])
 @pytest.mark.skipif("multiccd" not in FLAGS, reason="this engine has no such switch")
 def test_plates_need_several_contacts_as_meshes_not_as_boxes(
