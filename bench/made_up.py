@@ -11,8 +11,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
-from contactlab.schema import StoreManifest
-from contactlab.store import Store, sha256_of
+from contactlab.schema.evidence import StoreManifest
+from contactlab.store.atomic_files import sha256_of
+from contactlab.store.finished_store import Store
 
 PART = 100_000
 Rows = NDArray[np.int64]

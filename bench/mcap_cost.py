@@ -18,9 +18,18 @@ from statistics import median
 import numpy as np
 from mcap.writer import Writer
 
-from contactlab.contact import FOUND, SLOT_WIDTH, STICK, Floats, PairSeries, PairTrace, Trace
-from contactlab.store.mcap import TraceExtras, read_trace, write_trace
+from contactlab.contact.trace_arrays import (
+    FOUND,
+    SLOT_WIDTH,
+    STICK,
+    Floats,
+    PairSeries,
+    PairTrace,
+    Trace,
+)
 from contactlab.store.mcap.message_encoder import POINT_FIELDS
+from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 
 STEPS = 1500
 TIMESTEP = 0.002

@@ -14,7 +14,7 @@ from bench.processes import cpu_of
 from bench.runs import plain_runs
 from bench.stepping import PROCESSES
 
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from contactlab.run import Finished
+    from contactlab.run.tasks import Finished
 
 SIZES = (10_000, 100_000, 1_000_000)
 # Ten values an axis and ten seeds; the number of axes decides how many runs there are.
@@ -158,7 +158,8 @@ class Taker:
 def hand_out(file: Path) -> None:
     """Plan a sweep, pack all its jobs, and print what that took as JSON."""
     start = time.time()
-    from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run.sweep_request import read_request  # noqa: PLC0415 - imports are measured
+    from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415 - imports are measured
 
     taker = Taker()
     ask = read_request(file, file.stem, file.with_suffix(""), folder=file.parent, workers=2)

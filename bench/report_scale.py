@@ -25,10 +25,10 @@ import numpy as np
 import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import METRICS
-from contactlab.reporting import write_page
-from contactlab.store import Store
+from contactlab.reporting.write_report import write_page
+from contactlab.store.finished_store import Store
 
 # Values of timestep, integrator, cone, solref, friction.slide, direction and seed.
 GRIDS = {10_000: (10, 2, 2, 5, 5, 5, 2), 1_000_000: (20, 2, 2, 10, 10, 5, 25)}

@@ -48,8 +48,9 @@ def main() -> None:
 
 def make_journal(file: Path) -> None:
     """Begin a sweep, and make up the rows of all its runs."""
-    from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
     from contactlab.run.planned_runs import RunIndex  # noqa: PLC0415
+    from contactlab.run.sweep_request import read_request  # noqa: PLC0415 - imports are measured
+    from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415 - imports are measured
 
     ask = read_request(file, file.stem, _store_of(file), folder=file.parent, workers=0)
     with contextlib.suppress(EnoughError):
@@ -76,7 +77,8 @@ def resume(file: Path) -> None:
     """Go on with a sweep of which all runs are stored, and print what it takes as JSON."""
     times = [(time.time(), 0.0, 0)]
     from contactlab.commands.show_command import print_summary  # noqa: PLC0415
-    from contactlab.run import read_request, run_sweep  # noqa: PLC0415 - imports are measured
+    from contactlab.run.sweep_request import read_request  # noqa: PLC0415 - imports are measured
+    from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415 - imports are measured
 
     def take(*_: object) -> None:
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

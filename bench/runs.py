@@ -5,8 +5,8 @@ from pathlib import Path
 from bench.plain import PlainRun
 
 from contactlab import resources
-from contactlab.plan import read_sweep
-from contactlab.run import SceneLoader
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader
 
 
 def plain_runs(sweep: Path) -> list[PlainRun]:

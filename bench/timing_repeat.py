@@ -19,9 +19,9 @@ from statistics import median
 import numpy as np
 
 from contactlab import resources
-from contactlab.pareto import analyse
+from contactlab.pareto.analysis import analyse
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 TARGET = 0.05
 _COMMAND = str(Path(sys.executable).with_name("contactlab"))

@@ -16,8 +16,8 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
-    from contactlab.store import ObjectAddress
     from contactlab.store.object_client import ObjectClient
+    from contactlab.store.store_address import ObjectAddress
 
 # A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in CI's run
 # with the lowest versions, looks at twice as many examples.
@@ -119,7 +119,9 @@ def make_trace() -> Callable[..., Any]:
 @pytest.fixture(scope="session")
 def extras() -> Any:
     """What a trace file holds beside the arrays."""
-    from contactlab.store.mcap import TraceExtras  # noqa: PLC0415 - collection is quick without
+    from contactlab.store.mcap.trace_writer import (  # noqa: PLC0415 - collection is quick without
+        TraceExtras,
+    )
 
     return TraceExtras(
         record_json=b'{"run_id": "r1", "label": "stable", "metrics": {"penetration": 1e-4}}',

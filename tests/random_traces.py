@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from contactlab.contact import FOUND, SLOT_WIDTH, PairSeries, PairTrace, Trace
+from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, PairSeries, PairTrace, Trace
 
 SPECIALS = (np.nan, np.inf, -np.inf, 0.0, -0.0, 5e-324, 1.7976931348623157e308)
 

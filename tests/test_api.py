@@ -12,7 +12,7 @@ import pytest
 
 import contactlab
 from contactlab.errors import StoreError, SweepFileError
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 SWEEP = {
     "version": 1,

@@ -1,6 +1,6 @@
 """Colours and shapes of every picture: methods, labels, contact modes."""
 
-from contactlab.contact import NO_CONTACT, SLIDE, STICK
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
 
 # The eight colours of M. A. Petroff, "Accessible color sequences for data visualization", 2021.
 COLOURS = (

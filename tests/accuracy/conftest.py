@@ -7,8 +7,9 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.plan import read_sweep
-from contactlab.run import SceneLoader, SweepRequest, run_sweep
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader, SweepRequest
+from contactlab.run.sweep_runner import run_sweep
 
 BALL = """
 version: 1

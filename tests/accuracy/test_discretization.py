@@ -11,8 +11,8 @@ import pytest
 
 from contactlab.accuracy import discretization
 from contactlab.errors import SweepFileError
-from contactlab.schema import Accuracy
-from contactlab.store import Store
+from contactlab.schema.evidence import Accuracy
+from contactlab.store.finished_store import Store
 
 Rows = list[dict[str, Any]]
 
@@ -277,5 +277,5 @@ def test_errors_may_be_tolerated_like_metrics(sweeper: Any, others: str, met: li
 
 def test_errors_that_are_not_measured_cannot_be_tolerated(sweeper: Any) -> None:
     text = (TOLERATED % "").replace("accuracy: {refine: 2}\n", "")
-    with pytest.raises(SweepFileError, match=r"'error_final' is measured only where .*asks"):
+    with pytest.raises(SweepFileError, match=r"only measured if .*requests accuracy"):
         sweeper.run(text)

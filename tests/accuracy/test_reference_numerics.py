@@ -6,7 +6,10 @@ import numpy as np
 import pytest
 
 from contactlab.accuracy.reference_numerics import NUMERICS, with_reference_numerics
-from contactlab.scene import PARAMETERS, Scene, joints_of, perturbed_copy
+from contactlab.scene.initial_states import perturbed_copy
+from contactlab.scene.model_joints import joints_of
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 DISCRETISING: list[dict[str, Any]] = [
     {"timestep": 1e-3},

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 
 from contactlab.engines import MujocoEngine, Segments
-from contactlab.run import forecast
-from contactlab.schema import Timing
+from contactlab.run.forecast import forecast
+from contactlab.schema.evidence import Timing
 
 TIMED = """
 version: 1

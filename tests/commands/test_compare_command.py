@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.comparison import accept, acceptance
+from contactlab.comparison.policies import accept, acceptance
 from contactlab.resources import scene_folder
-from contactlab.run import read_request, run_sweep
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.comparison_report import ComparisonReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Run = Callable[..., Any]
 SLIDE = """\

@@ -8,7 +8,8 @@ from typer.testing import CliRunner
 
 from contactlab.commands.main import app
 from contactlab.schema.effects_report import EffectsReport
-from contactlab.store import Store, verify
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
 
 SLIDE = "version: 1\nscene: box_slide\nduration: 0.2\ntolerances: {drift: 0.01}\n"
 

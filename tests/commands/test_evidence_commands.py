@@ -12,8 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.run import PreparedReplay
-from contactlab.store import Store
+from contactlab.run.stored_runs import PreparedReplay
+from contactlab.store.finished_store import Store
 
 Run = Callable[..., Any]
 replaying = importlib.import_module("contactlab.run.stored_runs")

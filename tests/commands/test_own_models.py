@@ -8,7 +8,8 @@ from typing import Any
 import pytest
 
 from contactlab.commands.main import app
-from contactlab.store import Store, verify
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
 
 Run = Callable[..., Any]
 

@@ -10,7 +10,7 @@ from rich.text import Text
 
 from contactlab.commands import terminal as module
 from contactlab.commands.terminal import ProgressDisplay, progress_display
-from contactlab.run import Finished
+from contactlab.run.tasks import Finished
 
 # What rich does by default.
 _DRAWN_PER_SECOND = 4

@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import read_request, run_sweep
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 Run = Callable[..., Any]
 

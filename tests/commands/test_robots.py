@@ -7,8 +7,9 @@ from typing import Any
 
 import pytest
 
-from contactlab.schema import EvidenceRecord
-from contactlab.store import Store, verify
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
 
 Run = Callable[..., Any]
 ROBOT = "menagerie:franka_emika_panda/panda"

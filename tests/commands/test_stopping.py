@@ -8,7 +8,7 @@ import threading
 import pytest
 
 from contactlab.commands.stopping import stop_on_signals
-from contactlab.run import Stop
+from contactlab.run.tasks import Stop
 
 SAID = "finishing the current runs; interrupt again to stop at once\n"
 NUMBERS = (signal.SIGINT, signal.SIGTERM)

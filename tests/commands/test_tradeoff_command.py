@@ -12,7 +12,8 @@ import jsonschema
 import pytest
 
 from contactlab import resources
-from contactlab.run import read_request, run_sweep
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 
 Run = Callable[..., Any]
 SWEEP = """

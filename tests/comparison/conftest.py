@@ -12,7 +12,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.schema import (
+from contactlab.schema.evidence import (
     Cost,
     Engine,
     EvidenceRecord,
@@ -22,14 +22,13 @@ from contactlab.schema import (
     Provenance,
     SweepIdentity,
 )
-from contactlab.store import (
+from contactlab.store.atomic_files import sha256_of
+from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.table_layout import (
     SHARED_FIELDS,
-    StoreWriter,
     axis_column,
     metric_column,
-    open_writer,
     record_to_row,
-    sha256_of,
     struct_column,
 )
 

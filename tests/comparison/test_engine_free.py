@@ -11,7 +11,9 @@ import sys
 from pathlib import Path
 
 sys.modules["mujoco"] = None
-from contactlab.comparison import as_junit, as_markdown, as_text, compare
+from contactlab.comparison.ci_output import as_junit, as_markdown
+from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.report_lines import as_text
 
 report = compare(Path(sys.argv[1]), Path(sys.argv[2]))
 assert as_text(report) and as_markdown(report) and as_junit(report)

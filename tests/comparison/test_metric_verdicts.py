@@ -21,7 +21,7 @@ from contactlab.comparison.verdicts import (
     CheckSubject,
     verdict_counts,
 )
-from contactlab.store import NumberColumn
+from contactlab.store.run_columns import NumberColumn
 
 REALS = st.floats(-1e6, 1e6)
 RULES = st.builds(

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison import compare
+from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.pairing import pair, rounded
 from contactlab.errors import StoreError
 from contactlab.schema.compare_policy import ComparePolicy

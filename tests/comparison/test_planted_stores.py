@@ -8,11 +8,12 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.comparison import as_text, compare
+from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.report_lines import as_text
 from contactlab.errors import ContactlabError, PolicyError, StoreError
-from contactlab.schema import EvidenceRecord
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport
+from contactlab.schema.evidence import EvidenceRecord
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from contactlab.comparison import accept, acceptance, compare, read_policy
-from contactlab.comparison.policies import effective_rule, kind_of
+from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of, read_policy
 from contactlab.errors import PolicyError, SweepFileError
 from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.store import MeasuredColumn
+from contactlab.store.run_columns import MeasuredColumn
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.comparison import compare
+from contactlab.comparison.compare_stores import compare
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check
 

@@ -13,10 +13,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison import Remeasure, as_text, compare
-from contactlab.comparison.remeasured_time import median_interval
+from contactlab.comparison.compare_stores import compare
+from contactlab.comparison.remeasured_time import Remeasure, median_interval
+from contactlab.comparison.report_lines import as_text
 from contactlab.errors import PolicyError, StoreError
-from contactlab.run import timing_process
+from contactlab.run.stored_runs import timing_process
 from contactlab.schema.comparison_report import Check, ComparisonReport
 
 Runs = Callable[[], Any]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact import (
+from contactlab.contact.contact_laws import (
     damping_ratio,
     damping_ratio_of,
     impedance,

@@ -6,7 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from contactlab.contact import Floats, resolve_impact, sticking_speed
+from contactlab.contact.contact_laws import resolve_impact, sticking_speed
+from contactlab.contact.trace_arrays import Floats
 
 VELOCITY = arrays(np.float64, 3, elements=st.floats(-10, 10))
 SHARE = st.floats(0, 1)

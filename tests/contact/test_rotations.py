@@ -6,14 +6,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact import (
-    Floats,
+from contactlab.contact.rotations import (
     angles_between,
     rotate,
     rotate_back,
     rotation_from_x,
     rotation_matrices,
 )
+from contactlab.contact.trace_arrays import Floats
 
 
 def unit(size: int) -> st.SearchStrategy[Floats]:

@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.run import read_request, run_sweep
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 TEXT = (Path(__file__).parents[2] / "docs/evidence.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)

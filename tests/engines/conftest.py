@@ -8,7 +8,10 @@ import numpy as np
 import pytest
 
 from contactlab.engines import Buffers, Rollout, roll_out
-from contactlab.scene import InitialStates, PreparedModel, Scene, silence_mujoco
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.scene import Scene
 
 # Every kind of thing that a setting can act on: free and jointed bodies, springs, dry friction, a
 # limit, a motor, a weld to a mocap body, unequal geoms, priorities and an explicit pair.

@@ -18,11 +18,14 @@ from contactlab.engines import (
     proceed_always,
 )
 from contactlab.errors import EngineError, PluginError, SceneError
-from contactlab.run import read_request, replay, run_sweep
-from contactlab.scene import ResolvedRun, Scene
+from contactlab.run.stored_runs import replay
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import as_number
-from contactlab.schema import EvidenceRecord
-from contactlab.store import Store
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
 
 
 class FreeFallEngine(SimulationEngine):

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab import resources
-from contactlab.scene import PARAMETERS, Scene
 from contactlab.scene.model_options import FLAGS
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 STEPS = 80
 

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.engines import Buffers, bytes_of_run, roll_out, trajectory_hash
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 
 @given(

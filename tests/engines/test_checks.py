@@ -6,10 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import Setup, Trace
+from contactlab.contact.trace_arrays import Trace
+from contactlab.contact.trace_setup import Setup
 from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, make_trace
 from contactlab.measure import assess
-from contactlab.scene import Scene, make_setup
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
 
 Run = tuple[PreparedRuns, Trace, Setup]
 MUJOCO = MujocoEngine()

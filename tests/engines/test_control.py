@@ -19,7 +19,8 @@ from contactlab.engines import (
     roll_out,
 )
 from contactlab.errors import SceneError
-from contactlab.scene import InitialStates, Scene
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.scene import Scene
 
 STEPS = 60
 MODEL = """

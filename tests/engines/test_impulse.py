@@ -5,10 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import Trace, resolve_impact
+from contactlab.contact.contact_laws import resolve_impact
+from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import Buffers, ImpulseEngine, PreparedRuns, make_trace
 from contactlab.errors import SceneError
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 
 def simulated(name: str, values: dict[str, Any]) -> Trace:

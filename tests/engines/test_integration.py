@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from contactlab.engines import Buffers, integration, roll_out
 from contactlab.engines.integration import integrate_to
 from contactlab.engines.step_timing import count_work
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
 FALL = """

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contactlab import resources
-from contactlab.contact import Trace
+from contactlab.contact.trace_arrays import Trace
 from contactlab.engines import (
     Buffers,
     OlderMujocoEngine,
@@ -22,7 +22,10 @@ from contactlab.engines import (
 from contactlab.engines.integration import integrate_to
 from contactlab.engines.older_mujoco import StepLoop
 from contactlab.engines.step_timing import count_work
-from contactlab.scene import CompiledScene, InitialStates, PreparedModel, Scene, has_batch
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.mujoco_versions import has_batch
+from contactlab.scene.scene import Scene
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 

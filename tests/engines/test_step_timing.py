@@ -6,7 +6,7 @@ import pytest
 
 from contactlab.engines import Buffers, Segments, Work, roll_out
 from contactlab.engines.step_timing import count_work, time_segments, time_steps
-from contactlab.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
 
 STEPS = 100
 

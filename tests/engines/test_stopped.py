@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from contactlab.engines import Buffers, Rollout, make_trace, roll_out, trajectory_hash
-from contactlab.scene import CompiledScene, InitialStates, PreparedModel, Scene, silence_mujoco
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.scene import Scene
 
 STEPS = 60
 # The engine's own switch for automatic resets is left as MuJoCo has it: on.

@@ -7,9 +7,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import DISTANCE, FORCE, FOUND, NORMAL, TANGENT, Trace
+from contactlab.contact.trace_arrays import DISTANCE, FORCE, FOUND, NORMAL, TANGENT, Trace
 from contactlab.engines import make_trace
-from contactlab.scene import PARAMETERS, Scene
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 INTEGRATORS = PARAMETERS["integrator"].axis.choices
 # RK4 takes four stages a step, and its sensors hold the first.

@@ -7,18 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     DISTANCE,
     FORCE,
     FOUND,
     LINEAR_VELOCITY,
     NORMAL,
     TANGENT,
-    FreeBody,
     PairTrace,
-    Setup,
     Trace,
 )
+from contactlab.contact.trace_setup import FreeBody, Setup
 
 GRAVITY = 9.81
 

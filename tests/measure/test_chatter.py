@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contactlab.contact import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
+from contactlab.contact.trace_arrays import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
 from contactlab.measure import assess
 from contactlab.measure.chatter import lost_contacts
 from contactlab.measure.context import context_of

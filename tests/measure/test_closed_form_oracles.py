@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import FreeBody, damping_ratio_of
+from contactlab.contact.contact_laws import damping_ratio_of
+from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure import assess
 
 GRAVITY, STEP, STEPS = 9.81, 2e-3, 100

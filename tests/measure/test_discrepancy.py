@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact import Floats, Invariants
+from contactlab.contact.trace_arrays import Floats, Invariants
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.scene.model_joints import joints_of
 

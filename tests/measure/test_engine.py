@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import Barrier, FreeBody, PairTrace, Setup, Trace
+from contactlab.contact.trace_arrays import PairTrace, Trace
+from contactlab.contact.trace_setup import Barrier, FreeBody, Setup
 from contactlab.measure import assess
 
 FIELDS = "found force torque dist pos normal tangent linvel angvel"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import PluginError
 from contactlab.measure import (
     LABELS,
@@ -25,8 +25,9 @@ from contactlab.measure import (
     metric,
     oracle,
 )
-from contactlab.run import read_request, run_sweep
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 
 @pytest.fixture(autouse=True)

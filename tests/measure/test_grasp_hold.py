@@ -9,18 +9,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     FORCE,
     LINEAR_VELOCITY,
     NORMAL,
     SLIDE,
     TANGENT,
     HeldPose,
-    HoldWindow,
     PairTrace,
-    Setup,
     Trace,
 )
+from contactlab.contact.trace_setup import HoldWindow, Setup
 from contactlab.measure import METRICS, assess
 from contactlab.measure.chatter import hold_switch_masks
 from contactlab.measure.context import context_of, hold_window

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import Barrier, FreeBody, Setup, Trace
+from contactlab.contact.trace_arrays import Trace
+from contactlab.contact.trace_setup import Barrier, FreeBody, Setup
 from contactlab.errors import SceneError
 from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
 

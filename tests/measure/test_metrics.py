@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import FreeBody, Trace
+from contactlab.contact.trace_arrays import Trace
+from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure import METRICS, assess
 
 NONE = np.nan

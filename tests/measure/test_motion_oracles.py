@@ -11,7 +11,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.special import elliprf
 
-from contactlab.contact import FOUND, NORMAL, FreeBody, PairTrace, Setup, Trace, rotate
+from contactlab.contact.rotations import rotate
+from contactlab.contact.trace_arrays import FOUND, NORMAL, PairTrace, Trace
+from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure import ORACLES, Context, context_of
 from contactlab.measure.free_motion_oracles import carlson_rf, middle_axis_flip
 

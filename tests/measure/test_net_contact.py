@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.contact import Floats, PairTrace
+from contactlab.contact.trace_arrays import Floats, PairTrace
 from contactlab.measure import context_of
 from contactlab.measure.net_contact import net_contact
 

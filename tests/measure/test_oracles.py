@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import FreeBody
+from contactlab.contact.trace_setup import FreeBody
 from contactlab.errors import SceneError
 from contactlab.measure import ORACLES, assess
 

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contactlab.contact import Barrier, Floats, FreeBody
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import Barrier, FreeBody
 from contactlab.measure import assess
 
 G, RADIUS, TIMESTEP = 9.81, 0.05, 1e-3

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import SLIDE, STICK
+from contactlab.contact.trace_arrays import SLIDE, STICK
 from contactlab.measure import assess
 
 STEPS, PERIOD = 500, 10

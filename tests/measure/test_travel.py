@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.run import read_request, run_sweep
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 _SWEEP = "version: 1\nscene: m.xml\nduration: {}\ntrace: none\n"
 

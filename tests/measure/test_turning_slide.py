@@ -5,7 +5,8 @@ import pytest
 
 from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.measure import assess
-from contactlab.scene import Scene, make_setup
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
 
 
 @pytest.mark.parametrize("direction", [0.0, 11.0, 22.5, 33.0, 45.0])

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.pareto import analyse
+from contactlab.pareto.analysis import analyse
 from contactlab.pareto.configurations import Evaluated, ResolvedCriteria, StoredRuns, evaluate
-from contactlab.run import read_request, run_sweep
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Rows = Sequence[dict[str, Any]]
 SWEEP = """

@@ -9,10 +9,13 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import StoreError, SweepFileError
-from contactlab.pareto import Criteria, analyse, recommended_sweep
-from contactlab.run import read_request, run_sweep
+from contactlab.pareto.analysis import analyse
+from contactlab.pareto.configuration_export import recommended_sweep
+from contactlab.pareto.criteria import Criteria
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Written = Callable[..., Store]
 

@@ -8,8 +8,8 @@ import pytest
 
 from contactlab.mjcf import CONTACT, FLAGS, OPTIONS
 from contactlab.pareto.configuration_export import MjcfLines, mjcf_lines
-from contactlab.scene import FLAGS as SWITCHES
-from contactlab.schema import EvidenceRecord
+from contactlab.scene.model_options import FLAGS as SWITCHES
+from contactlab.schema.evidence import EvidenceRecord
 
 SETTINGS: dict[str, Any] = {
     "timestep": 1e-3 / 3,

@@ -5,9 +5,10 @@ from collections.abc import Callable
 import mujoco
 import pytest
 
-from contactlab.pareto import Criteria, analyse
+from contactlab.pareto.analysis import analyse
+from contactlab.pareto.criteria import Criteria
 from contactlab.schema.tradeoff_report import Order
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 # Before MuJoCo 4.0, RK4 put its stages of a rotation together with an error of second order.
 RK4_TURNING = 4 if int(mujoco.__version__.partition(".")[0]) >= 4 else 2

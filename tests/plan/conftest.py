@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.plan import Overrides, SweepFile, SweepMistakesError, read_sweep
-from contactlab.schema import AxisSpec, Vocabulary
+from contactlab.plan.diagnostics import SweepMistakesError
+from contactlab.plan.overrides import Overrides
+from contactlab.plan.sweep_file import SweepFile, read_sweep
+from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
 
 def positive(value: object) -> float:

@@ -10,8 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import SweepFileError
-from contactlab.plan import Plan, SweepMistakesError, read_sweep
-from contactlab.schema import Sweep
+from contactlab.plan.diagnostics import SweepMistakesError
+from contactlab.plan.grid import Plan
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.schema.sweep_schema import Sweep
 
 Mistakes = Callable[..., list[tuple[str, str]]]
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.plan import SweepFile
+from contactlab.plan.sweep_file import SweepFile
 
 Reader = Callable[..., SweepFile]
 Mistakes = Callable[..., list[tuple[str, str]]]

@@ -10,8 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.plan import CONFIRM_ABOVE, Overrides, Plan, SweepFile, SweepMistakesError
-from contactlab.plan import read_sweep as read_file
+from contactlab.plan.diagnostics import SweepMistakesError
+from contactlab.plan.grid import CONFIRM_ABOVE, Plan
+from contactlab.plan.overrides import Overrides
+from contactlab.plan.sweep_file import SweepFile
+from contactlab.plan.sweep_file import read_sweep as read_file
 
 Reader = Callable[..., SweepFile]
 

@@ -4,8 +4,9 @@ from typing import Any
 
 import pytest
 
-from contactlab.plan import SCHEMA_NAME, read_sweep, starter
-from contactlab.schema import AxisSpec, Vocabulary
+from contactlab.plan.starter import SCHEMA_NAME, starter
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
 
 class NoAxes:

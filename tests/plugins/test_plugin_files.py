@@ -11,11 +11,15 @@ from contactlab.errors import PluginError, StoreError
 from contactlab.measure import METRICS
 from contactlab.plugins import Plugin, load_plugins, loaded_plugins, require_plugins
 from contactlab.registry import REGISTRIES
-from contactlab.run import read_request, replay, run_sweep
 from contactlab.run.ray_worker import pack_bundle, unpack_bundle
+from contactlab.run.stored_runs import replay
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Task
-from contactlab.schema import EvidenceRecord
-from contactlab.store import ObjectAddress, Store, verify
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import ObjectAddress
+from contactlab.store.verify_store import verify
 
 pytestmark = pytest.mark.usefixtures("forgotten")
 

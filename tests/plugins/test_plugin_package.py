@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 pytestmark = pytest.mark.slow
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import pytest
 
-from contactlab.reporting import write_page
-from contactlab.run import read_request, run_sweep
-from contactlab.store import Store
+from contactlab.reporting.write_report import write_page
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 BOUNCE = """
 version: 1

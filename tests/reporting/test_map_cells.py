@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import STABLE_COLOUR
 from contactlab.reporting.heatmap import label_rows
 from contactlab.reporting.knob_changes import knob_changes
@@ -23,7 +23,7 @@ from contactlab.reporting.map_cells import (
 )
 from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
 from contactlab.reporting.run_series import decimated
-from contactlab.store import MeasuredColumn
+from contactlab.store.run_columns import MeasuredColumn
 
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.reporting import write_page
 from contactlab.reporting.map_cells import STATISTICS, MapAxes, cell_statistic
 from contactlab.reporting.report_data import read_report_data
-from contactlab.store import Store
+from contactlab.reporting.write_report import write_page
+from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]

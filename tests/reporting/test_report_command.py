@@ -8,7 +8,7 @@ from typer.testing import CliRunner
 
 from contactlab.commands.main import app
 from contactlab.errors import ContactlabError, OutputError, SweepFileError
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]
 

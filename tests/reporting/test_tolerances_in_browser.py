@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from contactlab.pareto import EQUALLY_FAST, SAFE_MARGIN, Criteria, analyse
+from contactlab.pareto.analysis import analyse
 from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
-from contactlab.pareto.pareto import equally_fast, feasible_front
+from contactlab.pareto.criteria import Criteria
+from contactlab.pareto.pareto import EQUALLY_FAST, SAFE_MARGIN, equally_fast, feasible_front
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.comparison import compare
+from contactlab.comparison.compare_stores import compare
 from contactlab.errors import OutputError, SweepFileError
-from contactlab.pareto import Criteria
-from contactlab.reporting import PageRequest, write_figures, write_page
+from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.page_tables import recommendation_texts
 from contactlab.reporting.paper_figures import bouncing_runs, first_impacts
-from contactlab.reporting.report_data import read_report_data
-from contactlab.store import Store
+from contactlab.reporting.report_data import PageRequest, read_report_data
+from contactlab.reporting.write_report import write_figures, write_page
+from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]
 
@@ -27,8 +27,8 @@ import sys
 from pathlib import Path
 
 sys.modules["mujoco"] = None
-from contactlab.store import Store
-from contactlab.reporting import write_page
+from contactlab.store.finished_store import Store
+from contactlab.reporting.write_report import write_page
 
 write_page(Store.open(Path(sys.argv[1])), Path(sys.argv[2]))
 print(sorted({"contactlab.run", "contactlab.scene", "contactlab.engines"} & set(sys.modules)))

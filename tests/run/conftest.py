@@ -15,9 +15,11 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.plan import read_sweep
-from contactlab.run import Finished, SceneLoader, SweepRequest, run_sweep
-from contactlab.schema import StoreManifest
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader, SweepRequest
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import Finished
+from contactlab.schema.evidence import StoreManifest
 
 BALL = """
 version: 1

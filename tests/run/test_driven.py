@@ -9,9 +9,10 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import SceneError
-from contactlab.run import read_request, run_sweep
 from contactlab.run.stored_runs import replay
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 SWEEP = """\
 version: 1

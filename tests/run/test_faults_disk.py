@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import Finished
-from contactlab.store import verify
+from contactlab.run.tasks import Finished
+from contactlab.store.verify_store import verify
 
 SWEEP = """
 version: 1

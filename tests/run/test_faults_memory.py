@@ -10,7 +10,7 @@ import pytest
 
 from contactlab.engines import bytes_of_run
 from contactlab.run.planned_runs import JOB_BYTES
-from contactlab.store import verify
+from contactlab.store.verify_store import verify
 
 # The last timestep makes runs of 300,000 steps.
 SWEEP = """

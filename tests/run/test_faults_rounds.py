@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store import verify
+from contactlab.store.verify_store import verify
 
 SWEEP = """
 version: 1

@@ -13,8 +13,9 @@ from typing import Any
 import pytest
 
 from contactlab.errors import StoppedError
-from contactlab.run import Finished, Stop, run_sweep
-from contactlab.store import verify
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import Finished, Stop
+from contactlab.store.verify_store import verify
 
 Until = Callable[[Callable[[], bool]], None]
 

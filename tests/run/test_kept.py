@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.store import Store, verify
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
 
 SWEEP = """
 version: 1

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store import verify
+from contactlab.store.verify_store import verify
 
 Until = Callable[[Callable[[], bool]], None]
 

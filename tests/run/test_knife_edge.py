@@ -6,8 +6,9 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 
-from contactlab.run import read_request, run_sweep
-from contactlab.scene import Scene
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.scene.scene import Scene
 
 SWEEP = """\
 version: 1

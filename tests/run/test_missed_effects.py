@@ -5,9 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from contactlab.run import read_request, run_sweep
-from contactlab.schema import EvidenceRecord
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
 
 Recorded = Callable[[str], list[EvidenceRecord]]
 

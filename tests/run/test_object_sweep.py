@@ -12,11 +12,13 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.run import run_sweep
+from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Job, Result, Stop, Task
 from contactlab.run.worker import Worker
-from contactlab.store import Address, ObjectAddress, parse_address, store_lease, verify
+from contactlab.store import store_lease
+from contactlab.store.store_address import Address, ObjectAddress, parse_address
 from contactlab.store.store_lease import LockHolder
+from contactlab.store.verify_store import verify
 
 if TYPE_CHECKING:
     from contactlab.store.object_client import ObjectClient

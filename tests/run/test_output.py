@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store import verify
+from contactlab.store.verify_store import verify
 
 # Python runs this before anything else; workers inherit the limit. Bytecode that is written under
 # it would be torn.

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from contactlab.errors import StoppedError
-from contactlab.run import Finished, Stop, run_sweep, worker
-from contactlab.run.tasks import Job, Task
+from contactlab.run import worker
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import Finished, Job, Stop, Task
 from contactlab.run.worker import Worker
 
 ONE_JOB = """

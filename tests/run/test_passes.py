@@ -8,8 +8,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
-from contactlab.run import Finished
-from contactlab.store import verify
+from contactlab.run.tasks import Finished
+from contactlab.store.verify_store import verify
 
 
 class StopError(Exception):

@@ -13,12 +13,15 @@ from hypothesis import strategies as st
 
 from contactlab.engines import bytes_of_run
 from contactlab.errors import SceneError
-from contactlab.plan import Overrides, Plan, read_sweep
-from contactlab.run import SceneLoader, forecast
+from contactlab.plan.grid import Plan
+from contactlab.plan.overrides import Overrides
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.forecast import forecast
 from contactlab.run.planned_runs import JOB_BYTES, MAX_RUNS, RunIndex, pack_jobs
+from contactlab.run.sweep_request import SceneLoader
 from contactlab.run.tasks import PlannedRun
-from contactlab.scene import ResolvedRun, Scene
-from contactlab.scene.scene import InitialStateMaker
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import InitialStateMaker, Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 SCENES = SceneLoader(None)

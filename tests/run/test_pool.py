@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import Finished, Stop, worker_pool
-from contactlab.run.tasks import Crashed, Job, PlannedRun
+from contactlab.run import worker_pool
+from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
 from contactlab.run.worker_process import WorkerHandle
-from contactlab.store import verify
+from contactlab.store.verify_store import verify
 
 INNER: Any = worker_pool
 FIRST: Job = (PlannedRun(0, "first", {}, 0),)

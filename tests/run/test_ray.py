@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store import verify
+from contactlab.store.verify_store import verify
 
 pytest.importorskip("ray", reason="contactlab[ray] is not installed")
 pytestmark = pytest.mark.slow

@@ -20,11 +20,10 @@ from ray.exceptions import (
 )
 
 from contactlab.errors import ClusterError, OutputError
-from contactlab.run import Stop
 from contactlab.run import ray_executor as flight
 from contactlab.run import ray_node as node
 from contactlab.run.ray_executor import MAX_LOSSES, InFlight
-from contactlab.run.tasks import Crashed, Job, PlannedRun
+from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
 
 GONE = [NodeDiedError("gone"), RaySystemError("gone"), WorkerCrashedError()]
 

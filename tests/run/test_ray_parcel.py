@@ -12,8 +12,8 @@ import pytest
 
 from contactlab.run import ray_worker
 from contactlab.run.tasks import Crashed, PlannedRun, Task
-from contactlab.scene import stored_scene
-from contactlab.store import ObjectAddress
+from contactlab.scene.scene_source import stored_scene
+from contactlab.store.store_address import ObjectAddress
 
 # Above what any system counts to.
 NO_PROCESS = 1 << 23

@@ -8,8 +8,10 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import Finished, planned_runs
-from contactlab.store import folder_backend, verify
+from contactlab.run import planned_runs
+from contactlab.run.tasks import Finished
+from contactlab.store import folder_backend
+from contactlab.store.verify_store import verify
 
 RUNS = 18
 

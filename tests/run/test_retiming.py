@@ -5,9 +5,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-from contactlab.run import read_request, run_sweep
 from contactlab.run.stored_runs import MAX_STEPS, timed_run
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 SERVE = "from contactlab.run.stored_runs import main; main()"
 SWEEP = """\

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from contactlab.errors import StoppedError
-from contactlab.run import Stop, run_sweep
-from contactlab.store import verify
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import Stop
+from contactlab.store.verify_store import verify
 
 # Python runs this before anything else; here workers die once a run's trace is written.
 CULPRIT = """

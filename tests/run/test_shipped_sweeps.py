@@ -11,9 +11,10 @@ from typing import Any
 import pytest
 
 from contactlab import resources
-from contactlab.plan import read_sweep
-from contactlab.run import SceneLoader, SweepRequest, run_sweep
-from contactlab.store import Store
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader, SweepRequest
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
 
 Rows = list[dict[str, Any]]
 GRAVITY = 9.81

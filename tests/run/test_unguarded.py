@@ -9,8 +9,9 @@ import pytest
 # A script without the usual guard: whoever imports it, runs it.
 SCRIPT = """
 from pathlib import Path
-from contactlab.run import SweepRequest, SceneLoader, run_sweep
-from contactlab.plan import read_sweep
+from contactlab.run.sweep_request import SweepRequest, SceneLoader
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.plan.sweep_file import read_sweep
 
 folder = Path(__file__).parent
 with (folder / "began").open("a") as log:

@@ -13,8 +13,9 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import EngineError
-from contactlab.run import find_interpreter, mujoco_environment, without_option
-from contactlab.store import Store
+from contactlab.run import mujoco_environment
+from contactlab.run.mujoco_environment import find_interpreter, without_option
+from contactlab.store.finished_store import Store
 
 HERE = version("mujoco")
 OTHER = "3.17.0" if HERE != "3.17.0" else "3.16.0"

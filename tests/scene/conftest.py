@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 MakeScene = Callable[..., Scene]
 HEAD = "version: 1\ntitle: t\ndescription: d\nduration: 0.1\n"

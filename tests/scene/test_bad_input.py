@@ -6,7 +6,8 @@ from typing import Any
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.scene import Scene, find_scene
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import find_scene
 
 MODEL = """
 <mujoco>

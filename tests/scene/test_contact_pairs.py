@@ -8,8 +8,9 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene import Scene, contact_pairs
+from contactlab.scene import contact_pairs
 from contactlab.scene.contact_pairs import detected_pairs
+from contactlab.scene.scene import Scene
 
 SHAPES = {
     "sphere": "size='.1'",

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from contactlab.mjcf import CONTACT
-from contactlab.scene import PARAMETERS, Scene
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 VALUES: dict[str, Any] = {
     "solref": (-8000.0, -70.0),

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene import Scene
 from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
+from contactlab.scene.scene import Scene
 
 TWO = """
 <mujoco>

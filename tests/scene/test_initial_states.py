@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 MODEL = """
 <mujoco>

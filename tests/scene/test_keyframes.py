@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.engines import Buffers, roll_out
 from contactlab.errors import SceneError
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
 # A slide with an integrating servo, which has an activation, and a body that is moved by hand.

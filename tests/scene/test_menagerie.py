@@ -11,7 +11,8 @@ import pytest
 
 from contactlab import resources
 from contactlab.errors import SceneError
-from contactlab.scene import Scene, find_scene, menagerie_name, stored_scene
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import find_scene, menagerie_name, stored_scene
 
 Write = Callable[[Path, Mapping[str, str]], None]
 ROBOT = "franka_emika_panda"

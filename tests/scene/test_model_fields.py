@@ -7,8 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.scene import Scene
 from contactlab.scene.model_edits import field_axis
+from contactlab.scene.scene import Scene
 
 # Derived quantities sum a few products, so that equal models agree to a few last bits.
 REL = 1e-12

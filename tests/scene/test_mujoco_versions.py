@@ -7,10 +7,13 @@ import mujoco
 import pytest
 
 from contactlab.errors import SweepFileError
-from contactlab.plan import Overrides
-from contactlab.run import SweepRequest, read_request
-from contactlab.scene import FLAGS, PARAMETERS, Scene, mujoco_versions
+from contactlab.plan.overrides import Overrides
+from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.scene import mujoco_versions
+from contactlab.scene.model_options import FLAGS
 from contactlab.scene.mujoco_versions import NEW_FEATURES, NewFeature, why_unsupported
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 SWEEP = "version: 1\nscene: ball_drop\nduration: 0.02\n"
 MATRIX = SWEEP + "zip:\n  - {integrator: [Euler, discrete], timestep: [1.0e-3, 2.0e-3]}\n"

@@ -8,11 +8,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.contact import damping_ratio, restitution_of, stiffness_damping
+from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.mjcf import FLAGS as MJCF_FLAGS
-from contactlab.scene import PARAMETERS, Scene
 from contactlab.scene.model_options import FLAGS, non_default, read_flags, write_flags
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 BALL = Scene.open("ball_drop")
 SLIDE = Scene.open("box_slide")

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from contactlab.scene import ID_BYTES, PARAMETERS, ResolvedRun, Scene
-from contactlab.scene.effects import EFFECTS
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import non_default
-from contactlab.scene.resolution import other_effects
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.resolution import ID_BYTES, ResolvedRun, other_effects
+from contactlab.scene.scene import Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 

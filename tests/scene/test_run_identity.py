@@ -7,8 +7,10 @@ from typing import Any
 import pytest
 
 from contactlab import resources
-from contactlab.scene import PARAMETERS, Scene, model_options
+from contactlab.scene import model_options
 from contactlab.scene.model_options import FLAGS
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.scene import Scene
 
 BALL = Scene.open("ball_drop")
 SWITCHES = [flag for flag in FLAGS if flag not in PARAMETERS]

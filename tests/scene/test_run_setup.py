@@ -7,8 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import Setup
-from contactlab.scene import Scene, make_setup
+from contactlab.contact.trace_setup import Setup
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
 BALL = "<worldbody><body name='b'><freejoint/><geom size='.1'/></body></worldbody>"

@@ -11,7 +11,8 @@ import pytest
 
 from contactlab.engines import Buffers, roll_out, trajectory_hash
 from contactlab.errors import SceneError
-from contactlab.scene import Scene, find_scene, stored_scene
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import find_scene, stored_scene
 
 Files = Mapping[str, str | bytes]
 TETRAHEDRON = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from contactlab.scene import Scene, stored_scene
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import stored_scene
 
 Write = Callable[[Path, Mapping[str, str]], None]
 BALL = "<worldbody><body><freejoint/><geom size='.1'/></body></worldbody>"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from contactlab import resources
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 BALL = "<worldbody><body name='b' pos='0 0 1'><freejoint/><geom {}/></body></worldbody>"
 MESH = "<compiler meshdir='{}'/><asset><mesh name='x' file='x.obj'/></asset>"

@@ -9,7 +9,8 @@ import pytest
 
 from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.errors import SceneError
-from contactlab.scene import Scene, make_setup
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
 MODEL = """

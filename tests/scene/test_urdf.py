@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 
 Write = Callable[[Path, Mapping[str, str]], None]
 # Tetrahedra of 0.1 and 0.2 m.

@@ -10,7 +10,6 @@ from jsonschema import Draft7Validator, Draft202012Validator
 from pydantic import ValidationError
 
 from contactlab import resources
-from contactlab.schema import Sweep
 from contactlab.schema.json_schemas import (
     EMITTED,
     WRITTEN,
@@ -18,6 +17,7 @@ from contactlab.schema.json_schemas import (
     schema_drift,
     write_json_schemas,
 )
+from contactlab.schema.sweep_schema import Sweep
 
 GOOD: dict[str, Any] = {
     "version": 1,

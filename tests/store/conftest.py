@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from contactlab.contact import Trace
-from contactlab.schema import (
+from contactlab.contact.trace_arrays import Trace
+from contactlab.schema.evidence import (
     Cost,
     Engine,
     EvidenceRecord,
@@ -23,19 +23,17 @@ from contactlab.schema import (
     SweepIdentity,
     TraceFile,
 )
-from contactlab.store import (
+from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
+from contactlab.store.store_address import ObjectAddress, parse_address
+from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.table_layout import (
     SHARED_FIELDS,
     Column,
-    ObjectAddress,
-    StoreWriter,
     axis_column,
     metric_column,
-    open_writer,
-    parse_address,
     record_to_row,
     struct_column,
 )
-from contactlab.store.mcap import TraceExtras, write_trace
 
 if TYPE_CHECKING:
     from contactlab.store.object_client import ObjectClient

@@ -5,7 +5,9 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store import Store, verify, write_baseline
+from contactlab.store.baseline_store import write_baseline
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
 
 
 def files(folder: Path) -> set[str]:

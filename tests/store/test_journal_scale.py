@@ -14,11 +14,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.schema import EvidenceRecord
-from contactlab.store import record_to_row, runs_table
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store import runs_table
 from contactlab.store.row_journal import JOURNAL, mend_journal
 from contactlab.store.runs_table import write_table
-from contactlab.store.table_layout import table_schema
+from contactlab.store.table_layout import record_to_row, table_schema
 
 Write = Callable[[int], Path]
 RUNS = 60

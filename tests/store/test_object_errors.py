@@ -13,7 +13,9 @@ from typing import Any
 import pytest
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
-from contactlab.store import Address, Store, open_writer, parse_address
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_writer import open_writer
 
 KEYS = "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION"
 

@@ -9,7 +9,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store import Store, local_scene, parse_address, verify, write_baseline
+from contactlab.store.baseline_store import write_baseline
+from contactlab.store.finished_store import Store
+from contactlab.store.store_access import local_scene
+from contactlab.store.store_address import parse_address
+from contactlab.store.verify_store import verify
 
 TRACE = "traces/01/0000000000000001.mcap"
 

@@ -6,8 +6,11 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.schema import StoreManifest
-from contactlab.store import ObjectAddress, Store, StoreWriter, open_writer, verify
+from contactlab.schema.evidence import StoreManifest
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.verify_store import verify
 
 OTHER = "journal/other-00000000.jsonl"
 

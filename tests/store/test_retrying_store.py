@@ -9,10 +9,14 @@ import pytest
 from pydantic_core import to_json
 
 from contactlab.errors import StoreError
-from contactlab.schema import EvidenceRecord, StoreManifest
-from contactlab.store import Store, StoreWriter, open_writer, record_to_row, verify, write_baseline
+from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+from contactlab.store.baseline_store import write_baseline
+from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import read_lines
 from contactlab.store.runs_table import read_table
+from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.table_layout import record_to_row
+from contactlab.store.verify_store import verify
 
 STATUSES = ("ok", "crashed", "error", "stopped", "timeout", "ok")
 FAILED, KEPT = {1, 2, 4}, {0, 3, 5}

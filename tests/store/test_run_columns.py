@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.store import RunColumns, Store, record_to_row
+from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import write_table
+from contactlab.store.table_layout import record_to_row
 
 
 def test_columns_are_the_rows(store: Path) -> None:

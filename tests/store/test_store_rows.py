@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.errors import StoreError
-from contactlab.schema import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
-from contactlab.store import Store, record_to_row, row_to_record
-from contactlab.store.finished_store import similar_ids
+from contactlab.schema.evidence import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
+from contactlab.store.finished_store import Store, similar_ids
 from contactlab.store.runs_table import iterate_rows, read_table, shared_fields, write_table
+from contactlab.store.table_layout import record_to_row, row_to_record
 
 MANY_IDS = pa.array([hashlib.sha256(b"%d" % run).hexdigest()[:16] for run in range(10_000)])
 

@@ -8,9 +8,12 @@ from typing import Any
 import pytest
 
 from contactlab.errors import StoreError
-from contactlab.schema import EvidenceRecord
-from contactlab.store import Store, record_to_row, sha256_of, verify
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.atomic_files import sha256_of
+from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import write_table
+from contactlab.store.table_layout import record_to_row
+from contactlab.store.verify_store import verify
 
 TRACE = "traces/01/0000000000000001.mcap"
 

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.schema import StoreManifest, SweepIdentity
-from contactlab.store import StoreWriter, open_writer, write_error
-from contactlab.store.atomic_files import atomic_write
+from contactlab.schema.evidence import StoreManifest, SweepIdentity
+from contactlab.store.atomic_files import atomic_write, write_error
+from contactlab.store.store_writer import StoreWriter, open_writer
 
 IdentityOf = Callable[..., SweepIdentity]
 

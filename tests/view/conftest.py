@@ -8,12 +8,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import Trace
-from contactlab.plan import read_sweep
-from contactlab.run import SceneLoader, SweepRequest, prepare_replay, run_sweep
-from contactlab.run.stored_runs import PreparedReplay
-from contactlab.store import Store
-from contactlab.store.mcap import StoredTrace
+from contactlab.contact.trace_arrays import Trace
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.stored_runs import PreparedReplay, prepare_replay
+from contactlab.run.sweep_request import SceneLoader, SweepRequest
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion, ContactForces
 from contactlab.view.drawn_shapes import BodyShape, Form
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
 
 GEOMS = {

@@ -14,9 +14,11 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from contactlab.contact import PairSeries, Trace
+from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.palette import MODE_COLOURS
-from contactlab.store.mcap import TraceExtras, check_trace, read_trace, write_trace
+from contactlab.store.mcap.mcap_check import check_trace
+from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape
 from contactlab.view.foxglove_layer import write_with_layer

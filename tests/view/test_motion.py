@@ -14,9 +14,10 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from contactlab.errors import StoreError
-from contactlab.store.mcap import check_trace, read_trace
-from contactlab.view import render
+from contactlab.store.mcap.mcap_check import check_trace
+from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.view.drawn_motion import arrow_scale, read_motion
+from contactlab.view.render import render
 
 
 @pytest.mark.parametrize("name", ["ball", "slide", "stack"])

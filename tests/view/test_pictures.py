@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from contactlab.contact import STICK
+from contactlab.contact.trace_arrays import STICK
 from contactlab.errors import OutputError, SceneError
-from contactlab.view import Picture, PictureOptions, draw_pictures, render
 from contactlab.view.drawn_motion import read_motion
+from contactlab.view.mujoco_pictures import Picture, draw_pictures
+from contactlab.view.picture_options import PictureOptions
+from contactlab.view.render import render
 
 SIZE = (160, 120)
 Draw = Callable[[str], Any]

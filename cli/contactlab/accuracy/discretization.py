@@ -8,11 +8,13 @@ import numpy as np
 from contactlab.accuracy.reference import PlannedModel, ReferenceSolution, ReferenceSolver
 from contactlab.accuracy.reference_numerics import with_reference_numerics
 from contactlab.accuracy.refsafe import is_clamped, solref_rules
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Watch
 from contactlab.measure import Discrepancy
-from contactlab.scene import ResolvedRun, Scene
-from contactlab.schema import Accuracy, AccuracyRequest, ErrorKind, SolrefRule
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
+from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
+from contactlab.schema.sweep_schema import AccuracyRequest
 
 Note = Mapping[str, Any]
 """What a pass finds of one run, in JSON's types; empty where the run does not go through."""

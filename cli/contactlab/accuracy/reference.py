@@ -9,17 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.accuracy.reference_numerics import with_reference_numerics
-from contactlab.contact import Floats, Invariants, Joints
+from contactlab.contact.trace_arrays import Floats, Invariants
+from contactlab.contact.trace_setup import Joints
 from contactlab.engines import SampledStates, SolvesReferences, Watch, engine_of
 from contactlab.measure import Discrepancy, distances, drifts
-from contactlab.scene import (
-    InitialStates,
-    PreparedModel,
-    ResolvedRun,
-    Scene,
-    joints_of,
-    perturbed_copy,
-)
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.initial_states import InitialStates, perturbed_copy
+from contactlab.scene.model_joints import joints_of
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
 
 # At equal timesteps RK4 is closest to the limit, by many orders of magnitude where the motion is
 # smooth; being explicit it may be unstable, and then the other one is used.

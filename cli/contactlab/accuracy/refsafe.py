@@ -2,8 +2,8 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 
-from contactlab.scene import ResolvedRun
-from contactlab.schema import SolrefRule
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.schema.evidence import SolrefRule
 
 _EQUAL = 1e-9
 

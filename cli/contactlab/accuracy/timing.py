@@ -18,14 +18,11 @@ import numpy as np
 from contactlab.accuracy.discretization import Note
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.engines import SEGMENTS, Segments, TimesSteps, Watch, Work, engine_of
-from contactlab.scene import (
-    ResolvedRun,
-    Scene,
-    compile_without_sensors,
-    prepare_without_sensors,
-    silence_mujoco,
-)
-from contactlab.schema import Timing, TimingRequest
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.schema.evidence import Timing
+from contactlab.schema.sweep_schema import TimingRequest
 
 # CPU time of a run in a round, least and most, and of its single steps at most [s].
 MIN_SECONDS, MAX_SECONDS, STEP_SECONDS = 0.02, 0.1, 0.02

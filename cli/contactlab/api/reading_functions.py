@@ -3,11 +3,14 @@
 from pathlib import Path
 from typing import Literal
 
-from contactlab.comparison import DEFAULT_POLICY, read_policy
-from contactlab.comparison import compare as compare_stores
-from contactlab.reporting import PageRequest, write_page
+from contactlab.comparison.compare_stores import DEFAULT_POLICY
+from contactlab.comparison.compare_stores import compare as compare_stores
+from contactlab.comparison.policies import read_policy
+from contactlab.reporting.report_data import PageRequest
+from contactlab.reporting.write_report import write_page
 from contactlab.schema.comparison_report import ComparisonReport
-from contactlab.store import Address, Store, parse_address
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import Address, parse_address
 
 
 def open(store: str | Address) -> Store:

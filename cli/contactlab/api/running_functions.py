@@ -6,19 +6,22 @@ from pathlib import Path
 from typing import Literal
 
 from contactlab.api.reading_functions import address_of
-from contactlab.pareto import Criteria
-from contactlab.plan import Overrides
+from contactlab.pareto.criteria import Criteria
+from contactlab.plan.overrides import Overrides
 from contactlab.plugins import load_plugins
 from contactlab.resources import find_sweep
-from contactlab.run import read_request, worker_count
+from contactlab.run.sweep_request import read_request
+from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, TaskKind
 from contactlab.schema.effects_report import EffectsReport
 from contactlab.schema.stability_report import StabilityReport
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Address, Store, parse_address
-from contactlab.studies import check as check_study
-from contactlab.studies import effects as effects_study
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import Address, parse_address
 from contactlab.studies import stability_cases, tradeoff_sweep
+from contactlab.studies.check import model_check
+from contactlab.studies.effects import ablation
+from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.session import Session, model_name
 
 Settings = Mapping[str, object] | Sequence[str]
@@ -113,14 +116,14 @@ def check(
     """
     load_plugins([Path(each) for each in plugins])
     start = [f"keyframe={keyframe}"] if keyframe else []
-    request = check_study.CheckRequest(
+    request = model_check.CheckRequest(
         model=str(model),
         assign=[*_assigned(set), *start],
         only=only,
         kind=None if kind == "auto" else kind,
     )
     folder = Path(output or _RESULTS / "check" / model_name(str(model)))
-    return check_study.run(request, _session(folder, workers, progress))
+    return model_check.run(request, _session(folder, workers, progress))
 
 
 def effects(
@@ -149,9 +152,9 @@ def effects(
         SweepFileError: the sweep or a setting is wrong.
     """
     load_plugins([Path(each) for each in plugins])
-    request = effects_study.EffectsRequest(str(source), _assigned(set), seeds)
+    request = EffectsRequest(str(source), _assigned(set), seeds)
     folder = Path(output or _RESULTS / "effects" / model_name(str(source)))
-    return effects_study.run(request, _session(folder, workers, progress))
+    return ablation.run(request, _session(folder, workers, progress))
 
 
 def stability(

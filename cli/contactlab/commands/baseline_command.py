@@ -26,7 +26,7 @@ def update(
     output: opt.FormatOption = "text",
 ) -> None:
     """Write a store without its traces, small enough to commit."""
-    from contactlab.store import write_baseline
+    from contactlab.store.baseline_store import write_baseline
 
     manifest = write_baseline(store, dest)
     size = sum(path.stat().st_size for path in dest.rglob("*") if path.is_file())

@@ -41,7 +41,7 @@ def check(
     output: opt.FormatOption = "text",
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
-    from contactlab.studies.check import CheckRequest, run
+    from contactlab.studies.check.model_check import CheckRequest, run
     from contactlab.studies.session import model_name
 
     opt.load_plugins(plugin)

@@ -14,7 +14,7 @@ from contactlab.commands.options import Address, store_argument
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
-    from contactlab.comparison import Remeasure
+    from contactlab.comparison.remeasured_time import Remeasure
     from contactlab.schema.compare_policy import ComparePolicy
     from contactlab.schema.comparison_report import ComparisonReport
 
@@ -78,8 +78,8 @@ def compare(
     ] = None,
 ) -> None:
     """Compare a store with a baseline; exit with 1 if a gate fails."""
-    from contactlab.comparison import compare as compare_stores
-    from contactlab.comparison import unreadable_report
+    from contactlab.comparison.compare_stores import compare as compare_stores
+    from contactlab.comparison.compare_stores import unreadable_report
 
     targets = _targets(files or [])
     timers = _timers(remeasure, baseline_python, candidate_python)
@@ -107,8 +107,8 @@ def _timers(
         if baseline_python or candidate_python:
             raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
         return None
-    from contactlab.comparison import Remeasure
-    from contactlab.run import timing_process
+    from contactlab.comparison.remeasured_time import Remeasure
+    from contactlab.run.stored_runs import timing_process
 
     here = Path(sys.executable)
     pythons = (baseline_python or here, candidate_python or here)
@@ -116,7 +116,8 @@ def _timers(
 
 
 def _rules(policy: Path | None, match: Match | None) -> "ComparePolicy":
-    from contactlab.comparison import DEFAULT_POLICY, read_policy
+    from contactlab.comparison.compare_stores import DEFAULT_POLICY
+    from contactlab.comparison.policies import read_policy
 
     read = DEFAULT_POLICY if policy is None else read_policy(policy)
     return read.model_copy(update={"match": match}) if match else read
@@ -129,7 +130,7 @@ def _accept(
     entry: tuple[str, str, date | None],
 ) -> None:
     """Add to the policy file, which may be new, that a check of this comparison may fail."""
-    from contactlab.comparison import accept, acceptance
+    from contactlab.comparison.policies import accept, acceptance
 
     if policy is None:
         raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
@@ -146,7 +147,7 @@ def _targets(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:
 
 def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFormat]]) -> None:
     """Write the files of `-o` and, in a GitHub job, its annotations and summary."""
-    from contactlab.store import atomic_write, write_error
+    from contactlab.store.atomic_files import atomic_write, write_error
 
     summary = os.environ.get("GITHUB_STEP_SUMMARY")
     try:
@@ -164,13 +165,14 @@ def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFor
 
 
 def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:
-    from contactlab import comparison as formats
+    from contactlab.comparison import ci_output
+    from contactlab.comparison.report_lines import as_text
 
     renderers: dict[ReportFormat, Callable[[ComparisonReport], str]] = {
-        "text": formats.as_text,
+        "text": as_text,
         "json": lambda each: each.model_dump_json(indent=2) + "\n",
-        "markdown": formats.as_markdown,
-        "junit": formats.as_junit,
-        "github": formats.as_annotations,
+        "markdown": ci_output.as_markdown,
+        "junit": ci_output.as_junit,
+        "github": ci_output.as_annotations,
     }
     return renderers[format_](report)

@@ -31,8 +31,9 @@ def effects(
     output: opt.FormatOption = "text",
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
-    from contactlab.pareto import check_figure
-    from contactlab.studies.effects import EffectsRequest, run
+    from contactlab.pareto.drawing import check_figure
+    from contactlab.studies.effects.ablation import run
+    from contactlab.studies.effects.effects_request import EffectsRequest
 
     opt.load_plugins(plugin)
     if figure is not None:

@@ -19,10 +19,10 @@ def init(
     ] = Path("sweep.yaml"),
 ) -> None:
     """Write a starter sweep file for a scene, and its JSON Schema beside it."""
-    from contactlab.plan import SCHEMA_NAME, starter
-    from contactlab.run import SceneLoader
+    from contactlab.plan.starter import SCHEMA_NAME, starter
+    from contactlab.run.sweep_request import SceneLoader
     from contactlab.schema.json_schemas import json_schemas
-    from contactlab.store import write_error
+    from contactlab.store.atomic_files import write_error
 
     text = starter(scene, SceneLoader(path.parent).vocabulary(scene))
     schema = path.parent / SCHEMA_NAME

@@ -23,7 +23,7 @@ def scenes(
 
 def _list_scenes(output: Format) -> None:
     from contactlab import resources
-    from contactlab.scene import find_scene
+    from contactlab.scene.scene_source import find_scene
 
     found = [find_scene(name) for name in resources.scene_names()]
     rows = [
@@ -36,7 +36,7 @@ def _list_scenes(output: Format) -> None:
 
 
 def _list_axes(name: str, output: Format) -> None:
-    from contactlab.run import SceneLoader
+    from contactlab.run.sweep_request import SceneLoader
 
     scene = SceneLoader(None).open(name)
     specs = [scene.catalogue.find(each) for each in scene.catalogue.names]
@@ -50,8 +50,8 @@ def _list_axes(name: str, output: Format) -> None:
 def sweeps(output: FormatOption = "text") -> None:
     """List the shipped sweeps."""
     from contactlab import resources
-    from contactlab.plan import read_sweep
-    from contactlab.run import SceneLoader
+    from contactlab.plan.sweep_file import read_sweep
+    from contactlab.run.sweep_request import SceneLoader
 
     rows: list[tuple[str, str, int, str]] = []
     for name in resources.sweep_names():

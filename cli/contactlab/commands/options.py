@@ -13,9 +13,9 @@ from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.pareto import Criteria
-    from contactlab.schema import PluginInfo
-    from contactlab.store import Address
+    from contactlab.pareto.criteria import Criteria
+    from contactlab.schema.evidence import PluginInfo
+    from contactlab.store.store_address import Address
 else:
     # The parser turns text into an address. Its type, which typer wants to see at import time,
     # would load Arrow before any command is chosen.
@@ -31,7 +31,7 @@ def store_at(text: str) -> "Address":
     Raises:
         OutputError: the text is neither.
     """
-    from contactlab.store import parse_address
+    from contactlab.store.store_address import parse_address
 
     return parse_address(text)
 
@@ -156,7 +156,7 @@ def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
     """
     if version is None:
         return
-    from contactlab.run import exec_with, find_interpreter, without_option
+    from contactlab.run.mujoco_environment import exec_with, find_interpreter, without_option
 
     other = find_interpreter(version, say)
     if other is None:
@@ -171,7 +171,7 @@ def accuracy_criteria(error: str | None, tolerances: Sequence[str] | None) -> "C
     Raises:
         SweepFileError: a tolerance is not written as METRIC=VALUE.
     """
-    from contactlab.pareto import Criteria
+    from contactlab.pareto.criteria import Criteria
 
     return Criteria(error, dict(_tolerance(text) for text in tolerances or ()))
 

@@ -35,9 +35,9 @@ def render(
     camera: Annotated[str | None, typer.Option(help="Camera of the model.")] = None,
 ) -> None:
     """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
-    from contactlab.store import Store
-    from contactlab.view import PictureOptions
-    from contactlab.view import render as write
+    from contactlab.store.finished_store import Store
+    from contactlab.view.picture_options import PictureOptions
+    from contactlab.view.render import render as write
 
     options = PictureOptions(_size(size), camera, speed, tuple(at or ()))
     motion = write(Store.open(store), run, target, options)

@@ -11,7 +11,7 @@ from contactlab.commands.terminal import print_json
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
-    from contactlab.run import ReplayResult
+    from contactlab.run.stored_runs import ReplayResult
 
 
 def replay(
@@ -25,14 +25,14 @@ def replay(
     output: opt.FormatOption = "text",
 ) -> None:
     """Simulate a stored run again and check that every state is bitwise equal."""
-    from contactlab.run import prepare_replay
-    from contactlab.run import replay as run_again
-    from contactlab.store import Store
+    from contactlab.run.stored_runs import prepare_replay
+    from contactlab.run.stored_runs import replay as run_again
+    from contactlab.store.finished_store import Store
 
     opt.load_plugins(plugin)
     opened = Store.open(store)
     if view:
-        from contactlab.view import open_viewer
+        from contactlab.view.live_viewer import open_viewer
 
         start = prepare_replay(opened, run)
         open_viewer(start.prepared.model, start.runs.starts)

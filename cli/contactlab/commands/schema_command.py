@@ -44,7 +44,7 @@ def schema(
 
 def _write(folder: Path) -> None:
     from contactlab.schema.json_schemas import write_json_schemas
-    from contactlab.store import write_error
+    from contactlab.store.atomic_files import write_error
 
     try:
         names = [path.name for path in write_json_schemas(folder)]

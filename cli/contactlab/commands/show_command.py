@@ -11,8 +11,9 @@ from contactlab.commands.options import Format, FormatOption, StoreArgument
 from contactlab.commands.terminal import print_json, print_table
 
 if TYPE_CHECKING:
-    from contactlab.schema import EvidenceRecord, StoreManifest
-    from contactlab.store import Address, RunColumns
+    from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+    from contactlab.store.run_columns import RunColumns
+    from contactlab.store.store_address import Address
 
 _MOST_ROWS = 60
 _MOST_VALUES = 12
@@ -27,7 +28,7 @@ def show(
     output: FormatOption = "text",
 ) -> None:
     """Show the record of a run, or the summary of a store."""
-    from contactlab.store import Store
+    from contactlab.store.finished_store import Store
 
     opened = Store.open(store)
     if run is None:
@@ -95,7 +96,7 @@ def _identity(store: "Address", record: "EvidenceRecord") -> Iterator[str]:
 
 def print_summary(path: "Address", manifest: "StoreManifest", output: Format) -> None:
     """Print the summary of a store: its runs if they are few, and the number of runs by label."""
-    from contactlab.store import Store
+    from contactlab.store.finished_store import Store
 
     store = Store.open(path)
     if output == "json":

@@ -16,7 +16,7 @@ from contactlab.commands.terminal import progress_display, say
 from contactlab.errors import StoppedError
 
 if TYPE_CHECKING:
-    from contactlab.run import Stop
+    from contactlab.run.tasks import Stop
     from contactlab.studies.session import Session
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
@@ -32,7 +32,7 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
     Args:
         then: what the same command does after an interruption, as in "resume" or "start over".
     """
-    from contactlab.run import Stop
+    from contactlab.run.tasks import Stop
 
     stop = Stop()
     try:
@@ -52,7 +52,7 @@ def study_session(folder: Path, workers: int | None, then: str = "resume") -> Ge
         workers: worker processes; None for one per core.
         then: what the same command does after an interruption.
     """
-    from contactlab.run import worker_count
+    from contactlab.run.worker_pool import worker_count
     from contactlab.studies.session import Session
 
     count = worker_count(workers)

@@ -14,9 +14,10 @@ from contactlab.commands.terminal import print_json, print_table, progress_displ
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
-    from contactlab.plan import Plan
-    from contactlab.run import Forecast, SweepRequest
-    from contactlab.schema import StoreManifest
+    from contactlab.plan.grid import Plan
+    from contactlab.run.forecast import Forecast
+    from contactlab.run.sweep_request import SweepRequest
+    from contactlab.schema.evidence import StoreManifest
 
 
 ExecutorName = Literal["local", "ray"]
@@ -61,8 +62,11 @@ def sweep(
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
-    from contactlab.plan import Overrides
-    from contactlab.run import forecast, read_request, run_sweep, worker_count
+    from contactlab.plan.overrides import Overrides
+    from contactlab.run.forecast import forecast
+    from contactlab.run.sweep_request import read_request
+    from contactlab.run.sweep_runner import run_sweep
+    from contactlab.run.worker_pool import worker_count
 
     _check_executor(executor, address, workers)
     path = resources.find_sweep(name)
@@ -116,14 +120,14 @@ def _on_cluster(
     if executor == "local":
         yield request
         return
-    from contactlab.run import ray_cluster
+    from contactlab.run.ray_connection import ray_cluster
 
     with ray_cluster(address, request.workers if address is None else workers) as cluster:
         yield replace(request, cluster=cluster)
 
 
 def _confirm(count: int, *, yes: bool) -> None:
-    from contactlab.plan import CONFIRM_ABOVE
+    from contactlab.plan.grid import CONFIRM_ABOVE
 
     if count > CONFIRM_ABOVE and not yes:
         raise SweepFileError(

@@ -21,7 +21,7 @@ from rich.table import Table
 from rich.text import Text
 
 if TYPE_CHECKING:
-    from contactlab.run import Finished
+    from contactlab.run.tasks import Finished
 
 _QUIET_SECONDS = 10.0
 # Rates are those of the last half minute, and not shown in the first second.
@@ -88,7 +88,7 @@ def write_text(path: Path, text: str) -> None:
     Raises:
         OutputError: it cannot be written.
     """
-    from contactlab.store import write_error
+    from contactlab.store.atomic_files import write_error
 
     try:
         path.write_text(text, encoding="utf-8")

@@ -12,7 +12,7 @@ from contactlab.commands.terminal import print_json, print_table, say, write_tex
 from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
-    from contactlab.pareto import Criteria
+    from contactlab.pareto.criteria import Criteria
     from contactlab.schema.tradeoff_report import (
         Configuration,
         FrontPoint,
@@ -44,7 +44,7 @@ def tradeoff(
     output: opt.FormatOption = "text",
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
-    from contactlab.pareto import draw
+    from contactlab.pareto.drawing import draw
 
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
@@ -64,7 +64,7 @@ def tradeoff(
 
 def _check_outputs(figure: Path | None, write: Path | None) -> None:
     """Refuse files that cannot be written, before anything is run."""
-    from contactlab.pareto import check_figure
+    from contactlab.pareto.drawing import check_figure
 
     if figure is not None:
         check_figure(figure)
@@ -79,8 +79,9 @@ def _report(
     name: str, target: opt.Address | None, workers: int | None, criteria: "Criteria"
 ) -> "TradeoffReport":
     """Return the report of a store, for which no engine is loaded, or of a sweep, which is run."""
-    from contactlab.pareto import analyse, find_store
-    from contactlab.store import Store
+    from contactlab.pareto.analysis import analyse
+    from contactlab.pareto.criteria import find_store
+    from contactlab.store.finished_store import Store
 
     stored = find_store(name, target)
     if stored is not None:
@@ -106,9 +107,10 @@ def _fail_on(report: "TradeoffReport") -> None:
 
 
 def _write(path: Path, report: "TradeoffReport") -> None:
-    from contactlab.pareto import recommended_sweep
-    from contactlab.schema import ERRORS
-    from contactlab.store import Store, parse_address
+    from contactlab.pareto.configuration_export import recommended_sweep
+    from contactlab.schema.evidence import ERRORS
+    from contactlab.store.finished_store import Store
+    from contactlab.store.store_address import parse_address
 
     store = Store.open(parse_address(report.store))
     write_text(path, recommended_sweep(store, report, path.parent))

@@ -12,8 +12,8 @@ def verify(
     output: FormatOption = "text",
 ) -> None:
     """Check every file of a store against its hash, its schema and its structure."""
-    from contactlab.store import Store
-    from contactlab.store import verify as find_problems
+    from contactlab.store.finished_store import Store
+    from contactlab.store.verify_store import verify as find_problems
 
     problems = find_problems(store)
     manifest = Store.open(store).manifest

@@ -32,7 +32,7 @@ from contactlab.comparison.wording import plural
 from contactlab.errors import ContactlabError, ExpectationError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, Verdict
-from contactlab.store import Address
+from contactlab.store.store_address import Address
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 _COMPARABLE = CheckSubject("stores can be compared", "evidence", "gate")

@@ -24,9 +24,9 @@ from contactlab.comparison.verdicts import (
     verdict_counts,
 )
 from contactlab.comparison.wording import format_percent, out_of, value_change
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.comparison_report import Check, RunPair, Verdict
-from contactlab.store import MeasuredColumn, NumberColumn
+from contactlab.store.run_columns import MeasuredColumn, NumberColumn
 
 _SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}
 _WORDS: Mapping[Verdict, str] = {

@@ -6,10 +6,13 @@ from pathlib import Path
 
 from contactlab.comparison.verdicts import CHANGED, SAME, CheckSubject
 from contactlab.errors import PolicyError, StoreError
-from contactlab.schema import StoreManifest
 from contactlab.schema.compare_policy import ComparePolicy, Sameness
 from contactlab.schema.comparison_report import Check, ComparedStore, Difference
-from contactlab.store import Address, RunColumns, Store, verify
+from contactlab.schema.evidence import StoreManifest
+from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import RunColumns
+from contactlab.store.store_address import Address
+from contactlab.store.verify_store import verify
 
 _MOST_PROBLEMS = 3
 

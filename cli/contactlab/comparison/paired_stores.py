@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from contactlab.comparison.opened_stores import OpenedStore
 from contactlab.comparison.pairing import Pairing
-from contactlab.schema import Setting
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import RunPair
-from contactlab.store import NumberColumn
+from contactlab.schema.evidence import Setting
+from contactlab.store.run_columns import NumberColumn
 
 Value = float | str | None
 

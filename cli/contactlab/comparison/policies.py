@@ -11,7 +11,7 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
 from contactlab.errors import PolicyError, did_you_mean
 from contactlab.measure import METRICS
-from contactlab.plan import read_yaml_as
+from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.compare_policy import (
     AcceptedCheck,
     ComparePolicy,
@@ -21,7 +21,8 @@ from contactlab.schema.compare_policy import (
     Statistic,
 )
 from contactlab.schema.comparison_report import Check, CheckKind, ComparisonReport
-from contactlab.store import MeasuredColumn, atomic_write
+from contactlab.store.atomic_files import atomic_write
+from contactlab.store.run_columns import MeasuredColumn
 
 REMEASURED = "remeasured_time"
 _LEAST_CHANGE = 1e-6

@@ -14,7 +14,7 @@ from contactlab.comparison.policies import REMEASURED, effective_rule
 from contactlab.comparison.verdicts import BETTER, SAME, WORSE, CheckSubject
 from contactlab.comparison.wording import format_percent, plural
 from contactlab.schema.comparison_report import Check, RunPair
-from contactlab.store import MeasuredColumn
+from contactlab.store.run_columns import MeasuredColumn
 
 _CONFIDENCE = 0.95
 _LEAST_TIME = 0.05

@@ -18,10 +18,10 @@ from contactlab.comparison.verdicts import (
 )
 from contactlab.comparison.wording import format_percent, format_settings, out_of, plural
 from contactlab.errors import ContactlabError
-from contactlab.pareto import analyse
+from contactlab.pareto.analysis import analyse
 from contactlab.schema.comparison_report import Check
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Mask = NDArray[np.bool_]
 

@@ -1,6 +1,6 @@
 """How messages write numbers, changes, counts and settings."""
 
-from contactlab.schema import Setting
+from contactlab.schema.evidence import Setting
 
 
 def format_number(value: float) -> str:

@@ -28,7 +28,8 @@ from contactlab.engines.mujoco_engine import MujocoEngine, OlderMujocoEngine
 from contactlab.engines.rollout_trace import make_trace, trajectory_hash
 from contactlab.errors import EngineError, did_you_mean
 from contactlab.registry import Registry
-from contactlab.scene import ResolvedRun, has_batch
+from contactlab.scene.mujoco_versions import has_batch
+from contactlab.scene.resolution import ResolvedRun
 
 __all__ = [
     "ENGINES",

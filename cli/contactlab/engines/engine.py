@@ -17,8 +17,11 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats, SelfChecks, Trace
-from contactlab.scene import CompiledScene, InitialStates, PreparedModel, ResolvedRun, Scene
+from contactlab.contact.trace_arrays import Floats, SelfChecks, Trace
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
 
 _ISLANDS = 20
 """Contact islands of which MuJoCo keeps solver statistics: mjNISLAND."""

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from contactlab.contact import (
+from contactlab.contact.contact_laws import damping_ratio, resolve_impact, restitution_of
+from contactlab.contact.trace_arrays import (
     DISTANCE,
     FORCE,
     FOUND,
@@ -22,9 +23,6 @@ from contactlab.contact import (
     SLOT_WIDTH,
     TANGENT,
     Floats,
-    damping_ratio,
-    resolve_impact,
-    restitution_of,
 )
 from contactlab.engines.engine import (
     Buffers,
@@ -39,7 +37,10 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.errors import SceneError
-from contactlab.scene import CompiledScene, InitialStates, PreparedModel, ResolvedRun, Scene
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
 
 _GEOM = mujoco.mjtGeom
 _NO_FORCES = "the impulse engine knows no forces but gravity; use engine: mujoco"

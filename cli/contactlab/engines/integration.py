@@ -7,11 +7,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SampledStates, Watch, no_limit
 from contactlab.engines.mujoco_batch import STATE, Batch, driven, start_batch
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.scene import InitialStates
+from contactlab.scene.initial_states import InitialStates
 
 _BLOCK_BYTES = 4 << 20
 # A time within this fraction of a step of a step's end counts as that end.

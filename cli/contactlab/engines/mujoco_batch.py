@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import (
     Buffers,
     Proceed,
@@ -18,7 +18,8 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.scene import InitialStates, has_batch
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.mujoco_versions import has_batch
 
 if TYPE_CHECKING or has_batch():
     from mujoco.batch import Batch

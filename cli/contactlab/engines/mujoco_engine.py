@@ -21,7 +21,7 @@ from contactlab.engines.integration import integrate_to
 from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.step_timing import count_work, time_segments, time_steps
-from contactlab.scene import MODEL_ENGINE
+from contactlab.scene.model_options import MODEL_ENGINE
 
 
 class MujocoEngine(SimulationEngine):

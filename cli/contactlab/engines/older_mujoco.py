@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     ANGULAR_VELOCITY,
     DISTANCE,
     FORCE,
@@ -26,7 +26,8 @@ from contactlab.contact import (
     TORQUE,
     Floats,
 )
-from contactlab.scene import PREFIX, has_batch
+from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.mujoco_versions import has_batch
 
 if TYPE_CHECKING or has_batch():
     from mujoco.batch import SimulationError

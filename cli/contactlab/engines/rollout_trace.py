@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from contactlab.contact import SLOT_WIDTH, Floats, HeldPose, PairTrace, Trace
+from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats, HeldPose, PairTrace, Trace
 from contactlab.engines.engine import Rollout
-from contactlab.scene import CompiledScene, PreparedModel
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 
 
 def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout) -> Trace:

@@ -7,10 +7,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, SelfChecks, Trace
 from contactlab.engines.engine import PreparedRuns, Proceed, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, start_batch
-from contactlab.scene import CompiledScene, InitialStates, MonitoredPair, can_collide
+from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.contact_pairs import MonitoredPair, can_collide
+from contactlab.scene.initial_states import InitialStates
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128

@@ -5,11 +5,11 @@ import time
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SEGMENTS, Segments, Watch, Work, no_limit
 from contactlab.engines.mujoco_batch import Batch, driven, start_batch
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.scene import InitialStates
+from contactlab.scene.initial_states import InitialStates
 
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _CLOCK_SAMPLES = 200

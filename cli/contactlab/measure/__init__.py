@@ -10,7 +10,7 @@ from contactlab.measure import friction, chatter, grasp_hold
 from contactlab.measure import solver_work, second_pass, oracle_error
 
 # isort: on
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.assessment import AppliedLabel, Assessment, assess
 from contactlab.measure.context import Context, cached, contact_depths, context_of, worst_pair
 from contactlab.measure.discrepancy import Discrepancy, distances, drifts

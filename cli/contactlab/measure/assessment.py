@@ -5,7 +5,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.contact import Floats, PairSeries, SelfChecks, Setup, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
+from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, context_of
 from contactlab.measure.entries import LABELS, METRICS, Findings, Label, MeasuredRuns, Metric

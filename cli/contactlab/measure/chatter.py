@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     FORCE,
     LINEAR_VELOCITY,
     NO_CONTACT,

@@ -8,7 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats, FreeBody, PairSeries, SelfChecks, Setup, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
+from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")

@@ -4,7 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.contact import Floats, Invariants, Joints, angles_between
+from contactlab.contact.rotations import angles_between
+from contactlab.contact.trace_arrays import Floats, Invariants
+from contactlab.contact.trace_setup import Joints
 
 _LENGTH = 1e-3
 

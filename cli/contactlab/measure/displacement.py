@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import Floats, FreeBody
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import Context, down, speed_squared, worst_body
 from contactlab.measure.entries import (
     Finding,

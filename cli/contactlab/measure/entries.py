@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, TypedDict, Unpack
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import PluginError, SceneError, did_you_mean
 from contactlab.measure.context import Context
 from contactlab.registry import Registry

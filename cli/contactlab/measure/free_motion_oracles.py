@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import Floats, rotate, rotate_back
+from contactlab.contact.rotations import rotate, rotate_back
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.conservation import energy_scale
 from contactlab.measure.context import Context, energy, kinetic
 from contactlab.measure.entries import oracle

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import SLIDE, STICK, Floats, PairSeries, SlipMode
+from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairSeries
+from contactlab.contact.trace_setup import SlipMode
 from contactlab.measure.context import Context, cached, worst_pair
 from contactlab.measure.entries import (
     Finding,

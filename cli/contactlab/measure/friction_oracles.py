@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.entries import oracle
 from contactlab.measure.oracle_error import (

@@ -7,7 +7,8 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactlab.contact import (
+from contactlab.contact.rotations import rotate
+from contactlab.contact.trace_arrays import (
     FORCE,
     LINEAR_VELOCITY,
     NORMAL,
@@ -15,7 +16,6 @@ from contactlab.contact import (
     Floats,
     HeldPose,
     PairTrace,
-    rotate,
 )
 from contactlab.measure.chatter import hold_switch_masks
 from contactlab.measure.context import (

@@ -2,13 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import (
-    NORMAL,
-    Floats,
-    damping_ratio,
-    restitution_of,
-    stiffness_damping,
-)
+from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
+from contactlab.contact.trace_arrays import NORMAL, Floats
 from contactlab.measure.context import Context, contact_depths
 from contactlab.measure.entries import oracle
 from contactlab.measure.oracle_error import end_velocity, friction, restitution_of_solref

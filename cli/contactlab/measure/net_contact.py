@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     DISTANCE,
     FORCE,
     LINEAR_VELOCITY,

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
-from contactlab.contact import Floats, damping_ratio, restitution_of
+from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure.context import Context, cached
 from contactlab.measure.entries import (

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Barrier, Floats
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached, contact_depths, worst_pair
 from contactlab.measure.entries import (
     Finding,

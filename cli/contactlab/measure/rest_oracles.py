@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import DISTANCE, FOUND, Floats, PairTrace
-from contactlab.contact import rest_penetration as resting_depth
+from contactlab.contact.contact_laws import rest_penetration as resting_depth
+from contactlab.contact.trace_arrays import DISTANCE, FOUND, Floats, PairTrace
 from contactlab.measure.context import Context
 from contactlab.measure.entries import oracle
 from contactlab.measure.oracle_error import gravity

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from contactlab.contact import Barrier, Floats
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached
 from contactlab.measure.entries import metric
 from contactlab.measure.stick_slip import Rows, Spans, spans

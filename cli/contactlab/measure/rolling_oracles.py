@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.entries import oracle
 from contactlab.measure.oracle_error import (

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context, energy
 from contactlab.measure.entries import (
     LABELS,

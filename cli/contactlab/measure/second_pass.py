@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact import Floats, SelfChecks
+from contactlab.contact.trace_arrays import Floats, SelfChecks
 from contactlab.measure.context import Context
 from contactlab.measure.entries import (
     Finding,

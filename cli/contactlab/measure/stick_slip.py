@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats, PairSeries
 
 ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
 LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3

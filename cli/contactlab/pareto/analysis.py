@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.pareto.configuration_export import mjcf_lines
 from contactlab.pareto.configurations import (
     Evaluated,
@@ -29,7 +29,7 @@ from contactlab.pareto.pareto import (
     front_of,
     next_more_accurate,
 )
-from contactlab.schema import Setting
+from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
     FrontPoint,
@@ -37,7 +37,7 @@ from contactlab.schema.tradeoff_report import (
     Recommendation,
     TradeoffReport,
 )
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 _DEFAULT = Criteria()
 

@@ -8,9 +8,10 @@ from pathlib import Path
 from contactlab import resources
 from contactlab.errors import StoreError
 from contactlab.mjcf import CONTACT, FLAGS, OPTIONS, attribute_of, default_lines, option_lines
-from contactlab.schema import ERRORS, EvidenceRecord, Setting, Sweep
+from contactlab.schema.evidence import ERRORS, EvidenceRecord, Setting
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 
 @dataclass(frozen=True)

@@ -8,15 +8,17 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
-from contactlab.schema import Role, Setting, Sweep, axis_role
+from contactlab.contact.trace_arrays import Floats
+from contactlab.schema.axis_forms import Role, axis_role
+from contactlab.schema.evidence import Setting
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
     Configuration,
     ConfigurationOutcomes,
     ErrorMeasure,
     TimeMeasure,
 )
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 _Z = 1.959963984540054
 """97.5 % quantile of the normal distribution."""

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS
 from contactlab.pareto.configurations import Evaluated
-from contactlab.schema import Setting
+from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
 
 FEWEST = 3

@@ -9,9 +9,11 @@ from typing import Literal
 import numpy as np
 
 from contactlab.errors import StoreError, SweepFileError, did_you_mean
-from contactlab.schema import ERRORS, Sweep
+from contactlab.schema.evidence import ERRORS
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure
-from contactlab.store import Address, Store, parse_address
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import Address, parse_address
 
 MODELLING = "oracle_error"
 TIMED = "time_median"

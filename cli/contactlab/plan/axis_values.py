@@ -16,19 +16,19 @@ from numpy.typing import NDArray
 from contactlab.plan.grid import Block
 from contactlab.plan.names import UNREADABLE, SweepContext
 from contactlab.plan.yaml_document import KeyPath
-from contactlab.schema import (
+from contactlab.schema.axis_forms import (
     Axis,
-    AxisSpec,
     Linspace,
     Logspace,
     Loguniform,
     Range,
     Ranged,
-    Sample,
     Uniform,
     Values,
     is_sampled,
 )
+from contactlab.schema.sweep_schema import Sample
+from contactlab.schema.vocabulary import AxisSpec
 
 _DIGITS = 12
 

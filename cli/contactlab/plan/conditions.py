@@ -7,7 +7,7 @@ from contactlab.plan.diagnostics import Place
 from contactlab.plan.grid import Match
 from contactlab.plan.names import SweepContext, add_not_swept
 from contactlab.plan.yaml_document import KeyPath
-from contactlab.schema import Condition
+from contactlab.schema.sweep_schema import Condition
 
 
 def read_condition(

@@ -11,7 +11,8 @@ from typing import cast
 
 from contactlab.expression import Expression, ExpressionError, NoValueError
 from contactlab.plan.diagnostics import Diagnostic, Place, SweepMistakesError
-from contactlab.schema import Expectation, Role, Sweep
+from contactlab.schema.axis_forms import Role
+from contactlab.schema.sweep_schema import Expectation, Sweep
 
 CONFIRM_ABOVE = 100_000
 MOST_RUNS = 10_000_000

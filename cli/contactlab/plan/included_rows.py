@@ -10,7 +10,7 @@ from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.grid import RowValues
 from contactlab.plan.names import SweepContext, check_axis, check_conflicts
 from contactlab.plan.yaml_document import Document, read_text
-from contactlab.schema import IncludeFile
+from contactlab.schema.sweep_schema import IncludeFile
 
 # One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')

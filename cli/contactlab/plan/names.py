@@ -10,7 +10,9 @@ from contactlab.errors import did_you_mean, suggestion
 from contactlab.plan.diagnostics import Place
 from contactlab.plan.validation import Draft
 from contactlab.plan.yaml_document import Document, KeyPath
-from contactlab.schema import ERRORS, AxisSpec, Sweep, Vocabulary
+from contactlab.schema.evidence import ERRORS
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
 UNREADABLE = object()
 

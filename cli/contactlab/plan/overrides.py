@@ -9,7 +9,8 @@ from contactlab.errors import suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
-from contactlab.schema import FORMS, Sweep
+from contactlab.schema.axis_forms import FORMS
+from contactlab.schema.sweep_schema import Sweep
 
 _ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
 _CALL = re.compile(r"(\w+)\((.*)\)")

@@ -2,7 +2,7 @@
 
 import json
 
-from contactlab.schema import AxisSpec, Vocabulary
+from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
 _FIRST = {"timestep": (5e-4, 1e-3, 2e-3, 4e-3)}

@@ -20,7 +20,9 @@ from contactlab.plan.names import SweepContext, check_names
 from contactlab.plan.overrides import Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
-from contactlab.schema import Role, Sweep, Vocabulary, axis_role, switches
+from contactlab.schema.axis_forms import Role, axis_role
+from contactlab.schema.sweep_schema import Sweep, switches
+from contactlab.schema.vocabulary import Vocabulary
 
 _NONE = Overrides()
 

@@ -13,7 +13,8 @@ from pydantic_core import ErrorDetails
 
 from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
-from contactlab.schema import FORMS, Sweep
+from contactlab.schema.axis_forms import FORMS
+from contactlab.schema.sweep_schema import Sweep
 
 _WANTED = {
     "float_type": "a number",

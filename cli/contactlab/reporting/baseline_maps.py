@@ -7,7 +7,8 @@ import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison import DEFAULT_POLICY, Pairing, compare, pair_stores
+from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_stores
+from contactlab.comparison.pairing import Pairing
 from contactlab.palette import COLOURS, STABLE_COLOUR
 from contactlab.reporting.heatmap import (
     Layered,
@@ -31,7 +32,7 @@ from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import Spec, themed
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, CheckOutcome, ComparisonReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 _WORSE, _BETTER, _SAME = 0, 1, 2
 _THIRD = 300, 260

@@ -10,7 +10,7 @@ import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import INK
 from contactlab.reporting.map_boundary import Boundary
 from contactlab.reporting.map_cells import MapAxes, label_counts, most_frequent_failure

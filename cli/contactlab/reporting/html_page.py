@@ -24,7 +24,7 @@ from contactlab.reporting.page_tables import (
 )
 from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
 from contactlab.reporting.vega_rendering import Spec, static_svg, vega_bundle
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 _PACKAGE = __name__.rpartition(".")[0]
 _SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")

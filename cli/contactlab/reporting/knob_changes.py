@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import altair as alt
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import COLOURS, INK
 from contactlab.reporting.report_columns import (
     Codes,

@@ -9,9 +9,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.contact import Floats, damping_ratio, restitution_of
+from contactlab.contact.contact_laws import damping_ratio, restitution_of
+from contactlab.contact.trace_arrays import Floats
 from contactlab.reporting.report_columns import GridAxis
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 
 class BoundaryLaw(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.reporting.packing import packed_integers, rounded_floats
 from contactlab.reporting.report_columns import SEED, STABLE, Codes, GridAxis, Quantity, RunLabels
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 
 _TYPES = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
 _LEVEL = 9

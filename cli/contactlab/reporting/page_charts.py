@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import altair as alt
 
-from contactlab.contact import NO_CONTACT, SLIDE, STICK
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
 from contactlab.palette import COLOURS, INK, mode_colour
-from contactlab.pareto import specify
+from contactlab.pareto.drawing import specify
 from contactlab.reporting.heatmap import EMPTY_FRAME, label_map, number_map
 from contactlab.reporting.report_columns import STABLE, RunLabels
 from contactlab.reporting.report_data import ReportData
@@ -19,7 +19,7 @@ from contactlab.reporting.vega_rendering import (
     themed,
     with_page_colours,
 )
-from contactlab.schema import Setting
+from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}

@@ -8,12 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
-from contactlab.pareto import (
-    EQUALLY_FAST,
-    SAFE_MARGIN,
-    ToleranceTable,
-    mjcf_lines,
-)
+from contactlab.pareto.analysis import ToleranceTable
+from contactlab.pareto.configuration_export import mjcf_lines
+from contactlab.pareto.pareto import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
 from contactlab.reporting.packing import pack, packed_integers, rounded_floats, run_id_halves
 from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
@@ -21,10 +18,11 @@ from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import PageRequest, ReportData
 from contactlab.reporting.run_series import read_mode_bands, read_signals
 from contactlab.reporting.vega_rendering import Spec
-from contactlab.schema import EvidenceRecord
+from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Store, row_to_record
-from contactlab.store.mcap import StoredTrace
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.table_layout import row_to_record
 
 # Series of at most so many runs of a label come first, and so many in the order of the plan last.
 _SERIES_PER_LABEL = 3

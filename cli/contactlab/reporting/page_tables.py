@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 from typing import Any, NamedTuple
 
-from contactlab.pareto import SAFE_MARGIN
+from contactlab.pareto.pareto import SAFE_MARGIN
 from contactlab.reporting.knob_changes import KnobChange
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.report_columns import (
@@ -14,14 +14,15 @@ from contactlab.reporting.report_columns import (
     with_unit,
 )
 from contactlab.reporting.report_data import ReportData
-from contactlab.schema import Setting, StoreManifest, Sweep
+from contactlab.schema.evidence import Setting, StoreManifest
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
     Configuration,
     Recommendation,
     Settings,
     TradeoffReport,
 )
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 _MOST_UNEXPECTED = 50
 _MOST_CELLS = 400

@@ -7,14 +7,8 @@ from itertools import islice
 import altair as alt
 import numpy as np
 
-from contactlab.contact import (
-    LINEAR_VELOCITY,
-    STICK,
-    Floats,
-    damping_ratio,
-    restitution_of,
-    sticking_speed,
-)
+from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
+from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
 from contactlab.reporting.heatmap import MapFrame, default_map, number_map, number_rows
 from contactlab.reporting.knob_changes import change_panels, knob_changes
@@ -24,9 +18,9 @@ from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.run_series import decimated, qpos_entries
 from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed
-from contactlab.schema import EvidenceRecord
-from contactlab.store import Store
-from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200

@@ -7,12 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS, METRICS
 from contactlab.measure import STABLE as STABLE_LABEL
 from contactlab.palette import STABLE_COLOUR, failure_colour
-from contactlab.schema import Role, Sweep, axis_role
-from contactlab.store import MeasuredColumn, RunColumns, Store
+from contactlab.schema.axis_forms import Role, axis_role
+from contactlab.schema.sweep_schema import Sweep
+from contactlab.store.finished_store import Store
+from contactlab.store.run_columns import MeasuredColumn, RunColumns
 
 Codes = NDArray[np.int64]
 

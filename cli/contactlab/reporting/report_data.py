@@ -3,7 +3,8 @@
 from dataclasses import dataclass
 
 from contactlab.errors import StoreError
-from contactlab.pareto import Criteria, ToleranceTable, analyse, tolerance_table
+from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
+from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.map_boundary import Boundary, read_boundary
 from contactlab.reporting.map_cells import MapAxes, most_informative_axes
 from contactlab.reporting.report_columns import (
@@ -15,7 +16,7 @@ from contactlab.reporting.report_columns import (
     read_run_labels,
 )
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 _DEFAULT_CRITERIA = Criteria()
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import NO_CONTACT, Floats
-from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.contact.trace_arrays import NO_CONTACT, Floats
+from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 
 _POINTS = 400
 _MOST_COORDINATES = 6

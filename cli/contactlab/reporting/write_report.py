@@ -4,9 +4,10 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from contactlab.errors import OutputError, optional
-from contactlab.pareto import Criteria
+from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.report_data import PageRequest, WrittenPage, read_report_data
-from contactlab.store import Store, atomic_write
+from contactlab.store.atomic_files import atomic_write
+from contactlab.store.finished_store import Store
 
 FORMATS = ("png", "svg", "pdf")
 _DEFAULT_PAGE = PageRequest()

@@ -20,8 +20,11 @@ from contactlab.measure import METRICS, Assessment
 from contactlab.plugins import Plugin
 from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task
-from contactlab.scene import EffectState, InitialStates, PreparedModel, ResolvedRun
-from contactlab.schema import (
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.effects.effect import EffectState
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.schema.evidence import (
     Cost,
     Engine,
     EvidenceRecord,

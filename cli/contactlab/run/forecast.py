@@ -7,12 +7,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.accuracy import raises_solref, reference_steps, timing_seconds
-from contactlab.contact import stiffness_damping
+from contactlab.accuracy.discretization import reference_steps
+from contactlab.accuracy.refsafe import raises_solref
+from contactlab.accuracy.timing import timing_seconds
+from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.engines import PreparedRuns, bytes_of_run, engine_of
-from contactlab.plan import Plan
+from contactlab.plan.grid import Plan
 from contactlab.run.planned_runs import RunIndex
-from contactlab.scene import ResolvedRun, RowGroup, Scene, silence_mujoco
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.row_resolution import RowGroup
+from contactlab.scene.scene import Scene
 
 # Above this product of step and natural frequency, contacts gain energy under the Euler family.
 _FASTEST = 0.8

@@ -5,7 +5,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from contactlab.accuracy import InterleavedTimer, Note, accuracies, families, timings
+from contactlab.accuracy.discretization import Note, accuracies, families
+from contactlab.accuracy.timing import InterleavedTimer, timings
 from contactlab.engines import SimulationEngine, SolvesReferences, TimesSteps, engine_of
 from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
 from contactlab.run.run_verdicts import within_tolerances
@@ -23,9 +24,12 @@ from contactlab.run.tasks import (
     noted,
     results_of,
 )
-from contactlab.scene import ResolvedRun, Scene
-from contactlab.schema import ERRORS, Accuracy, AccuracyRequest, Timing
-from contactlab.store import Column, StoreWriter, as_ratios
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene
+from contactlab.schema.evidence import ERRORS, Accuracy, Timing
+from contactlab.schema.sweep_schema import AccuracyRequest
+from contactlab.store.store_writer import StoreWriter
+from contactlab.store.table_layout import Column, as_ratios
 
 
 class RecordedOutcome(NamedTuple):

@@ -14,23 +14,18 @@ import numpy as np
 
 from contactlab.engines import ENGINES, Proceed, bytes_of_run, engine_of, proceed_always
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.plan import Plan
+from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.tasks import Job, PlannedRun, Task
-from contactlab.scene import (
-    ID_BYTES,
-    CompiledScene,
-    InitialStates,
-    PreparedModel,
-    ResolvedRow,
-    ResolvedRun,
-    RowGroup,
-    Scene,
-    silence_mujoco,
-    stored_scene,
-)
-from contactlab.schema import effects_base
-from contactlab.store import local_scene
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.resolution import ID_BYTES, ResolvedRun
+from contactlab.scene.row_resolution import ResolvedRow, RowGroup
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import stored_scene
+from contactlab.schema.sweep_schema import effects_base
+from contactlab.store.store_access import local_scene
 
 MAX_RUNS = 32
 """Runs of a job at most."""

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import ANGULAR_VELOCITY, PairTrace, Trace
-from contactlab.scene import NOT_IN_MODEL, PreparedModel
-from contactlab.schema import Expectation
+from contactlab.contact.trace_arrays import ANGULAR_VELOCITY, PairTrace, Trace
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.effects.effect import NOT_IN_MODEL
+from contactlab.schema.sweep_schema import Expectation
 
 
 @dataclass(frozen=True)

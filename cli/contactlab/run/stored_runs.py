@@ -31,19 +31,16 @@ from contactlab.engines import (
 )
 from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreError
 from contactlab.plugins import loaded_plugins
-from contactlab.scene import (
-    MODEL_ENGINE,
-    InitialStates,
-    PreparedModel,
-    ResolvedRun,
-    Scene,
-    compile_without_sensors,
-    prepare_without_sensors,
-    silence_mujoco,
-    stored_scene,
-)
-from contactlab.schema import EvidenceRecord, effects_base
-from contactlab.store import Store
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.mujoco_versions import silence_mujoco
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.scene.scene_source import stored_scene
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.schema.sweep_schema import effects_base
+from contactlab.store.finished_store import Store
 
 
 @dataclass(frozen=True)

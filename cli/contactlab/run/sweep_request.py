@@ -7,11 +7,17 @@ from pathlib import Path
 from contactlab.engines import ENGINES
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
-from contactlab.plan import Overrides, Plan, read_sweep
+from contactlab.plan.grid import Plan
+from contactlab.plan.overrides import Overrides
+from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.tasks import Executor
-from contactlab.scene import LenientCatalogue, Scene, why_unsupported
-from contactlab.schema import Vocabulary, effects_base
-from contactlab.store import RESERVED_COLUMNS, Address
+from contactlab.scene.axis_catalogue import LenientCatalogue
+from contactlab.scene.mujoco_versions import why_unsupported
+from contactlab.scene.scene import Scene
+from contactlab.schema.sweep_schema import effects_base
+from contactlab.schema.vocabulary import Vocabulary
+from contactlab.store.store_address import Address
+from contactlab.store.table_layout import RESERVED_COLUMNS
 
 
 @dataclass(frozen=True)

@@ -31,16 +31,16 @@ from contactlab.run.tasks import (
 )
 from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
-from contactlab.scene import EFFECTS, Scene
-from contactlab.schema import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
-from contactlab.store import (
+from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.scene import Scene
+from contactlab.schema.evidence import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
+from contactlab.store.store_address import absolute_address
+from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
     Column,
-    StoreWriter,
-    absolute_address,
     axis_column,
     metric_column,
-    open_writer,
     struct_column,
 )
 

@@ -11,12 +11,13 @@ from multiprocessing import Pipe
 from pathlib import Path
 from typing import Literal, Protocol
 
-from contactlab.accuracy import Note
+from contactlab.accuracy.discretization import Note
 from contactlab.errors import StoppedError
-from contactlab.plan import Match
+from contactlab.plan.grid import Match
 from contactlab.plugins import Plugin
-from contactlab.schema import Engine, Expectation, Provenance, Sweep
-from contactlab.store import Address
+from contactlab.schema.evidence import Engine, Provenance
+from contactlab.schema.sweep_schema import Expectation, Sweep
+from contactlab.store.store_address import Address
 
 
 class Stop:

@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 from pydantic_core import to_json
 
-from contactlab.accuracy import discretization_errors, work_of_runs
-from contactlab.contact import SelfChecks, Setup, Trace
+from contactlab.accuracy.discretization import discretization_errors
+from contactlab.accuracy.timing import work_of_runs
+from contactlab.contact.trace_arrays import SelfChecks, Trace
+from contactlab.contact.trace_setup import Setup
 from contactlab.engines import (
     Buffers,
     ChecksRuns,
@@ -28,10 +30,12 @@ from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
 from contactlab.run.planned_runs import AbandonedError, Preparer
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
-from contactlab.scene import InitialStates, make_setup
-from contactlab.schema import EvidenceRecord, LabelEntry, TraceFile
-from contactlab.store import TraceSink, record_to_row
-from contactlab.store.mcap import TraceExtras
+from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.run_setup import make_setup
+from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
+from contactlab.store.mcap.trace_writer import TraceExtras
+from contactlab.store.store_access import TraceSink
+from contactlab.store.table_layout import record_to_row
 
 # How long a job's second pass may go on once the sweep should stop [s].
 _GRACE = 1.0

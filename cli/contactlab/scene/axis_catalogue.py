@@ -7,7 +7,7 @@ from typing import Protocol
 from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.effects import EFFECTS
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import field_axis
 from contactlab.scene.model_options import MODEL_ENGINE
@@ -18,7 +18,8 @@ from contactlab.scene.mujoco_versions import (
 )
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
-from contactlab.schema import AxisSpec, Catalogue, SceneManifest, StructureValue
+from contactlab.schema.scene_manifest import SceneManifest, StructureValue
+from contactlab.schema.vocabulary import AxisSpec, Catalogue
 
 
 class EngineTraits(Protocol):

@@ -15,7 +15,7 @@ from tempfile import TemporaryDirectory
 import mujoco
 from mujoco._specs import MjsSensor
 
-from contactlab.contact import SLOT_WIDTH
+from contactlab.contact.trace_arrays import SLOT_WIDTH
 from contactlab.errors import SceneError
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.contact_pairs import MonitoredPair

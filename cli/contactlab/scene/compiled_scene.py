@@ -15,11 +15,8 @@ from contactlab.scene.contact_pairs import (
     detected_pairs,
     effective_parameters,
 )
-from contactlab.scene.effects import (
-    EffectRequest,
-    EffectState,
-    ModelFacts,
-    RunState,
+from contactlab.scene.effects.effect import EffectRequest, EffectState, ModelFacts, RunState
+from contactlab.scene.effects.effect_choice import (
     choose,
     find_facts,
     is_straight,
@@ -44,7 +41,8 @@ from contactlab.scene.model_options import base_settings, read_flags
 from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
-from contactlab.schema import PairRecord, SceneManifest
+from contactlab.schema.evidence import PairRecord
+from contactlab.schema.scene_manifest import SceneManifest
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,8 @@ import numpy as np
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.initial_states import QPOS0, start_data
 from contactlab.scene.mujoco_versions import silence_mujoco
-from contactlab.schema import PairEntry, PairRecord
+from contactlab.schema.evidence import PairRecord
+from contactlab.schema.scene_manifest import PairEntry
 
 MAX_PAIRS = 64
 _SEARCH_STEPS = 2000

@@ -7,7 +7,8 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats, Joints
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression
 from contactlab.scene.model_joints import match_coordinates
@@ -18,7 +19,7 @@ from contactlab.scene.timed_inputs import (
     read_control,
     read_formula,
 )
-from contactlab.schema import SceneManifest
+from contactlab.schema.scene_manifest import SceneManifest
 
 QPOS0 = "qpos0"
 """Stands for the model's reference configuration, where no keyframe is used."""

@@ -10,11 +10,11 @@ import numpy as np
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
-from contactlab.scene.effects import EFFECTS
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_options import FLAGS, write_flags, write_option
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import Settings, as_number, integer, number
-from contactlab.schema import AxisSpec
+from contactlab.schema.vocabulary import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+)(,(?P<place>\d+))?\]")
 _KINDS = {

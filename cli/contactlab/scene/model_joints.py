@@ -11,7 +11,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
-from contactlab.contact import Joints
+from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
 
 _FREE_POSITION = ("x", "y", "z", "qw", "qx", "qy", "qz")

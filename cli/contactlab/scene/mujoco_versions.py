@@ -13,7 +13,7 @@ from typing import Any
 import mujoco
 
 from contactlab.scene.setting_values import switch
-from contactlab.schema import AxisSpec
+from contactlab.schema.vocabulary import AxisSpec
 
 VERSION: str = mujoco.__version__
 OLDEST = "3.3.0"

@@ -10,7 +10,7 @@ from functools import cache, partial
 
 import mujoco
 
-from contactlab.contact import damping_ratio_of, stiffness_damping
+from contactlab.contact.contact_laws import damping_ratio_of, stiffness_damping
 from contactlab.mjcf import attribute_of
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import enum_members
@@ -24,7 +24,7 @@ from contactlab.scene.setting_values import (
     numbers,
     or_off,
 )
-from contactlab.schema import AxisSpec
+from contactlab.schema.vocabulary import AxisSpec
 
 Update = Callable[[Settings, object], None]
 

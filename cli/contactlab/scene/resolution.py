@@ -14,13 +14,16 @@ from typing import Any, cast
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
-from contactlab.scene.effects import EFFECTS, EffectRequest, RunState, left_uncompiled
+from contactlab.scene.effects.effect import EffectRequest, RunState
+from contactlab.scene.effects.effect_choice import left_uncompiled
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0
 from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.setting_values import Settings, as_number
-from contactlab.schema import SceneManifest, switches
+from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.sweep_schema import switches
 
 _DURATION = 2.0
 

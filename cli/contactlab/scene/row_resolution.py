@@ -10,7 +10,7 @@ from operator import itemgetter
 from typing import NamedTuple, cast
 
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.effects import EFFECTS
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolution import (
     ResolvedRun,

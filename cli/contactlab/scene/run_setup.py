@@ -6,13 +6,13 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from contactlab.contact import Barrier, FreeBody, HoldWindow, Setup
+from contactlab.contact.trace_setup import Barrier, FreeBody, HoldWindow, Setup
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import HoldSpec
-from contactlab.schema import SceneManifest
+from contactlab.schema.scene_manifest import SceneManifest
 
 _GEOM = mujoco.mjtGeom
 _PUSH = re.compile(r"\.[ft][xyz]$")

@@ -18,7 +18,7 @@ from contactlab.scene.compiled_scene import (
     compile_scene,
     full_structure,
 )
-from contactlab.scene.effects import is_straight, remove
+from contactlab.scene.effects.effect_choice import is_straight, remove
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,

@@ -23,7 +23,7 @@ from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.schema import SceneManifest
+from contactlab.schema.scene_manifest import SceneManifest
 
 _ASSET_FOLDERS = {
     "mesh": "meshdir",

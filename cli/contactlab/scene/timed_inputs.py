@@ -7,11 +7,11 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.model_joints import StateCoordinate, match_coordinates
-from contactlab.schema import SceneManifest, Term
+from contactlab.schema.scene_manifest import SceneManifest, Term
 
 
 def read_formula(term: Term, where: str, manifest: SceneManifest) -> Expression:

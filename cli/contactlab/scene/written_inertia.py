@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from mujoco._specs import MjsBody
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 
 Kind = Literal[
     "not_positive", "triangle", "balanced", "density", "outside", "too_large", "too_small"

@@ -5,7 +5,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Protocol
 
-from contactlab.schema import StoreManifest, SweepIdentity
+from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.store_address import Address
 
 # The files and folders of a store.

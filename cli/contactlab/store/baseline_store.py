@@ -5,7 +5,7 @@ import tempfile
 from pathlib import Path
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.schema import StoreManifest
+from contactlab.schema.evidence import StoreManifest
 from contactlab.store.atomic_files import sha256_of, write_error
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
 from contactlab.store.finished_store import Store

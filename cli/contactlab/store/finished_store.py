@@ -11,9 +11,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from contactlab.errors import StoreError, did_you_mean
-from contactlab.schema import EvidenceRecord, StoreManifest, TraceFile
+from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
-from contactlab.store.mcap import StoredTrace, read_trace
+from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import read_table, shared_fields
 from contactlab.store.runs_view import Runs, store_line, store_table

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from contactlab.errors import ContactlabError, OutputError
-from contactlab.schema import StoreManifest, SweepIdentity
+from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import (
     TEMPORARY_SUFFIX,
     atomic_write,

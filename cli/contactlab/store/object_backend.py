@@ -17,7 +17,7 @@ from pathlib import Path, PurePosixPath
 from tempfile import TemporaryDirectory, mkdtemp
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
-from contactlab.schema import StoreManifest, SweepIdentity
+from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.backend_protocol import (
     IDENTITY,
     JOURNAL,

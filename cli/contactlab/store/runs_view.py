@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 
 from contactlab.errors import optional
-from contactlab.schema import StoreManifest
+from contactlab.schema.evidence import StoreManifest
 from contactlab.store.store_address import Address
 
 _SHOWN = ("run_id", "label", "label_reason")

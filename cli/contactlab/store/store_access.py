@@ -3,12 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from contactlab.contact import PairSeries, Trace
+from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import ContactlabError, OutputError, optional
-from contactlab.schema import TraceFile
+from contactlab.schema.evidence import TraceFile
 from contactlab.store.backend_protocol import SCENES, TRACES, Backend
 from contactlab.store.folder_backend import FolderBackend
-from contactlab.store.mcap import TraceExtras, encode_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 from contactlab.store.store_address import Address
 
 

@@ -6,7 +6,7 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from contactlab.errors import StoreError
-from contactlab.schema import STORE_VERSION, StoreManifest, SweepIdentity
+from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST
 from contactlab.store.store_address import Address
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Any, Protocol
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.schema import Provenance, StoreManifest, SweepIdentity
+from contactlab.schema.evidence import Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import atomic_write, sha256_of, write_error
 from contactlab.store.backend_protocol import (
     IDENTITY,

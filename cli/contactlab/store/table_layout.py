@@ -8,7 +8,7 @@ from typing import Any
 import pyarrow as pa
 from pydantic_core import to_json
 
-from contactlab.schema import Accuracy, Cost, Engine, EvidenceRecord, InitialState, Timing
+from contactlab.schema.evidence import Accuracy, Cost, Engine, EvidenceRecord, InitialState, Timing
 
 _TEXT = pa.string()
 _REAL = pa.float64()

@@ -8,11 +8,11 @@ import pyarrow as pa
 from pydantic import ValidationError
 
 from contactlab.errors import StoreError
-from contactlab.schema import RECORD_VERSION, EvidenceRecord, TraceFile
+from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, TraceFile
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, TABLE, Backend
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap import check_trace
+from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, read_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address

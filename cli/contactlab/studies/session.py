@@ -9,10 +9,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.errors import SweepFileError
-from contactlab.plan import Overrides, read_sweep
-from contactlab.run import Finished, SceneLoader, Stop, SweepRequest, run_sweep
-from contactlab.schema import Sweep, effects_base
-from contactlab.store import Store, atomic_write, write_error
+from contactlab.plan.overrides import Overrides
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader, SweepRequest
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import Finished, Stop
+from contactlab.schema.sweep_schema import Sweep, effects_base
+from contactlab.store.atomic_files import atomic_write, write_error
+from contactlab.store.finished_store import Store
 
 Values = Mapping[str, object]
 """Canonical values by axis."""

@@ -9,8 +9,8 @@ from typing import Any
 
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
-from contactlab.run import SweepRequest, read_request
-from contactlab.scene import is_menagerie, menagerie_name
+from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.scene.scene_source import is_menagerie, menagerie_name
 from contactlab.schema.stability_report import StabilityReport, StabilityResult
 from contactlab.studies.session import Session
 

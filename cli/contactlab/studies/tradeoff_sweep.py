@@ -7,12 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from contactlab import resources
-from contactlab.pareto import Criteria, analyse, chosen_error, find_store
-from contactlab.plan import Overrides
-from contactlab.run import SweepRequest, read_request
-from contactlab.schema import ERRORS, Sweep
+from contactlab.pareto.analysis import analyse
+from contactlab.pareto.criteria import Criteria, chosen_error, find_store
+from contactlab.plan.overrides import Overrides
+from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.schema.evidence import ERRORS
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
-from contactlab.store import Address, Store
+from contactlab.store.finished_store import Store
+from contactlab.store.store_address import Address
 from contactlab.studies.session import Session
 
 

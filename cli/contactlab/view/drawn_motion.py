@@ -6,16 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import (
-    FORCE,
-    NORMAL,
-    POSITION,
-    TANGENT,
-    Floats,
-)
+from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
-from contactlab.scene import PreparedModel
-from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
 
 Rows = NDArray[np.intp]

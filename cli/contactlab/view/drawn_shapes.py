@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats, Integers
+from contactlab.contact.trace_arrays import Floats, Integers
 
 
 class Form(StrEnum):

@@ -11,9 +11,9 @@ import numpy as np
 from av.video.stream import VideoStream
 from PIL import Image, ImageDraw, ImageFont
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.run.stored_runs import PreparedReplay
-from contactlab.store import atomic_write
+from contactlab.store.atomic_files import atomic_write
 from contactlab.view.drawn_motion import BodyMotion, frame_times, nearest
 from contactlab.view.mujoco_pictures import Picture, draw_pictures
 from contactlab.view.picture_options import FILMS, SHEET, PictureOptions

@@ -27,9 +27,10 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from contactlab.contact import Floats, rotation_from_x
+from contactlab.contact.rotations import rotation_from_x
+from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
-from contactlab.store.mcap import AddedChannel, copy_trace
+from contactlab.store.mcap.trace_writer import AddedChannel, copy_trace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape, Form
 

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.scene import InitialStates
+from contactlab.scene.initial_states import InitialStates
 
 
 def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:

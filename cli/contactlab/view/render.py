@@ -4,8 +4,8 @@ from pathlib import Path
 
 from contactlab.errors import optional
 from contactlab.run.stored_runs import PreparedReplay, prepare_replay
-from contactlab.store import Store
-from contactlab.store.mcap import StoredTrace
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion, read_motion
 from contactlab.view.picture_options import (
     FILMS,

@@ -10,10 +10,11 @@ import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 
-from contactlab.contact import Floats, rotate
+from contactlab.contact.rotations import rotate
+from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap import StoredPair, StoredTrace
+from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape, Form
 

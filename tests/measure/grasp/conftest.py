@@ -8,12 +8,15 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab import resources
-from contactlab.contact import PairSeries, Trace
+from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.engines import Buffers, make_trace, roll_out
 from contactlab.measure import assess
-from contactlab.plan import Overrides
-from contactlab.run import read_request, run_sweep
-from contactlab.scene import PreparedModel, Scene, make_setup
+from contactlab.plan.overrides import Overrides
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
 
 Rows = list[dict[str, Any]]
 

@@ -8,9 +8,10 @@ import pyarrow.parquet as pq
 
 from contactlab import resources
 from contactlab.engines import Buffers, make_trace, roll_out
-from contactlab.run import read_request, run_sweep
-from contactlab.scene import Scene
-from contactlab.store import Store
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.scene.scene import Scene
+from contactlab.store.finished_store import Store
 
 CONTACTS = 52
 """Of a mug of twelve wall boxes and a bottom that stands on the floor: four points each."""

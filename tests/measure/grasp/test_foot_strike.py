@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.contact import rest_penetration
+from contactlab.contact.contact_laws import rest_penetration
 
 Run = Callable[..., Any]
 Rows = list[dict[str, Any]]

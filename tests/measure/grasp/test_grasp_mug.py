@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import rest_penetration
-from contactlab.scene import Scene
+from contactlab.contact.contact_laws import rest_penetration
+from contactlab.scene.scene import Scene
 
 WEIGHT = 0.2 * 9.81
 SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)

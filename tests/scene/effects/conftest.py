@@ -4,7 +4,8 @@ from typing import Protocol
 
 import pytest
 
-from contactlab.scene import PreparedModel, Scene
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.scene import Scene
 
 
 class Prepare(Protocol):

@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.scene import EFFECTS, FLAGS, PreparedModel, Scene
+from contactlab.scene.compiled_scene import PreparedModel
+from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.model_options import FLAGS
 from contactlab.scene.mujoco_versions import NEW_FEATURES
-from contactlab.schema import Sweep, effects_base, switches
+from contactlab.scene.scene import Scene
+from contactlab.schema.sweep_schema import Sweep, effects_base, switches
 
 MakeScene = Callable[..., Scene]
 Prepare = Callable[..., PreparedModel]

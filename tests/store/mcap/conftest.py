@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     ANGULAR_VELOCITY,
     DISTANCE,
     FORCE,

@@ -13,8 +13,10 @@ from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType, Writer
 
-from contactlab.contact import PairSeries, Trace
-from contactlab.store.mcap import TraceExtras, check_trace, chunk_writer, write_trace
+from contactlab.contact.trace_arrays import PairSeries, Trace
+from contactlab.store.mcap import chunk_writer
+from contactlab.store.mcap.mcap_check import check_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 

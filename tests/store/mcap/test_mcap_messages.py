@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
-from contactlab.contact import PairSeries, Trace
-from contactlab.store.mcap import TraceExtras, chunk_writer, write_trace
+from contactlab.contact.trace_arrays import PairSeries, Trace
+from contactlab.store.mcap import chunk_writer
+from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 ExpectedMessages = Callable[..., Iterator[tuple[str, int, dict[str, Any]]]]

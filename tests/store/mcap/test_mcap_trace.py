@@ -18,9 +18,12 @@ from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from contactlab.contact import FOUND, PairSeries, Trace
+from contactlab.contact.trace_arrays import FOUND, PairSeries, Trace
 from contactlab.errors import OutputError, StoreError
-from contactlab.store.mcap import StoredTrace, TraceExtras, chunk_writer, read_trace, write_trace
+from contactlab.store.mcap import chunk_writer
+from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 

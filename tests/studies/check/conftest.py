@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
-from contactlab.studies.check import CheckRequest, run
+from contactlab.studies.check.model_check import CheckRequest, run
 from contactlab.studies.session import Session
 
 Checked = Callable[..., CheckReport]

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.contact import PairTrace
+from contactlab.contact.trace_arrays import PairTrace
 from contactlab.measure import assess
-from contactlab.scene import make_setup
+from contactlab.scene.run_setup import make_setup
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.checked_model import CheckRunner, open_model
 from contactlab.studies.check.hold_check import held_pairs, part_of, slots_of

@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.engines import MujocoEngine, Rollout
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Reference
-from contactlab.store import Store
+from contactlab.store.finished_store import Store
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]

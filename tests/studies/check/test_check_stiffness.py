@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from contactlab.contact import rest_penetration
+from contactlab.contact.contact_laws import rest_penetration
 from contactlab.studies.check.contact_sets import (
     STIFF_SOLREF,
     load_at_depth,

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.scene import MonitoredPair, actuated_limbs
+from contactlab.scene.contact_pairs import MonitoredPair
+from contactlab.scene.model_joints import actuated_limbs
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
 from contactlab.studies.check.timestep_check import pair_speeds
 

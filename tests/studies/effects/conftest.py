@@ -5,8 +5,8 @@ from collections.abc import Callable
 import pytest
 
 from contactlab.schema.effects_report import EffectsReport
-from contactlab.studies import effects
-from contactlab.studies.effects import EffectsRequest
+from contactlab.studies.effects import ablation
+from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.session import Session
 
 Ablate = Callable[..., EffectsReport]
@@ -28,6 +28,6 @@ def ablate(tmp_path_factory: pytest.TempPathFactory) -> Ablate:
         source = folder / name
         source.write_text(text)
         request = EffectsRequest(str(source), assign, seeds, rounds)
-        return effects.run(request, Session(folder / "stores", workers))
+        return ablation.run(request, Session(folder / "stores", workers))
 
     return run

@@ -6,9 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.studies.effects import EffectsRequest
 from contactlab.studies.effects.effect_toggles import ConfigurationRows
-from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.effects.metric_changes import (
     ConfigurationDifference,
     difference,

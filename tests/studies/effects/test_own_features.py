@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contactlab.scene import Scene
+from contactlab.scene.scene import Scene
 from contactlab.schema.effects_report import EffectsReport
 
 Ablate = Callable[..., EffectsReport]

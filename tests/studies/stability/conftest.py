@@ -10,8 +10,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab import resources
-from contactlab.plan import Overrides
-from contactlab.run import read_request, run_sweep
+from contactlab.plan.overrides import Overrides
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
 
 # What a version of the engine changes is for `compare` to say; here it is held to one.
 MAJOR = 4

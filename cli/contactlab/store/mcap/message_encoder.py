@@ -9,7 +9,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from contactlab.contact import (
+from contactlab.contact.trace_arrays import (
     ANGULAR_VELOCITY,
     DISTANCE,
     FORCE,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact import Floats, Integers
+from contactlab.contact.trace_arrays import Floats, Integers
 from contactlab.errors import StoreError, did_you_mean
 
 _PAIR_UNITS = {

@@ -14,7 +14,7 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
-from contactlab.contact import FOUND, SLOT_WIDTH, Floats
+from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.errors import StoreError
 from contactlab.store.mcap.chunk_writer import CHUNK_HEAD, INDEX_HEAD, overlapping
 from contactlab.store.mcap.mcap_survey import find_damage

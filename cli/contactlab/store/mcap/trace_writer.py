@@ -16,7 +16,7 @@ import numpy as np
 from mcap.reader import SeekingReader
 from mcap.records import Attachment, Channel, ChunkIndex, Schema
 
-from contactlab.contact import Floats, PairSeries, PairTrace, Trace
+from contactlab.contact.trace_arrays import Floats, PairSeries, PairTrace, Trace
 from contactlab.errors import OutputError
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap.chunk_writer import (

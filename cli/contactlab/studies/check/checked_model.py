@@ -8,25 +8,21 @@ from pathlib import Path
 
 from contactlab.engines import ChecksRuns, bytes_of_run, find_engine
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.run import SceneLoader
 from contactlab.run.planned_runs import RUN_BYTES
-from contactlab.scene import (
-    MODEL_ENGINE,
-    PARAMETERS,
-    QPOS0,
-    CompiledScene,
-    InitialStates,
-    PreparedModel,
-    ResolvedRun,
-    Scene,
-    Settings,
-    actuated_limbs,
-    make_setup,
-)
-from contactlab.schema import EvidenceRecord
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.initial_states import QPOS0, InitialStates
+from contactlab.scene.model_joints import actuated_limbs
+from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
+from contactlab.scene.setting_values import Settings
 from contactlab.schema.check_report import TaskKind
-from contactlab.store import Store
-from contactlab.store.mcap import StoredTrace
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
+from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.studies.session import Session, Values, read_settings
 
 _WALKING = 2

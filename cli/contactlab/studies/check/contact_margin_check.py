@@ -3,7 +3,8 @@
 import math
 from collections.abc import Iterator, Sequence
 
-from contactlab.contact import DISTANCE, FORCE, stiffness_damping
+from contactlab.contact.contact_laws import stiffness_damping
+from contactlab.contact.trace_arrays import DISTANCE, FORCE
 from contactlab.schema.check_report import Change, CheckResult, Measure
 from contactlab.studies.check.check_results import (
     change,

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from contactlab.contact import Floats, impedance, rest_penetration, stiffness_damping
-from contactlab.schema import PairRecord
+from contactlab.contact.contact_laws import impedance, rest_penetration, stiffness_damping
+from contactlab.contact.trace_arrays import Floats
+from contactlab.schema.evidence import PairRecord
 from contactlab.studies.check.check_results import mjcf_text
 from contactlab.studies.check.checked_model import CheckedModel, axis_value
 

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from contactlab.contact import rest_penetration, stiffness_damping
+from contactlab.contact.contact_laws import rest_penetration, stiffness_damping
 from contactlab.schema.check_report import Change, CheckResult, Measure
 from contactlab.studies.check.check_results import (
     change,

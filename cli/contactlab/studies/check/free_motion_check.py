@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from contactlab.scene import InertiaFault
+from contactlab.scene.written_inertia import InertiaFault
 from contactlab.schema.check_report import Change, CheckResult, Measure
 from contactlab.studies.check.check_results import (
     change,

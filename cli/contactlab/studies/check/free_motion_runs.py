@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats, rotation_matrices
-from contactlab.scene import as_number
-from contactlab.store.mcap import StoredTrace
+from contactlab.contact.rotations import rotation_matrices
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.setting_values import as_number
+from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
 from contactlab.studies.session import Values
 

@@ -5,11 +5,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from contactlab.contact import SLIDE, SLOT_WIDTH, Floats, HoldWindow, PairTrace, Setup, Trace
+from contactlab.contact.trace_arrays import SLIDE, SLOT_WIDTH, Floats, PairTrace, Trace
+from contactlab.contact.trace_setup import HoldWindow, Setup
 from contactlab.measure import assess
-from contactlab.scene import MonitoredPair, as_number, make_setup
+from contactlab.scene.contact_pairs import MonitoredPair
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import Change, CheckResult, Measure
-from contactlab.store.mcap import StoredTrace
+from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.studies.check.check_results import (
     change,
     check_result,

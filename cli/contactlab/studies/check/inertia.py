@@ -17,7 +17,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.scene_source import SceneSource

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 import mujoco
 import numpy as np
 
-from contactlab.contact import Floats, stiffness_damping
-from contactlab.scene import MonitoredPair, make_setup
+from contactlab.contact.contact_laws import stiffness_damping
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.contact_pairs import MonitoredPair
+from contactlab.scene.run_setup import make_setup
 from contactlab.schema.check_report import Change, CheckResult, Measure, TaskKind
 from contactlab.studies.check.check_results import (
     change,

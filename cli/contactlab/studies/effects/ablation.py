@@ -5,8 +5,7 @@ from dataclasses import dataclass, field
 from itertools import combinations
 
 from contactlab.run.evidence_record import as_written, engine, provenance
-from contactlab.scene import EFFECTS
-from contactlab.schema import Setting
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.schema.effects_report import (
     EffectFinding,
     EffectsReport,
@@ -16,6 +15,7 @@ from contactlab.schema.effects_report import (
     SmallestSet,
     Verification,
 )
+from contactlab.schema.evidence import Setting
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,

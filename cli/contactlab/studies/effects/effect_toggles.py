@@ -6,7 +6,8 @@ from typing import Any
 
 from contactlab.mjcf import default_lines, option_lines
 from contactlab.run.evidence_record import as_written
-from contactlab.scene import EFFECTS, Effect, EffectState
+from contactlab.scene.effects.effect import Effect, EffectState
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 

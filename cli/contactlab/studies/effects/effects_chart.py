@@ -8,7 +8,7 @@ from typing import Any
 
 import altair as alt
 
-from contactlab.pareto import save_figure
+from contactlab.pareto.drawing import save_figure
 from contactlab.schema.effects_report import EffectFinding, EffectsReport, MetricChange
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.

@@ -7,9 +7,10 @@ from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
 
-from contactlab.plan import Plan, read_sweep
-from contactlab.run import SceneLoader
-from contactlab.scene import Scene
+from contactlab.plan.grid import Plan
+from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.scene import Scene
 from contactlab.studies.session import Values, read_settings
 
 _SWEEPS = {".yaml", ".yml"}

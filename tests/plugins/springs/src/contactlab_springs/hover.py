@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact import Floats
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import (
     Context,
     Finding,
