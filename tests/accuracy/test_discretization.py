@@ -67,6 +67,7 @@ def slope(found: Rows, column: str, **picked: object) -> float:
     return float(np.polyfit(points[:, 0], points[:, 1], 1)[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("even", [True, False], ids=["even", "uneven"])
 @pytest.mark.parametrize("scene", MOTIONS)
 @pytest.mark.parametrize("column", ["error_final", "error_mean", "error_peak"])
@@ -86,6 +87,7 @@ def test_smooth_motion_converges_as_theory_says(
     assert {row["chaotic"] for row in found} == {False}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scene", MOTIONS)
 def test_local_errors_converge_as_well(orders: Callable[[str], Rows], scene: str) -> None:
     """Restarts last equally long at every timestep, so that errors fall with the same order."""

@@ -101,6 +101,7 @@ def test_settings(name: str, request: pytest.FixtureRequest) -> None:
     assert_same(batch, see(name, SETTINGS).rollout)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", resources.scene_names())
 def test_every_scene_without_contact_sensors(
     name: str, batches: dict[str, Rollout], request: pytest.FixtureRequest

@@ -135,6 +135,7 @@ def refused(command: Any, tmp_path: Path, store: str) -> str:
     return err
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_read_only(command: Any, tmp_path: Path, disk: Disk) -> None:
     disk.mount("remount,ro")
     assert os.strerror(errno.EROFS) in refused(command, tmp_path, "disk/store")

@@ -81,6 +81,7 @@ def test_a_hang_ends_with_the_command(
     assert time.monotonic() - killed < SOON
 
 
+@pytest.mark.slow
 def test_a_worker_that_is_killed_in_a_long_run_is_replaced(
     command: Any, tmp_path: Path, until: Until, steps: Callable[[], bool]
 ) -> None:

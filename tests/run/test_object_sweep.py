@@ -82,6 +82,7 @@ def rows(client: "ObjectClient") -> int:
     return sum(1 for _ in client.sizes("journal"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("workers", [0, 2])
 def test_equals_a_local_one(
     sweeper: Any,

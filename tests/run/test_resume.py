@@ -49,6 +49,7 @@ def half(sweeper: Any, ball: str, whole: Any) -> Path:
     return sweeper.folder / "store"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("portions", "workers"), [(1, 0), (5, 0), (9, 0), (5, 2)])
 def test_stopped_by_an_error(
     sweeper: Any, ball: str, whole: Any, portions: int, workers: int

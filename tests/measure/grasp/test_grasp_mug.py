@@ -168,6 +168,7 @@ def test_without_armature_or_ramp_pads_go_through_the_wall(tmp_path: Any, measur
     assert measured(str(folder), solref=(0.02, 1.0), **SOFT).labels == ["stable"]
 
 
+@pytest.mark.slow
 def test_the_sweep_finds_the_regimes(swept: Callable[..., Rows]) -> None:
     rows = swept("grasp")
     assert [row["expectation_reason"] for row in rows if row["expectation_met"] is False] == []

@@ -47,6 +47,7 @@ def test_friction_holds_a_block(ablate: Ablate) -> None:
     assert is_free(report, *ANYWHERE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("coefficient", "need"), [(0.001, "needed"), (0.0, "free")])
 def test_rolling_friction_is_needed_where_it_has_a_coefficient(
     ablate: Ablate, coefficient: float, need: str

@@ -68,6 +68,7 @@ def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
     assert not scene.resolve(values, 0, None).flags["limit"]
 
 
+@pytest.mark.slow
 def test_features_that_act_are_kept(ablate: Ablate) -> None:
     report = ablate(USED, "keyframe=start", name="used.xml")
     needed = {each.effect for each in report.effects if each.need == "needed"}

@@ -186,6 +186,7 @@ def test_throw_shows_the_friction_that_acted(case: Case) -> None:
         assert row["oracle_measured"] < 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "old", "new", "only"),
     [
