@@ -9,7 +9,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -143,7 +142,7 @@ class ProgressDisplay:
         line.append("█" * filled, "green").append("░" * (_BAR - filled), "dim")
         line.append(f" {self._done:,} of {self._total:,}")
         if rate:
-            left = timedelta(seconds=round((self._total - self._done) / rate))
+            left = _format_time((self._total - self._done) / rate)
             line.append(f"  {_format_rate(rate)}  {left} left")
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
@@ -170,6 +169,15 @@ def progress_display() -> Generator[ProgressDisplay]:
         return
     with Live(console=console, get_renderable=display.line, transient=True):
         yield display
+
+
+def _format_time(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    hours, minutes = divmod(minutes, 60)
+    days, hours = divmod(hours, 24)
+    if days:
+        return f"{days} d {hours} h"
+    return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
 
 
 def _format_rate(rate: float) -> str:
