@@ -42,7 +42,7 @@ def test_only_runs_that_do_not_fit_are_lost(
     model = sweeper.ask(SWEEP).scene.base({}).model
     # What a run records does not fit; a job of the small runs, all that it needs and as much
     # again, does.
-    spare = bytes_of_run(model, 300_000) // 2
+    spare = bytes_of_run(model, 300_000) * 4 // 5
     assert spare > 8 * 12 * bytes_of_run(model, 300)
     assert spare < JOB_BYTES * 3
     (tmp_path / "small.yaml").write_text(SWEEP)
