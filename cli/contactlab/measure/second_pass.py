@@ -1,6 +1,7 @@
 """The second pass: is what the engine computed consistent with itself and with the geometry."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, SelfChecks
 from contactlab.measure.context import Context
@@ -114,17 +115,11 @@ def solver_inconsistent(runs: MeasuredRuns) -> Findings:
 )
 def missed_contact(runs: MeasuredRuns) -> Findings:
     """A monitored pair overlaps without a contact."""
-    checks, limit = runs.context.checks, runs.limits["missed_contact"]
+    checks = runs.context.checks
     if checks is None:
         return {}
-    return {
-        run: Finding(
-            f"a pair overlaps by {checks.overlap[run].max():.3g} m without any contact "
-            f"(limit {limit:g} m)",
-            int(checks.geometry_steps[first_step(checks.overlap[run] > limit)]),
-        )
-        for run in runs_where(checks.overlap.max(axis=1) > limit)
-    }
+    limit, said = runs.limits["missed_contact"], "a pair overlaps by {:.3g} m without any contact"
+    return _beyond(checks.overlap, limit, said, checks.geometry_steps)
 
 
 @label(
@@ -140,16 +135,22 @@ def missed_contact(runs: MeasuredRuns) -> Findings:
 )
 def phantom_contact(runs: MeasuredRuns) -> Findings:
     """A contact is reported between separated bodies."""
-    checks, limit = runs.context.checks, runs.limits["phantom_contact"]
+    checks = runs.context.checks
     if checks is None:
         return {}
+    limit = runs.limits["phantom_contact"]
+    said = "a contact is {:.3g} m deeper than the distance of its bodies"
+    return _beyond(checks.apart, limit, said, checks.geometry_steps)
+
+
+def _beyond(depths: Floats, limit: float, said: str, steps: NDArray[np.intp]) -> Findings:
+    """Return the runs whose depths (n, L) [m], at checked steps (L,), exceed a limit [m]."""
     return {
         run: Finding(
-            f"a contact is {checks.apart[run].max():.3g} m deeper than the distance of its bodies "
-            f"(limit {limit:g} m)",
-            int(checks.geometry_steps[first_step(checks.apart[run] > limit)]),
+            f"{said.format(depths[run].max())} (limit {limit:g} m)",
+            int(steps[first_step(depths[run] > limit)]),
         )
-        for run in runs_where(checks.apart.max(axis=1) > limit)
+        for run in runs_where(depths.max(axis=1) > limit)
     }
 
 
