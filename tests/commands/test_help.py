@@ -56,13 +56,12 @@ def test_every_command_has_help(contactlab: Run, name: str) -> None:
     assert out.startswith(f"Usage: contactlab {name} ")
 
 
-def test_help_takes_little_time() -> None:
-    command = [sys.executable, "-c", LOADED, "sweep", "--help"]
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    _, status, usage = os.wait4(process.pid, 0)
-    process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode == 0
-    assert usage.ru_utime + usage.ru_stime < 0.4
+def test_help_loads_little() -> None:
+    """Some 330 modules as it is; the engine's or Arrow's alone are hundreds more."""
+    counted = f"{LOADED}    print(len(sys.modules), file=sys.stderr)\n"
+    command = [sys.executable, "-c", counted, "sweep", "--help"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert int(done.stderr.splitlines()[-1]) < 450
 
 
 @pytest.mark.parametrize(

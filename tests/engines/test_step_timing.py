@@ -1,10 +1,13 @@
 """Work is what a plain loop counts, and what is timed is the run itself, part by part."""
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, Segments, Work, roll_out
+from contactlab.engines import Buffers, Segments, Work, mujoco_batch, roll_out
+from contactlab.engines.engine import SEGMENTS
 from contactlab.engines.step_timing import count_work, time_segments, time_steps
 from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
 
@@ -83,15 +86,39 @@ def test_steps_are_counted_as_made(timed: Timed, most: int, steps: int) -> None:
     assert len(time_steps(timed.segments, most)) == steps
 
 
-def test_twice_the_steps_take_twice_the_time(timed: Timed) -> None:
-    """CPU time of a thread spreads by a tenth; the least of some is compared."""
-    ones = min(time_segments(timed.segments, STEPS, 2)[0] for _ in range(9))
-    twos = min(time_segments(timed.segments, STEPS, 4)[0] for _ in range(9))
-    assert twos / ones == pytest.approx(2, rel=0.25)
+class Clock:
+    """A clock by which a step takes a microsecond, reading it a tenth, and all else an hour."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.nanoseconds = 0
+        advance = self.advance
+        monkeypatch.setattr("time.thread_time_ns", lambda: advance(100))
+        monkeypatch.setattr("time.thread_time", lambda: 1e-9 * advance(100))
+
+        class Batch(mujoco_batch.Batch):
+            def reset(self, *args: Any, **rest: Any) -> None:
+                super().reset(*args, **rest)
+                advance(3600 * 10**9)
+
+            def rollout(self, nstep: int, *args: Any, **rest: Any) -> Any:
+                end = advance(1000 * nstep)
+                result = super().rollout(nstep, *args, **rest)
+                advance(end - advance(0))
+                return result
+
+        step = mujoco.mj_step
+        monkeypatch.setattr(mujoco_batch, "Batch", Batch)
+        monkeypatch.setattr("mujoco.mj_step", lambda *both: (step(*both), advance(1000)))
+
+    def advance(self, nanoseconds: int) -> int:
+        self.nanoseconds += nanoseconds
+        return self.nanoseconds
 
 
-def test_single_steps_add_up_to_the_whole(timed: Timed) -> None:
-    """A step of ten microseconds and more pays one for the call from Python; the rest is noise."""
-    single = min(float(np.sum(time_steps(timed.segments, STEPS))) for _ in range(9))
-    whole = min(time_segments(timed.segments, STEPS, 1)[0] for _ in range(9))
-    assert 0.7 * whole < single < 1.6 * whole
+def test_steps_are_timed_and_nothing_else(timed: Timed, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each of the eight segments reads the clock once more than it counts: a tenth of a step."""
+    Clock(monkeypatch)
+    for repeats in (1, 2, 4):
+        seconds, steps = time_segments(timed.segments, STEPS, repeats)
+        assert seconds == pytest.approx((steps + 0.1 * repeats * SEGMENTS) * 1e-6, rel=1e-3)
+    assert time_steps(timed.segments, STEPS) == pytest.approx(np.full(STEPS, 1e-6), rel=1e-9)
