@@ -1,0 +1,154 @@
+"""Models that fail in silence, each with a healthy twin, and the truth about both.
+
+A case is one MJCF text with a few numbers left open: the failing model has one set of them, its
+twin another. What is true of either is found by stepping it with plain MuJoCo from its first
+keyframe (or its reference configuration) and measuring one quantity, whose limit was fixed from the
+physics of the scene, not from what any label says.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What a plain loop over `mj_step` saw; row k is the state before step k.
+
+    Attributes:
+        model: what was stepped.
+        time: (N + 1) [s].
+        qpos: (N + 1, nq).
+        qvel: (N + 1, nv).
+        xpos: (N + 1, nbody, 3) [m].
+        site: (N + 1, nsite, 3) [m].
+        length: (N + 1, ntendon) [m].
+        vertex: (N + 1, nflexvert, 3) [m].
+        energy: (N + 1) potential and kinetic [J].
+    """
+
+    model: mujoco.MjModel
+    time: np.ndarray
+    qpos: np.ndarray
+    qvel: np.ndarray
+    xpos: np.ndarray
+    site: np.ndarray
+    length: np.ndarray
+    vertex: np.ndarray
+    energy: np.ndarray
+
+    @property
+    def end(self) -> slice:
+        """The last quarter."""
+        return slice(3 * len(self.time) // 4, None)
+
+    def joint(self, name: str) -> np.ndarray:
+        return self.qpos[:, int(self.model.joint(name).qposadr[0])]
+
+    def body(self, name: str) -> np.ndarray:
+        return self.xpos[:, self.model.body(name).id]
+
+    def gap(self, first: str, second: str) -> np.ndarray:
+        """Return (N + 1) the distance of two sites [m]."""
+        sites = (self.site[:, self.model.site(name).id] for name in (first, second))
+        return np.linalg.norm(np.subtract(*sites), axis=1)
+
+
+Truth = Callable[[Motion], float]
+
+
+@dataclass(frozen=True)
+class Case:
+    """One failing model and its twin.
+
+    Attributes:
+        kind: what fails: actuator, contact, constraint, passing, loss or support.
+        name: of the case.
+        xml: the MJCF, open numbers in `<<NAME>>`.
+        failing: the numbers of the failing model.
+        healthy: those of its twin.
+        truth: what is measured of either.
+        limit: above it a model has failed; twins stay below half of it.
+        duration: how long it is watched [s].
+    """
+
+    kind: str
+    name: str
+    xml: str
+    failing: Mapping[str, object]
+    healthy: Mapping[str, object]
+    truth: Truth
+    limit: float
+    duration: float = field(default=2.0)
+
+    def text(self, *, healthy: bool) -> str:
+        """Return the MJCF of the failing model or its twin."""
+        text = self.xml
+        for name, value in (self.healthy if healthy else self.failing).items():
+            text = text.replace(f"<<{name}>>", str(value))
+        return f"<mujoco>{text}</mujoco>"
+
+
+def watch(text: str, duration: float) -> Motion:
+    """Step a model with plain MuJoCo."""
+    model = mujoco.MjModel.from_xml_string(text)
+    model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data = mujoco.MjData(model)
+    if model.nkey:
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+    rows: list[tuple[object, ...]] = []
+    for _ in range(round(duration / model.opt.timestep) + 1):
+        mujoco.mj_forward(model, data)
+        rows.append(
+            (
+                data.time,
+                data.qpos.copy(),
+                data.qvel.copy(),
+                data.xpos.copy(),
+                data.site_xpos.copy(),
+                data.ten_length.copy(),
+                data.flexvert_xpos.copy(),
+                float(data.energy.sum()),
+            )
+        )
+        mujoco.mj_step(model, data)
+    return Motion(model, *(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def restless(motion: Motion) -> float:
+    """Return the rms of all joint speeds over the last quarter [m/s, rad/s]."""
+    return float(np.sqrt(np.mean(np.square(motion.qvel[motion.end]))))
+
+
+def opened(first: str, second: str) -> Truth:
+    """Return what measures how far two sites part [m], after the start has settled."""
+    return lambda motion: float(motion.gap(first, second)[motion.end].max())
+
+
+def beyond(joint: str, low: float, high: float) -> Truth:
+    """Return what measures how far a joint leaves a range, relative to its width."""
+
+    def measure(motion: Motion) -> float:
+        place = motion.joint(joint)
+        return float(max((place - high).max(), (low - place).max(), 0) / (high - low))
+
+    return measure
+
+
+def below(body: str, level: float, axis: int = 2) -> Truth:
+    """Return what measures how far a body gets below a level along an axis [m]."""
+    return lambda motion: float(max((level - motion.body(body)[:, axis]).max(), 0.0))
+
+
+def rests_off(body: str, level: float) -> Truth:
+    """Return what measures how far from a height a body is at the end [m]."""
+    return lambda motion: float(abs(motion.body(body)[motion.end, 2] - level).max())
+
+
+def slipped(ratio: float, driver: str, driven: str) -> Truth:
+    """Return what measures how far two geared joints part [m, rad], as driven - ratio driver."""
+    return lambda motion: float(
+        np.abs(motion.joint(driven) - ratio * motion.joint(driver))[motion.end].max()
+    )
