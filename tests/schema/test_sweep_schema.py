@@ -24,6 +24,7 @@ GOOD: dict[str, Any] = {
     "scene": "ball_drop",
     "description": "which timestep is enough",
     "duration": 3,
+    "drive": {"policy": "balance.py:Balance", "latency": 0.01, "noise": {"qpos": 1e-3}},
     "seeds": [0, 4],
     "axes": {
         "timestep": {"logspace": [5e-4, 2e-2, 8]},
@@ -55,6 +56,9 @@ GOOD: dict[str, Any] = {
 }
 
 BAD: list[dict[str, Any]] = [
+    {"drive": "limp"},
+    {"drive": {"noise": 2}},
+    {"drive": {"policy": "balance.py"}},
     {"axes": {"timestep": {"logspace": [1, 2]}}},
     {"axes": {"timestep": {"linspace": [1, 2, 3, 4]}}},
     {"axes": {"timestep": {"linspace": [1, 2, 2.5]}}},

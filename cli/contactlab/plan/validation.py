@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.axis_forms import FORMS
+from contactlab.schema.drive import DRIVE_FORMS
 from contactlab.schema.sweep_schema import Sweep
 
 _WANTED = {
@@ -158,9 +159,10 @@ def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:
     """Return the model of the mapping at a location, found from the model of the whole file."""
+    tagged = {**FORMS, **DRIVE_FORMS}
     for part in loc:
-        if isinstance(part, str) and part.startswith("@") and part[1:] in FORMS:
-            model = FORMS[part[1:]]
+        if isinstance(part, str) and part.startswith("@") and part[1:] in tagged:
+            model = tagged[part[1:]]
         elif part in model.model_fields:
             annotation = model.model_fields[str(part)].annotation
             model = next(_models_in(annotation), model)

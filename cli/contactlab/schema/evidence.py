@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from contactlab.schema.drive import Drive
 from contactlab.schema.strict_model import Model
 
 # Errors that a sweep may give tolerances for, as for metrics, if it asks for accuracy.
@@ -206,6 +207,7 @@ class EvidenceRecord(Model):
     seed: int
     initial: InitialState
     duration: float
+    drive: Drive = Field(default="none", description="What drove the run.")
     status: Status
     status_reason: str | None
     steps: int

@@ -4,6 +4,7 @@ from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
+from contactlab.schema.drive import Drive
 from contactlab.schema.strict_model import Model, Number, Word
 from contactlab.schema.sweep_schema import Effects
 
@@ -131,6 +132,10 @@ class SceneManifest(Model):
         default_factory=dict,
         description="Coordinates ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz, to their "
         "values over time; expressions are over initial values.",
+    )
+    drive: Drive = Field(
+        default="none",
+        description="What drives a run besides `control`, unless the sweep says otherwise.",
     )
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None

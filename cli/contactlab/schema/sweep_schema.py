@@ -16,6 +16,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.axis_forms import Axis
+from contactlab.schema.drive import Drive
 from contactlab.schema.strict_model import (
     Model,
     Number,
@@ -214,6 +215,11 @@ class Sweep(Model):
     description: str | None = Field(default=None, description="what the sweep is for")
     duration: Positive | None = Field(
         default=None, description="simulated time of a run [s]; the scene's own if left out"
+    )
+    drive: Drive | None = Field(
+        default=None,
+        description="none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or "
+        "{policy: FILE.py:CLASS}; left out: the scene's own",
     )
     seeds: Seeds = Field(
         default=1, description="number of seeds (0, 1, ...) or a list of them; innermost"

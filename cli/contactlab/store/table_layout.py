@@ -46,6 +46,7 @@ FIXED_COLUMNS = (
     Column("scene_hash", _TEXT, "", "hash of the scene's files"),
     Column("seed", _WHOLE, "1", "what perturbed the start state"),
     Column("duration", _REAL, "s", "simulated time asked for"),
+    Column("drive", _TEXT, "", "what drove the run, as JSON"),
     Column("label", _TEXT, "", "worst label"),
     Column("labels", pa.list_(_TEXT), "", "every label that applies, worst first"),
     Column("label_reason", _TEXT, "", "why the worst label applies"),
@@ -194,7 +195,7 @@ def _type_of(value: object) -> pa.DataType:
 # Fields that all runs of a store share; the table has them once, in its metadata.
 SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
 # Mappings of any keys, stored as JSON text, which every reader of Parquet can show.
-_JSON_TEXT = ("pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
+_JSON_TEXT = ("drive", "pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
 # Columns of their own for each entry; named after the entry, or with the field's name before it.
 _NESTED = ("axes", "metrics", "labels", "accuracy", "timing", "plugins")
 _PREFIXED = ("engine", "initial", "cost", "trace")
@@ -234,7 +235,8 @@ def record_to_row(record: EvidenceRecord) -> Row:
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
     """Return the record of a row, given the fields that all runs of its store share."""
     data: Row = {name: row[name] for name in _PLAIN}
-    data |= {name: json.loads(row[name]) for name in _JSON_TEXT}
+    # Older stores lack some of them.
+    data |= {name: json.loads(text) for name in _JSON_TEXT if (text := row.get(name)) is not None}
     data |= {name: shared[name] for name in SHARED_FIELDS}
     data["engine"] = {name: row[f"engine_{name}"] for name in _ENGINE}
     # The column has a field for each setting of any run; those of other runs are null.

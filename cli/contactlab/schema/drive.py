@@ -1,0 +1,176 @@
+"""What drives a run: nothing, a hold, noise, an exercise, recorded controls, or a policy."""
+
+import re
+from collections.abc import Mapping
+from typing import Annotated, Any, Literal, cast
+
+from pydantic import AfterValidator, Discriminator, Field, Tag, TypeAdapter
+from pydantic_core import PydanticCustomError
+
+from contactlab.schema.strict_model import Model, Number, Positive, Word
+
+_WORDS = ("none", "hold", "exercise")
+_CLASS = r"^.+\.py:[A-Za-z_]\w*$"
+FileHash = Annotated[
+    Word | None, Field(description="SHA-256 that the file must have; records and stores state it.")
+]
+
+
+def _checked_class(text: str) -> str:
+    if not re.match(_CLASS, text):
+        raise PydanticCustomError("policy_class", "takes FILE.py:CLASS")
+    return text
+
+
+class NoiseDrive(Model):
+    """Band-limited random controls around those that hold the start posture."""
+
+    noise: Annotated[float, Field(strict=True, gt=0, le=1)] = Field(
+        description="root mean square over half the range of each control"
+    )
+    rate: Positive = Field(default=10.0, description="highest frequency [Hz]")
+
+
+class FileDrive(Model):
+    """Controls, forces and poses over time, from a table."""
+
+    file: Word = Field(
+        description="a .csv, .parquet, .npz or .mcap file, beside the file that names it; columns "
+        "`time` [s] and actuators, joints or bodies"
+    )
+    interpolation: Literal["linear", "hold"] = Field(
+        default="linear", description="between rows: linear, or each row held until the next"
+    )
+    sha256: FileHash = None
+
+
+class ObservationNoise(Model):
+    """Standard deviations of the noise of what a policy observes."""
+
+    qpos: Annotated[Number, Field(ge=0)] = Field(default=0.0, description="m or rad")
+    qvel: Annotated[Number, Field(ge=0)] = Field(default=0.0, description="m/s or rad/s")
+
+
+class PolicyDrive(Model):
+    """Controls in closed loop, by a class of Python."""
+
+    policy: Annotated[Word, AfterValidator(_checked_class)] = Field(
+        description="FILE.py:CLASS, the file beside the one that names it",
+        json_schema_extra={"pattern": _CLASS},
+    )
+    rate: Positive = Field(default=50.0, description="how often it acts [Hz]")
+    latency: Annotated[Number, Field(ge=0)] = Field(
+        default=0.0, description="from what it observes to its action [s]"
+    )
+    noise: ObservationNoise = Field(
+        default=ObservationNoise(), description="of what it observes; by the run's seed"
+    )
+    sha256: FileHash = None
+
+
+DRIVE_FORMS: Mapping[str, type[Model]] = {
+    "policy": PolicyDrive,
+    "file": FileDrive,
+    "noise": NoiseDrive,
+}
+
+
+def _form(data: object) -> str | None:
+    if isinstance(data, str):
+        return "@word" if data in _WORDS else None
+    keys = dict(data) if isinstance(data, Model) else data
+    known = cast("Mapping[str, object]", keys) if isinstance(keys, Mapping) else {}
+    return next((f"@{name}" for name in DRIVE_FORMS if name in known), None)
+
+
+# Tags start with @ so that an error's path never mistakes one for a key of the file.
+Drive = Annotated[
+    Annotated[Literal["none", "hold", "exercise"], Tag("@word")]
+    | Annotated[NoiseDrive, Tag("@noise")]
+    | Annotated[FileDrive, Tag("@file")]
+    | Annotated[PolicyDrive, Tag("@policy")],
+    Discriminator(
+        _form,
+        custom_error_type="drive_form",
+        custom_error_message="takes none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} "
+        "or {policy: FILE.py:CLASS}",
+    ),
+]
+_ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive)
+
+
+def read_drive(text: str) -> Drive:
+    """Return the drive of a short form: a word, `noise=0.3,rate=10`, or what it names as a path.
+
+    Raises:
+        ValidationError: it is not one.
+    """
+    return _ADAPTER.validate_python(_data(text))
+
+
+def _data(text: str) -> object:
+    if "=" in text:
+        data: dict[str, Any] = {}
+        for part in text.split(","):
+            *above, name = part.partition("=")[0].strip().split(".")
+            below = data
+            for key in above:
+                below = below.setdefault(key, {})
+            below[name] = _number(part.partition("=")[2].strip())
+        return data
+    if ".py:" in text:
+        return {"policy": text}
+    return {"file": text} if "." in text else text
+
+
+def _number(text: str) -> float | str:
+    try:
+        return float(text)
+    except ValueError:
+        return text
+
+
+def drive_file(drive: Drive) -> str | None:
+    """Return the file that a drive names; None for others."""
+    match drive:
+        case FileDrive(file=file):
+            return file
+        case PolicyDrive(policy=policy):
+            return policy.rpartition(":")[0]
+        case _:
+            return None
+
+
+def drive_identity(drive: Drive) -> object:
+    """Return what of a drive belongs to the identity of a run; None without a drive.
+
+    The file is known by its hash: where it lies does not matter.
+    """
+    match drive:
+        case str():
+            return None if drive == "none" else drive
+        case NoiseDrive():
+            return drive.model_dump()
+        case FileDrive():
+            return drive.model_dump(exclude={"file"})
+        case PolicyDrive():
+            _, _, name = drive.policy.rpartition(":")
+            return {**drive.model_dump(), "policy": name}
+
+
+def drive_text(drive: Drive) -> str:
+    """Return a drive in its short form."""
+    match drive:
+        case str():
+            return drive
+        case NoiseDrive():
+            return f"noise={drive.noise:g},rate={drive.rate:g}"
+        case FileDrive(file=file, interpolation=interpolation):
+            return file if interpolation == "linear" else f"file={file},interpolation=hold"
+        case PolicyDrive():
+            noise = drive.noise
+            parts = [f"policy={drive.policy}", f"rate={drive.rate:g}"]
+            parts += [f"latency={drive.latency:g}"] * bool(drive.latency)
+            parts += [f"noise.qpos={noise.qpos:g}"] * bool(noise.qpos)
+            parts += [f"noise.qvel={noise.qvel:g}"] * bool(noise.qvel)
+            return ",".join(parts)
