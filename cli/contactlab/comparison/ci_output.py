@@ -1,14 +1,11 @@
 """A comparison for CI jobs: Markdown, GitHub annotations and JUnit XML."""
 
-import re
 from collections.abc import Iterator, Sequence
-from xml.etree import ElementTree as ET
 
+from contactlab.ci_output import JUnitCase, annotations, junit
 from contactlab.comparison.report_lines import (
     WORDS,
     ReportLine,
-    check_message,
-    check_name,
     label_changes,
     pair_location,
     pair_values,
@@ -26,10 +23,6 @@ _MOST_LINES = 1_000
 _SIGNS = {"failed": "❌", "skipped": "⚪", "warned": "⚠️", "noted": "ℹ️", "passed": "✅"}  # noqa: RUF001
 assert set(_SIGNS) == set(WORDS)
 _HEAD = ("| | check | result | worst | where |", "|---|---|---|---|---|")
-_MOST_ANNOTATIONS = 9
-"""A step shows ten errors and ten warnings, and silently drops the others."""
-# XML cannot represent these characters, not even escaped.
-_FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def as_markdown(report: ComparisonReport) -> str:
@@ -106,87 +99,39 @@ def _escaped(text: str) -> str:
 def as_annotations(report: ComparisonReport) -> str:
     """Return the annotations of errors and warnings: 9 of each, and how many more."""
     if report.baseline is None or report.candidate is None:
-        return _annotation("error", "contactlab compare", report.headline) + "\n"
-    title = f"contactlab {report.candidate.sweep}"
+        return annotations("contactlab compare", [report.headline], [])
     urgent = [line for line in report_lines(report) if line.urgent]
-    errors = [line for line in urgent if line.outcome != "warned"]
-    warnings = [line for line in urgent if line.outcome == "warned"]
-    lines = [*_annotations("error", title, errors), *_annotations("warning", title, warnings)]
-    return "".join(f"{line}\n" for line in lines)
+    return annotations(
+        f"contactlab {report.candidate.sweep}",
+        [_message(line) for line in urgent if line.outcome != "warned"],
+        [_message(line) for line in urgent if line.outcome == "warned"],
+    )
 
 
-def _annotations(command: str, title: str, lines: Sequence[ReportLine]) -> Iterator[str]:
-    for line in lines[:_MOST_ANNOTATIONS]:
-        where = f" ({line.worst} at {line.where})" if line.worst else ""
-        yield _annotation(command, title, f"{line.name}: {line.message}{where}")
-    if len(lines) > _MOST_ANNOTATIONS:
-        yield _annotation(
-            command, title, f"and {len(lines) - _MOST_ANNOTATIONS:,} more; see the summary"
-        )
-
-
-def _annotation(command: str, title: str, message: str) -> str:
-    return f"::{command} title={_property(title)}::{_data(message)}"
-
-
-def _data(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")
+def _message(line: ReportLine) -> str:
+    where = f" ({line.worst} at {line.where})" if line.worst else ""
+    return f"{line.name}: {line.message}{where}"
 
 
 def as_junit(report: ComparisonReport) -> str:
-    """Return a comparison as JUnit XML.
-
-    Warnings and notes are passed cases with a `system-out`; what cannot be compared is a skipped
-    case.
-    """
+    """Return a comparison as JUnit XML; what cannot be compared is a skipped case."""
     sweep = "stores" if report.baseline is None else report.baseline.sweep
-    outcomes = [check.outcome for check in report.checks]
-    root = ET.Element("testsuites")
-    suite = ET.SubElement(
-        root,
-        "testsuite",
-        name=_clean(f"contactlab compare {sweep}"),
-        tests=str(len(outcomes)),
-        failures=str(outcomes.count("failed")),
-        errors="0",
-        skipped=str(outcomes.count("skipped")),
-        time="0",
+    return junit(
+        f"contactlab compare {sweep}",
+        [
+            JUnitCase(
+                check,
+                (sweep, check.kind, check.group),
+                check.verdict,
+                [*_pairs(check), *(report.advice if check.outcome == "failed" else ())],
+            )
+            for check in report.checks
+        ],
     )
-    suite.extend(_case(check, sweep, report.advice) for check in report.checks)
-    ET.indent(root)
-    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
-
-
-def _case(check: Check, sweep: str, advice: Sequence[str]) -> ET.Element:
-    # Readers split the class name at its dots.
-    parts = ("contactlab", sweep, check.kind, *filter(None, [check.group]))
-    case = ET.Element(
-        "testcase",
-        name=_clean(check.name),
-        classname=_clean(".".join(part.replace(".", "_") for part in parts)),
-        time="0",
-    )
-    message = _clean(f"{check.verdict}: {check_message(check)}")
-    if check.outcome == "failed":
-        failure = ET.SubElement(case, "failure", message=message, type=check.verdict)
-        failure.text = _clean("\n".join([message, *_pairs(check), *advice]))
-    elif check.outcome == "skipped":
-        ET.SubElement(case, "skipped", message=message)
-    elif check.outcome != "passed":
-        output = "\n".join([f"{check.outcome}: {message}", *_pairs(check)])
-        ET.SubElement(case, "system-out").text = _clean(output)
-    return case
 
 
 def _pairs(check: Check) -> list[str]:
-    name = check_name(check)
     pairs = [(pair_values(check, pair), pair_location(pair)) for pair in check.worst]
-    return [f"{name}: {f'{values} ' if values else ''}at {where}" for values, where in pairs]
-
-
-def _clean(text: str) -> str:
-    return _FORBIDDEN.sub("?", text)
+    return [
+        f"{check.full_name}: {f'{values} ' if values else ''}at {where}" for values, where in pairs
+    ]

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import date
 
+from contactlab.comparison.acceptances import apply_acceptances
 from contactlab.comparison.label_checks import PairLabels, label_checks
 from contactlab.comparison.metric_checks import metric_checks
 from contactlab.comparison.opened_stores import (
@@ -16,7 +17,7 @@ from contactlab.comparison.opened_stores import (
 )
 from contactlab.comparison.paired_stores import PairedStores
 from contactlab.comparison.pairing import Pairing, pair_by_axes, pair_by_id
-from contactlab.comparison.policies import apply_acceptances, check_names
+from contactlab.comparison.policies import check_names
 from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
 from contactlab.comparison.run_checks import (
     bitwise_equal,

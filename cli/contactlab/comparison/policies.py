@@ -13,14 +13,14 @@ from contactlab.errors import PolicyError, did_you_mean
 from contactlab.measure import METRICS
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.compare_policy import (
-    AcceptedCheck,
     ComparePolicy,
     Level,
     MetricRule,
     Sameness,
     Statistic,
 )
-from contactlab.schema.comparison_report import Check, CheckKind, ComparisonReport
+from contactlab.schema.comparison_report import CheckKind, ComparisonReport
+from contactlab.schema.judged_check import AcceptedCheck
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.run_columns import MeasuredColumn
 
@@ -127,42 +127,6 @@ def kind_of(name: str) -> CheckKind:
     """Return whether a metric is measured by the clock or by the physics."""
     timed = [pattern for pattern, rule in _DEFAULTS.items() if rule is _TIME]
     return "time" if any(fnmatchcase(name, pattern) for pattern in timed) else "metrics"
-
-
-def apply_acceptances(
-    checks: Sequence[Check], accepted: Sequence[AcceptedCheck], today: date
-) -> list[Check]:
-    """Return the checks; those that fail and are accepted become notes.
-
-    Raises:
-        PolicyError: an entry names a check that does not exist.
-    """
-    names = {check.name for check in checks}
-    for entry in accepted:
-        if entry.check not in names:
-            hint = did_you_mean(entry.check, names)
-            raise PolicyError(f"the policy accepts '{entry.check}', which is not a check{hint}")
-    return [_accepted(check, accepted, today) for check in checks]
-
-
-def _accepted(check: Check, entries: Sequence[AcceptedCheck], today: date) -> Check:
-    if check.outcome not in {"failed", "warned"}:
-        return check
-    for entry in entries:
-        if entry.check == check.name and entry.group in {None, check.group}:
-            if obstacle := _obstacle(entry, check, today):
-                return check.model_copy(update={"message": f"{check.message}; {obstacle}"})
-            return check.model_copy(update={"outcome": "noted", "accepted": entry.reason})
-    return check
-
-
-def _obstacle(entry: AcceptedCheck, check: Check, today: date) -> str | None:
-    """Return why an entry does not cover a failing check; None if it does."""
-    if entry.until is not None and entry.until < today:
-        return f"accepted until {entry.until} ({entry.reason})"
-    if check.failing > entry.max:
-        return f"accepted for {entry.max:,}, but {check.failing:,} fall short ({entry.reason})"
-    return None
 
 
 def acceptance(

@@ -7,11 +7,11 @@ from contactlab.comparison.policies import REMEASURED
 from contactlab.comparison.wording import format_number, format_settings, plural, value_change
 from contactlab.schema.comparison_report import (
     Check,
-    CheckOutcome,
     ComparedStore,
     ComparisonReport,
     RunPair,
 )
+from contactlab.schema.judged_check import CheckOutcome
 
 WORDS: dict[CheckOutcome, str] = {
     "failed": "FAIL",
@@ -55,16 +55,6 @@ def report_lines(report: ComparisonReport) -> list[ReportLine]:
     lines += _skipped([check for check in checks if check.outcome == "skipped"])
     order = list(WORDS)
     return sorted(lines, key=lambda line: order.index(line.outcome))
-
-
-def check_name(check: Check) -> str:
-    """Return a check's name with its group."""
-    return f"{check.name} ({check.group})" if check.group else check.name
-
-
-def check_message(check: Check) -> str:
-    """Return the message of a check, and why it is accepted."""
-    return f"{check.message}; accepted: {check.accepted}" if check.accepted else check.message
 
 
 def pair_values(check: Check, pair: RunPair) -> str:
@@ -124,8 +114,8 @@ def _line(check: Check) -> ReportLine:
     pair = check.worst[0] if check.worst else None
     return ReportLine(
         check.outcome,
-        check_name(check),
-        check_message(check),
+        check.full_name,
+        check.full_message,
         pair_values(check, pair) if pair else "",
         pair_location(pair) if pair else "",
         check.outcome in {"failed", "warned"},
@@ -146,7 +136,7 @@ def _skipped(checks: Sequence[Check]) -> list[ReportLine]:
 def _together(checks: Sequence[Check]) -> tuple[str, str, str, str]:
     reason = checks[0].message
     if len(checks) == 1:
-        return check_name(checks[0]), reason, "", ""
+        return checks[0].full_name, reason, "", ""
     names = list(dict.fromkeys(check.name.split()[0] for check in checks))
     shown = ", ".join(names[:3])
     return plural(len(checks), "check"), reason, "", shown if len(names) <= 3 else f"{shown}, ..."

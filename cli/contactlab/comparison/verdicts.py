@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.schema.compare_policy import Level
-from contactlab.schema.comparison_report import Check, CheckKind, CheckOutcome, RunPair, Verdict
+from contactlab.schema.comparison_report import Check, CheckKind, RunPair, Verdict
+from contactlab.schema.judged_check import CheckOutcome
 
 Verdicts = NDArray[np.int8]
 

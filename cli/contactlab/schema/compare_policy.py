@@ -6,7 +6,8 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.strict_model import Model, Tolerance, Whole, Word
+from contactlab.schema.judged_check import Acceptances, Count
+from contactlab.schema.strict_model import Model, Tolerance, Word
 
 Level = Literal["gate", "warn", "note"]
 Better = Literal["lower", "higher", "none"]
@@ -25,7 +26,6 @@ Sameness = Literal[
     "cpu_flags",
     "os",
 ]
-Count = Annotated[Whole, Field(ge=0)]
 LEVEL = "gate: fails the job; warn: a warning; note: reported only"
 
 
@@ -121,20 +121,9 @@ class RecommendationRules(Model):
     changed: Level = Field(default="warn", description=f"of a changed recommendation; {LEVEL}")
 
 
-class AcceptedCheck(Model):
-    """A failed check that is known and accepted; `contactlab compare --accept` writes these."""
-
-    check: Word = Field(description="the check's name")
-    group: Word | None = Field(default=None, description="its group; all groups if left out")
-    max: Count = Field(description="how many runs may fail it")
-    reason: Word = Field(description="why it is accepted")
-    until: date | None = Field(default=None, description="last accepted day, YYYY-MM-DD")
-
-
-class ComparePolicy(Model):
+class ComparePolicy(Acceptances):
     """What counts as regressed, and what fails the job."""
 
-    version: Literal[1] = Field(description="version of this file format: 1")
     match: Literal["id", "axes"] = Field(
         default="id", description="how runs are paired: by run id, or by axis values and seed"
     )
@@ -159,4 +148,3 @@ class ComparePolicy(Model):
     recommendation: RecommendationRules = Field(
         default_factory=RecommendationRules, description="the recommended configuration"
     )
-    accept: tuple[AcceptedCheck, ...] = Field(default=(), description="checks that may fail")

@@ -6,12 +6,12 @@ from pydantic import Field
 
 from contactlab.schema.compare_policy import Level
 from contactlab.schema.evidence import Setting
+from contactlab.schema.judged_check import JudgedCheck
 from contactlab.schema.strict_model import Model
 
 COMPARISON_VERSION = 1
 
 Verdict = Literal["better", "same", "worse", "changed", "missing", "not comparable"]
-CheckOutcome = Literal["failed", "warned", "noted", "passed", "skipped"]
 CheckKind = Literal["evidence", "runs", "labels", "metrics", "time", "recommendation"]
 
 
@@ -47,19 +47,16 @@ class RunPair(Model):
     candidate: float | str | None
 
 
-class Check(Model):
+class Check(JudgedCheck):
     """One thing that was judged; the list of checks does not depend on their outcomes."""
 
-    name: str
     kind: CheckKind
     group: str = Field(description="Axis values of its runs, such as cone=elliptic; or empty.")
     level: Level
-    outcome: CheckOutcome = Field(description="Its effect on the job.")
     verdict: Verdict = Field(description="Its result for the evidence.")
     runs: int = Field(description="Runs, or groups of them, that were judged.")
     failing: int = Field(description="How many of these fail.")
     counts: dict[Verdict, int] = Field(description="How many have each verdict.")
-    message: str = Field(description="The result, in words.")
     unit: str = ""
     accepted: str | None = Field(default=None, description="Why the policy accepts it.")
     worst: tuple[RunPair, ...] = Field(default=(), description="The worst few.")
