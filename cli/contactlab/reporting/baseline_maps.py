@@ -31,7 +31,8 @@ from contactlab.reporting.report_columns import (
 from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import Spec, themed
 from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import Check, CheckOutcome, ComparisonReport
+from contactlab.schema.comparison_report import Check, ComparisonReport
+from contactlab.schema.judged_check import CheckOutcome
 from contactlab.store.finished_store import Store
 
 _WORSE, _BETTER, _SAME = 0, 1, 2
