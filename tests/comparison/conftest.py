@@ -141,7 +141,7 @@ def write(path: Path, given: Given) -> Path:
         "engine": Engine(name="mujoco", version="4.0.0"),
         "metric_versions": given.versions,
         "runs_asked": len(given.runs),
-        "plan_hash": "p",
+        "plan_hash": "b",
     }
     identity = SweepIdentity(**{**told, **given.identity})
     runs = [run.model_copy(update={"metric_versions": given.versions}) for run in given.runs]

@@ -145,7 +145,7 @@ def identity(runs: int, **changes: Any) -> SweepIdentity:
         engine=ENGINE,
         metric_versions={"depth": 1, "gain": 1},
         runs_asked=runs,
-        plan_hash="p",
+        plan_hash="b",
     )
     return plain.model_copy(update=changes)
 

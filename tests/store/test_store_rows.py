@@ -28,6 +28,7 @@ WHOLES = st.integers(-(2**63), 2**63 - 1)
 # Whole numbers that a column of reals can hold.
 EXACT = st.integers(-(2**53), 2**53)
 COUNTS = st.integers(0, 2**63 - 1)
+HASHES = st.text("0123456789abcdef", min_size=1, max_size=64)
 WORDS = st.text(st.characters(exclude_categories=["Cs"]), max_size=8)
 LABELS = st.builds(LabelEntry, label=WORDS, reason=WORDS, step=st.none() | COUNTS)
 COSTS = st.builds(
@@ -62,8 +63,8 @@ TIMINGS = st.builds(
 )
 TRACES = st.builds(
     TraceFile,
-    file=WORDS,
-    sha256=WORDS,
+    file=HASHES.map(lambda run: f"traces/00/{run}.mcap"),
+    sha256=HASHES.map(lambda some: some.zfill(64)),
     bytes=COUNTS,
     messages=st.dictionaries(WORDS, COUNTS, max_size=3),
 )
@@ -89,7 +90,7 @@ CHANGES = st.fixed_dictionaries(
         "expectation_reason": st.none() | WORDS,
         "tolerances_met": st.none() | st.booleans(),
         "status_reason": st.none() | WORDS,
-        "trajectory_hash": st.none() | WORDS,
+        "trajectory_hash": st.none() | HASHES,
         "seed": COUNTS,
         "duration": REALS,
         "cost": st.none() | COSTS,

@@ -59,7 +59,7 @@ def test_a_new_store_then_a_finished_one(
 @pytest.mark.parametrize(
     ("change", "named"),
     [
-        ({"plan_hash": "q"}, "plan_hash"),
+        ({"plan_hash": "c"}, "plan_hash"),
         ({"name": "other", "runs_asked": 9}, "name, runs_asked"),
         ({"metric_versions": {"depth": 2, "gain": 1}}, "metric_versions"),
     ],

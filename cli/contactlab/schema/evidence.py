@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from contactlab.schema.drive import Drive
-from contactlab.schema.strict_model import Model
+from contactlab.schema.strict_model import Hash, InnerName, Model, Sha256
 
 # Errors that a sweep may give tolerances for, as for metrics, if it asks for accuracy.
 ERRORS = ("error_final", "error_mean", "error_peak")
@@ -135,8 +135,10 @@ class Cost(Model):
 class TraceFile(Model):
     """The run's MCAP file."""
 
-    file: str = Field(description="Path relative to the store.")
-    sha256: str
+    file: str = Field(
+        pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]+\.mcap$", description="Path relative to the store."
+    )
+    sha256: Sha256
     bytes: int
     messages: dict[str, int] = Field(description="Messages by topic.")
 
@@ -186,11 +188,11 @@ class EvidenceRecord(Model):
     """Everything known about one run, except its trace. Units are SI; `units` names them."""
 
     schema_version: Literal[2] = RECORD_VERSION
-    run_id: str
+    run_id: Hash
     index: int = Field(description="The run's place in the plan.")
     sweep: str
     scene: str
-    scene_hash: str
+    scene_hash: Hash
     engine: Engine
     axes: dict[str, Setting] = Field(description="The swept values, as the sweep names them.")
     settings: dict[str, Setting] = Field(description="Every resolved setting, defaults included.")
@@ -222,7 +224,7 @@ class EvidenceRecord(Model):
     expectation_met: bool | None
     expectation_reason: str | None
     tolerances_met: bool | None
-    trajectory_hash: str | None = Field(
+    trajectory_hash: Hash | None = Field(
         description="SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
     )
     knife_edge: bool | None = Field(
@@ -250,8 +252,8 @@ class SweepIdentity(Model):
     overrides: tuple[str, ...] = Field(description="--set, --only and --limit, as given.")
     resolved: dict[str, Any] = Field(description="The sweep with defaults filled in.")
     scene: str
-    scene_hash: str
-    scene_model: str = Field(description="The model file, relative to scenes/<hash>.")
+    scene_hash: Hash
+    scene_model: InnerName = Field(description="The model file, relative to scenes/<hash>.")
     engine: Engine
     metric_versions: dict[str, int]
     runs_asked: int
@@ -259,7 +261,7 @@ class SweepIdentity(Model):
         default_factory=dict,
         description="Why this version of the engine leaves a value null, by the value's name.",
     )
-    plan_hash: str = Field(description="Hash of every run id in plan order.")
+    plan_hash: Hash = Field(description="Hash of every run id in plan order.")
     plugins: PluginInfos = ()
 
 
@@ -278,6 +280,8 @@ class StoreManifest(Model):
         description="Whether the traces that the records name were left out, as in a baseline.",
     )
     expectations: dict[str, int] = Field(description="Runs by outcome: met, unmet, none.")
-    files: dict[str, str] = Field(description="SHA-256 of every file but traces and this one.")
+    files: dict[InnerName, Sha256] = Field(
+        description="SHA-256 of every file but traces and this one."
+    )
     started: str
     finished: str

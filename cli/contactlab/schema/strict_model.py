@@ -11,6 +11,22 @@ Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 Whole = Annotated[int, Field(strict=True)]
 Word = Annotated[str, Field(strict=True, min_length=1)]
+Hash = Annotated[str, Field(pattern=r"^[0-9a-f]{1,64}$")]
+Sha256 = Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+def is_inner_name(name: str) -> bool:
+    """Return whether a relative name with slashes stays below the folder that it starts in."""
+    return "\0" not in name and not {"", ".", ".."} & set(name.split("/"))
+
+
+def _inner_name(name: str) -> str:
+    if not is_inner_name(name):
+        raise PydanticCustomError("inner_name", "must be a relative path without '..'")
+    return name
+
+
+InnerName = Annotated[str, AfterValidator(_inner_name)]
 
 
 class Model(BaseModel):

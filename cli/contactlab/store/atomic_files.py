@@ -25,6 +25,8 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     """
     temporary = target.with_name(target.name + TEMPORARY_SUFFIX)
     try:
+        # One that was left may be a link to another place.
+        temporary.unlink(missing_ok=True)
         yield temporary
         if durable:
             _sync(temporary)

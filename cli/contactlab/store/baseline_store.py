@@ -50,10 +50,9 @@ def write_baseline(source: Address, target: Path) -> StoreManifest:
 
 
 def _copy(store: Store, target: Path) -> StoreManifest:
-    scene = Path(SCENES) / store.manifest.sweep.scene_hash
-    shutil.copytree(store.path / scene, target / scene)
-    shutil.copyfile(store.path / IDENTITY, target / IDENTITY)
-    write_compact_table(store.path / TABLE, target / TABLE)
+    shutil.copytree(store.scene_folder, target / SCENES / store.manifest.sweep.scene_hash)
+    shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
+    write_compact_table(store.file(TABLE), target / TABLE)
     files = {name: sha256_of(target / name) for name in store.manifest.files}
     manifest = store.manifest.model_copy(update={"files": files, "traces_left_out": True})
     (target / MANIFEST).write_text(document_json(manifest), encoding="utf-8")

@@ -20,6 +20,7 @@ from contactlab.store.runs_table import read_table, shared_fields
 from contactlab.store.runs_view import Runs, store_line, store_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_files import check_tree, stored_file
 from contactlab.store.store_manifest import parse_manifest
 from contactlab.store.table_layout import row_to_record
 
@@ -68,6 +69,17 @@ class Store:
     def _repr_html_(self) -> str:
         return store_table(self.address, self.manifest)
 
+    def file(self, name: str) -> Path:
+        """Return the local path of one of the store's files but traces.
+
+        Raises:
+            StoreError: it is missing, or is no regular file of the store.
+        """
+        path = stored_file(self.path, name)
+        if path is None:
+            raise StoreError(f"{self.address / name} is missing")
+        return path
+
     @property
     def runs(self) -> Runs:
         """The table, for pandas, polars and others that read Arrow."""
@@ -76,7 +88,7 @@ class Store:
     @cached_property
     def table(self) -> pa.Table:
         """Every run as a row, in plan order; units are in the fields' metadata."""
-        return read_table(self.path / TABLE, shown_path=self.address / TABLE)
+        return read_table(self.file(TABLE), shown_path=self.address / TABLE)
 
     @cached_property
     def columns(self) -> RunColumns:
@@ -91,8 +103,10 @@ class Store:
 
     @property
     def scene_folder(self) -> Path:
-        """Local folder of the scene's files."""
-        return self.path / SCENES / self.manifest.sweep.scene_hash
+        """Local folder of the scene's files, none of which is a link to another place."""
+        folder = self.path / SCENES / self.manifest.sweep.scene_hash
+        check_tree(folder)
+        return folder
 
     def records(self) -> Iterator[EvidenceRecord]:
         """Yield the record of every run, in plan order."""

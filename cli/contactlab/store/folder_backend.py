@@ -1,9 +1,7 @@
 """A store in a local folder."""
 
 import fcntl
-import os
 import shutil
-import stat
 from collections.abc import Collection, Generator, Iterable
 from contextlib import contextmanager
 from pathlib import Path
@@ -27,6 +25,13 @@ from contactlab.store.backend_protocol import (
     TRACES,
     WriteSession,
 )
+from contactlab.store.store_files import (
+    MOST_TRACE,
+    check_tree,
+    read_stored,
+    stored_file,
+    stored_size,
+)
 from contactlab.store.store_manifest import document_json
 
 _FILES = (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES)
@@ -48,9 +53,7 @@ class FolderBackend:
     def read(self, name: str) -> bytes | None:
         """Return the content of a file; None if there is none."""
         try:
-            return (self.address / name).read_bytes()
-        except (FileNotFoundError, NotADirectoryError):
-            return None
+            return read_stored(self.address, name)
         except OSError as error:
             raise self._error(f"cannot read {self.address / name}: {error.strerror}") from error
 
@@ -86,11 +89,7 @@ class FolderBackend:
 
     def trace_size(self, name: str) -> int | None:
         """Return the size of a trace [bytes]; None if there is none."""
-        try:
-            status = os.stat(f"{self.address}/{name}")  # noqa: PTH116 - half the time of Path.stat
-        except (FileNotFoundError, NotADirectoryError):
-            return None
-        return status.st_size if stat.S_ISREG(status.st_mode) else None
+        return stored_size(self.address, name)
 
     def trace_names(self) -> list[str]:
         """Return the names of all traces, sorted."""
@@ -99,8 +98,7 @@ class FolderBackend:
     def trace_files(self, names: Iterable[str]) -> Generator[Path | None]:
         """Yield the file of each trace; None if it is missing."""
         for name in names:
-            path = self.address / name
-            yield path if path.is_file() else None
+            yield stored_file(self.address, name, MOST_TRACE)
 
     def leftovers(self) -> list[str]:
         """Return the names of what an interrupted write left, sorted."""
@@ -112,6 +110,9 @@ class FolderBackend:
     def write_session(self) -> Generator["FolderSession"]:
         """Hold the store's lock, which the system releases when the process ends."""
         self.address.mkdir(parents=True, exist_ok=True)
+        for name in _OWN:
+            for each in (name, name + TEMPORARY_SUFFIX):
+                check_tree(self.address / each)
         with (self.address / LOCK).open("a") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

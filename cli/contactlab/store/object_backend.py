@@ -13,11 +13,12 @@ from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache, cached_property
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
+from contactlab.schema.strict_model import is_inner_name
 from contactlab.store.backend_protocol import (
     IDENTITY,
     JOURNAL,
@@ -307,8 +308,7 @@ def _safe_name(name: str, address: ObjectAddress) -> str:
     Raises:
         StoreError: it does.
     """
-    path = PurePosixPath(name)
-    if path.is_absolute() or ".." in path.parts or path.as_posix() != name:
+    if not is_inner_name(name):
         raise StoreError(f"{address} is damaged: it names a file '{name}'")
     return name
 

@@ -15,6 +15,7 @@ from contactlab.errors import StoreError
 from contactlab.store.backend_protocol import TABLE
 from contactlab.store.runs_table import shared_fields, table_errors
 from contactlab.store.store_address import Address
+from contactlab.store.store_files import stored_file
 
 _MAX_CATEGORIES = 64
 """A bit each in a 64-bit mask."""
@@ -82,7 +83,7 @@ class RunColumns:
     def __init__(self, store: Path, address: Address | None = None) -> None:
         self.path = (address or store) / TABLE
         with table_errors(self.path):
-            self._file = pq.ParquetFile(store / TABLE)
+            self._file = pq.ParquetFile(stored_file(store, TABLE) or store / TABLE)
         self._latest: tuple[int, pa.Table] | None = None
 
     @property

@@ -1,9 +1,9 @@
 """`sweep.json` and `manifest.json`: the sweep that a store belongs to, and what the store holds."""
 
-import json
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
+from pydantic_core import from_json
 
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
@@ -63,10 +63,14 @@ def _other_plugins(stored: SweepIdentity, requested: SweepIdentity) -> str:
 
 def _parse(data: bytes, kind: type[_Document], path: Address) -> _Document:
     try:
-        content = json.loads(data)
+        content = from_json(data)
         _check_version(path, content)
         return kind.model_validate(content)
-    except (ValueError, ValidationError) as error:
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = ".".join(map(str, first["loc"]))
+        raise StoreError(f"{path} is damaged: {where}: {first['msg']}") from error
+    except ValueError as error:
         raise StoreError(f"{path} is damaged: {error}") from error
 
 

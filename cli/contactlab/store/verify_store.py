@@ -16,6 +16,7 @@ from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, read_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
+from contactlab.store.store_files import stored_file
 from contactlab.store.store_manifest import parse_identity
 
 
@@ -38,8 +39,12 @@ def verify(address: Address, *, thorough: bool = True) -> list[str]:
 
 def _check_files(store: Store, backend: Backend) -> Iterator[str]:
     for name, expected in store.manifest.files.items():
-        path = store.path / name
-        if not path.is_file():
+        try:
+            path = stored_file(store.path, name)
+        except StoreError as error:
+            yield str(error)
+            continue
+        if path is None:
             yield f"{name}: missing"
         elif sha256_of(path) != expected:
             yield f"{name}: changed since it was written"
@@ -49,7 +54,7 @@ def _check_files(store: Store, backend: Backend) -> Iterator[str]:
 
 def _check_identity(store: Store) -> Iterator[str]:
     try:
-        same = parse_identity((store.path / IDENTITY).read_bytes(), store.address)
+        same = parse_identity(store.file(IDENTITY).read_bytes(), store.address)
     except (OSError, StoreError):
         # Missing or changed, which its hash shows.
         return
@@ -77,7 +82,7 @@ def _check_records(store: Store, backend: Backend) -> Iterator[str]:
 
 def _check_columns(store: Store, backend: Backend) -> Iterator[str]:
     try:
-        table = read_table(store.path / TABLE, [*OUTCOME_COLUMNS, "run_id", "trace_bytes"])
+        table = read_table(store.file(TABLE), [*OUTCOME_COLUMNS, "run_id", "trace_bytes"])
         version = store.columns.shared["schema_version"]
     except (StoreError, KeyError, ValueError) as error:
         yield f"{TABLE}: {error}"
