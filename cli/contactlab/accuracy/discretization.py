@@ -94,10 +94,7 @@ def discretization_errors(
         return [{} for _ in family]
     compare = _compare_locally if local else _compare
     notes = [compare(reference, run, each, watch) for run, each in zip(family, times, strict=True)]
-    shared: dict[str, object] = {
-        "integrator": reference.integrator,
-        "timestep": reference.timestep,
-    }
+    shared: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
     if not local:
         shared["chaotic"] = _is_chaotic(reference, solver.divergence(reference), notes)
     return [{**note, **shared} for note in notes]

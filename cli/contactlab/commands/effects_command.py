@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 def effects(
     source: Annotated[
-        str,
-        typer.Argument(metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file."),
+        str, typer.Argument(metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file.")
     ],
     assign: opt.SetOption = None,
     folder: opt.StudyFolderOption = None,

@@ -23,8 +23,7 @@ def render(
         ),
     ],
     at: Annotated[
-        list[float] | None,
-        typer.Option(metavar="SECONDS", help="Time of a .png; may be repeated."),
+        list[float] | None, typer.Option(metavar="SECONDS", help="Time of a .png; may be repeated.")
     ] = None,
     speed: Annotated[
         float | None, typer.Option(help="Playback speed of a film; 0.1 is slow motion.")

@@ -27,8 +27,7 @@ def report(
     error: opt.ErrorOption = None,
     tolerance: opt.ToleranceOption = None,
     traces: Annotated[
-        str,
-        typer.Option(metavar="N|all|none", help="Runs whose time series the page includes."),
+        str, typer.Option(metavar="N|all|none", help="Runs whose time series the page includes.")
     ] = "60",
     max_mb: Annotated[
         float,

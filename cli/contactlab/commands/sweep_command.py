@@ -55,8 +55,7 @@ def sweep(
     yes: Annotated[bool, typer.Option("--yes", help="Allow more than 100,000 runs.")] = False,
     fresh: Annotated[bool, typer.Option("--fresh", help="Replace an existing store.")] = False,
     retry_failed: Annotated[
-        bool,
-        typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed."),
+        bool, typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed.")
     ] = False,
     output: opt.FormatOption = "text",
 ) -> None:

@@ -37,12 +37,7 @@ def energy_scale(context: Context) -> Floats:
 
 
 @metric(
-    unit="1",
-    better="lower",
-    resolution=1e-9,
-    requires="energy",
-    equivalence=True,
-    heading="gain",
+    unit="1", better="lower", resolution=1e-9, requires="energy", equivalence=True, heading="gain"
 )
 def energy_gain(context: Context) -> Floats:
     """Largest mechanical energy over that at the start, less 1, in a passive scene.
@@ -143,10 +138,7 @@ def final_speed(context: Context) -> Floats:
             "the start, bad ones reach 3 to 1500.",
         ),
         Threshold(
-            "speed_ratio",
-            1.05,
-            "1",
-            "Largest metric speed_ratio; 5 % of speed is 10 % of energy.",
+            "speed_ratio", 1.05, "1", "Largest metric speed_ratio; 5 % of speed is 10 % of energy."
         ),
     ),
 )

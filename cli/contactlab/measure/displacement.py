@@ -79,10 +79,7 @@ def turn(context: Context) -> Floats:
     severity=44,
     thresholds=(
         Threshold(
-            "drift",
-            None,
-            "m",
-            "Largest metric drift; only scenes whose bodies should stay set it.",
+            "drift", None, "m", "Largest metric drift; only scenes whose bodies should stay set it."
         ),
     ),
 )

@@ -27,15 +27,7 @@ MetricFunction = Callable[[Context], Floats]
 OracleFunction = Callable[[Context], tuple[Floats, Floats]]
 
 _SEVERE = 60
-_TOLERANCES = {
-    "m": 1e-4,
-    "m/s": 1e-3,
-    "rad": 0.01,
-    "1": 0.01,
-    "any": 0.01,
-    "s": 0.02,
-    "J": 1e-3,
-}
+_TOLERANCES = {"m": 1e-4, "m/s": 1e-3, "rad": 0.01, "1": 0.01, "any": 0.01, "s": 0.02, "J": 1e-3}
 """By unit: 0.1 mm is the penetration that the guideline accepts; 1 mm/s is a fifth of what tells
 sliding from sticking; ratios count to 1 %."""
 
@@ -240,10 +232,7 @@ ORACLES: Registry[Oracle] = Registry("oracle")
 
 
 def metric(
-    unit: str,
-    better: Direction = "none",
-    resolution: float = 0,
-    **options: Unpack[MetricOptions],
+    unit: str, better: Direction = "none", resolution: float = 0, **options: Unpack[MetricOptions]
 ) -> Callable[[MetricFunction], MetricFunction]:
     """Declare a metric: what the function returns, as its docstring defines it.
 
@@ -280,11 +269,7 @@ def metric(
 
 
 def label(
-    severity: float,
-    thresholds: tuple[Threshold, ...] = (),
-    *,
-    name: str = "",
-    voids: bool = False,
+    severity: float, thresholds: tuple[Threshold, ...] = (), *, name: str = "", voids: bool = False
 ) -> Callable[[LabelRule], LabelRule]:
     """Declare a label: the function finds the runs that it applies to; its docstring says why.
 

@@ -8,14 +8,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairSeries
 from contactlab.contact.trace_setup import SlipMode
 from contactlab.measure.context import Context, cached, worst_pair
-from contactlab.measure.entries import (
-    Finding,
-    Findings,
-    MeasuredRuns,
-    Threshold,
-    label,
-    metric,
-)
+from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
 from contactlab.measure.stick_slip import Modes, changes, spans
 
 _MODES: dict[SlipMode, int] = {"stick": STICK, "slide": SLIDE}
@@ -35,12 +28,7 @@ def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
 
 
 @metric(
-    unit="1/s",
-    better="lower",
-    tolerance=5.0,
-    version=2,
-    equivalence=True,
-    heading="switches/s",
+    unit="1/s", better="lower", tolerance=5.0, version=2, equivalence=True, heading="switches/s"
 )
 def mode_switches(context: Context) -> Floats:
     """Changes between stick and slide over simulated time, worst pair.

@@ -45,9 +45,7 @@ def sliding_distance(context: Context) -> tuple[Floats, Floats]:
 
 
 @oracle(
-    unit="1",
-    settings=("tilt", "weight", "direction", "friction", "integrator"),
-    relative=False,
+    unit="1", settings=("tilt", "weight", "direction", "friction", "integrator"), relative=False
 )
 def incline(context: Context) -> tuple[Floats, Floats]:
     """Share max(1 - mu N / F, 0) of its frictionless way that a box slides down a slope.

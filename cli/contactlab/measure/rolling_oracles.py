@@ -20,11 +20,7 @@ _SPHERE = 3.5
 """1 + m r^2 / I of a homogeneous sphere."""
 
 
-@oracle(
-    unit="1",
-    settings=("tilt", "weight", "direction", "friction", "integrator"),
-    relative=True,
-)
+@oracle(unit="1", settings=("tilt", "weight", "direction", "friction", "integrator"), relative=True)
 def roll_down(context: Context) -> tuple[Floats, Floats]:
     """Share of its frictionless way that a homogeneous sphere rolls down a slope: 5/7.
 

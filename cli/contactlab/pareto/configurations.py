@@ -117,9 +117,7 @@ def group_runs(runs: StoredRuns) -> list[ConfigurationRuns]:
     cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
     return [
         ConfigurationRuns(
-            dict(zip(runs.knobs, key, strict=True)),
-            rows,
-            frozenset(cases[row] for row in rows),
+            dict(zip(runs.knobs, key, strict=True)), rows, frozenset(cases[row] for row in rows)
         )
         for key, rows in members.items()
     ]

@@ -57,8 +57,7 @@ class LabelRules(Model):
     """How labels are compared."""
 
     severity: tuple[Word, ...] | None = Field(
-        default=None,
-        description="labels, worst first; as stored if left out",
+        default=None, description="labels, worst first; as stored if left out"
     )
     level: Level = Field(default="gate", description=f"of a new label; {LEVEL}")
     by: tuple[Word, ...] = Field(default=(), description="axes; each value is judged separately")
