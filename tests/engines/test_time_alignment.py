@@ -85,7 +85,7 @@ def test_ball_distance_is_that_of_the_state_before_the_step(integrator: str, rol
     assert touching.any()
     assert not touching.all()
     gap = trace.qpos[0, :-1, 2] - 0.05
-    assert pair.distance[0, touching, 0] == pytest.approx(gap[touching], abs=1e-15)
+    assert pair.slots[0, touching, 0, DISTANCE] == pytest.approx(gap[touching], abs=1e-15)
     assert np.array_equal(touching, gap < 0)
     assert np.array_equal(trace.contacts[0], touching)
     assert trace.least_distance[0] == pytest.approx(np.minimum(gap, 0.0), abs=1e-15)

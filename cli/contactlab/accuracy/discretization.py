@@ -77,11 +77,7 @@ def discretization_errors(
 ) -> list[Note]:
     """Return a note for each run of a family: every kind of error that the sweep may choose.
 
-    Args:
-        scene: theirs.
-        family: runs that share a reference.
-        request: the sweep's.
-        watch: called before steps, to start their time limit.
+    `watch` is called before steps, to start their time limit.
     """
     local = request.error == "local"
     longest = max(run.resolved.timestep for run in family)
@@ -184,14 +180,7 @@ def accuracies(
     runs: Mapping[str, ResolvedRun],
     notes: Mapping[str, Note],
 ) -> dict[str, Accuracy]:
-    """Return the accuracy of every run, by run id.
-
-    Args:
-        request: the sweep's.
-        scene: theirs.
-        runs: the runs, by id.
-        notes: run id to what the pass found; without the runs that it left out.
-    """
+    """Return the accuracy of every run, by run id, from what the pass found of most."""
     kind = _kind(request, notes)
     rules = solref_rules(runs)
     return {

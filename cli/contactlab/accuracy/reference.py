@@ -60,15 +60,11 @@ class ReferenceSolution:
     """Two solutions of one model, at timesteps that differ by a factor of 2.
 
     Attributes:
-        start: where the family starts.
-        integrator: of both solutions.
         timestep: of the fine one [s].
         times: (T,) at which states are known [s].
         fine: the reference proper.
         coarse: its distance from the fine one is the estimate of the reference's own error.
-        joints: the model's joints.
         free: whether nothing external acts on the model.
-        engine: what solved them.
     """
 
     start: InitialStates
@@ -152,11 +148,7 @@ class ReferenceSolver:
         self._engine = engine
 
     def reference(self, times: Floats) -> ReferenceSolution | None:
-        """Return the family's reference, or None if no integrator completes it.
-
-        Args:
-            times: (T,) at which its states are needed [s], increasing.
-        """
+        """Return the family's reference at some times [s]; None if no integrator completes it."""
         start = self._run.start
         for integrator in _INTEGRATORS:
             fine = self._solve(integrator, self._timestep / 2, times, start)

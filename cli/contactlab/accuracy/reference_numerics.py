@@ -61,14 +61,9 @@ NUMERICS: Mapping[str, NumericSetting] = MappingProxyType(
 
 
 def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:
-    """Return a run with the numerics of a reference.
+    """Return a run with the numerics of a reference, whose timestep [s] is given.
 
     Runs that differ only in numerics give equal references.
-
-    Args:
-        run: the run.
-        integrator: of the reference.
-        timestep: of the reference [s].
     """
     chosen = {name: each.reference for name, each in NUMERICS.items()}
     chosen |= {"integrator": integrator, "timestep": timestep}

@@ -9,11 +9,9 @@ _EQUAL = 1e-9
 
 
 def is_clamped(run: ResolvedRun, solrefs: Iterable[Sequence[float]]) -> bool:
-    """Return whether refsafe raises any of these time constants to two timesteps.
+    """Return whether refsafe, if on, raises any of these time constants to two timesteps.
 
-    Args:
-        run: the run; it may have refsafe switched off.
-        solrefs: in either form; one in direct form has no time constant.
+    A solref in direct form has none.
     """
     if not run.flags["refsafe"]:
         return False

@@ -36,12 +36,8 @@ _COUNTED = ("steps", "iterations", "contacts", "rows")
 def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> Iterator[Note]:
     """Yield a note of the work of each run, and of states along it from which to time it.
 
-    The models are those that are timed, so that the states fit them.
-
-    Args:
-        scene: theirs.
-        runs: runs of one structure and engine, which times its steps.
-        watch: called before steps, to start their time limit.
+    The runs are of one structure and engine; `watch` is called before steps, to start their time
+    limit. The models are those that are timed, so that the states fit them.
     """
     compiled = compile_without_sensors(scene, runs[0].resolved)
     engine = _timing_engine(runs[0].resolved)
@@ -70,13 +66,7 @@ def _work_of(note: Note) -> Work:
 
 
 def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float) -> float:
-    """Return how long it takes to time runs, one after the other [s].
-
-    Args:
-        request: the sweep's.
-        steps: how many steps each run has.
-        per_step: what a step takes [s].
-    """
+    """Return how long it takes to time runs of so many steps, one after the other [s]."""
     seconds = [min(max(each * per_step, MIN_SECONDS), MAX_SECONDS) for each in steps]
     return request.rounds * (sum(seconds) + len(seconds) * STEP_SECONDS)
 
@@ -115,7 +105,6 @@ class InterleavedTimer:
     """Times runs of one scene in this process.
 
     Attributes:
-        scene: theirs.
         rounds: how often each is timed; within a round all take turns.
     """
 
@@ -128,12 +117,7 @@ class InterleavedTimer:
     def times(
         self, runs: Mapping[str, ResolvedRun], work: Mapping[str, Note]
     ) -> Iterator[tuple[str, Note]]:
-        """Yield each run's id and times, after all rounds.
-
-        Args:
-            runs: the runs, by id.
-            work: run id to what was counted of it.
-        """
+        """Yield each run's id and times, after all rounds."""
         silence_mujoco()
         counted = [(resolved, _work_of(work[run_id])) for run_id, resolved in runs.items()]
         with _no_garbage_collection():
@@ -220,14 +204,7 @@ def timings(
     work: Mapping[str, Note],
     times: Mapping[str, Note],
 ) -> dict[str, Timing]:
-    """Return times and work of every run as the table has them, by run id.
-
-    Args:
-        runs: the runs, by id.
-        rounds: how often each was timed.
-        work: run id to what was counted of it; null in the table where that is missing.
-        times: run id to its times; likewise.
-    """
+    """Return times and work of every run as the table has them, by run id; null where missing."""
     settings = _settings_hash(rounds)
     found: dict[str, Timing] = {}
     for run_id, resolved in runs.items():

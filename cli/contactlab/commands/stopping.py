@@ -27,11 +27,7 @@ Handler = Callable[[int, FrameType | None], None]
 
 @contextmanager
 def resumable(then: str = "resume") -> Generator["Stop"]:
-    """Yield what Ctrl-C and SIGTERM set; an early end says what the same command would do next.
-
-    Args:
-        then: what the same command does after an interruption, as in "resume" or "start over".
-    """
+    """Yield what Ctrl-C and SIGTERM set; an early end says what the same command would do next."""
     from contactlab.run.tasks import Stop
 
     stop = Stop()
@@ -45,13 +41,7 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
 
 @contextmanager
 def study_session(folder: Path, workers: int | None, then: str = "resume") -> Generator["Session"]:
-    """Yield a session that shows its progress on stderr and stops on Ctrl-C and SIGTERM.
-
-    Args:
-        folder: receives stores and reports.
-        workers: worker processes; None for one per core.
-        then: what the same command does after an interruption.
-    """
+    """Yield a session that shows its progress on stderr and stops on Ctrl-C and SIGTERM."""
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.session import Session
 

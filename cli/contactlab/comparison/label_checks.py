@@ -32,7 +32,6 @@ class PairLabels:
     """The labels of all pairs; those of `ranks` are ordered worst first.
 
     Attributes:
-        paired: the stores.
         before: (n,) index in `ranks` of the worst label in the baseline.
         after: (n,) the same in the candidate.
         gained: (n,) bit i is set if label i of `ranks` is new.

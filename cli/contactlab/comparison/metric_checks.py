@@ -93,11 +93,7 @@ class MetricPairs:
     """The values of one metric in n pairs of runs.
 
     Attributes:
-        paired: the stores.
-        unit: the metric's unit.
         indices: (n,) which of all pairs.
-        baseline: values (n,).
-        candidate: values (n,).
         exempt: (n,) pairs of which only one run may have a value; None if there are no such.
     """
 
@@ -191,12 +187,9 @@ def allowed_change(rule: EffectiveRule, baseline: Floats) -> Floats:
 def gap_verdicts(
     baseline: NumberColumn, candidate: NumberColumn, exempt: NDArray[np.bool_] | None
 ) -> Verdicts:
-    """Return the verdict on pairs with a value that is missing, new or not finite; else same.
+    """Return the verdict on pairs (n,) with a value that is missing, new or not finite; else same.
 
-    Args:
-        baseline: values (n,).
-        candidate: values (n,).
-        exempt: (n,) pairs of which only one run may have a value.
+    Of `exempt` pairs (n,) only one run may have a value.
     """
     verdicts = np.zeros(len(baseline.values), dtype=np.int8)
     one = baseline.valid != candidate.valid

@@ -19,12 +19,7 @@ _MOST_PROBLEMS = 3
 
 @dataclass(frozen=True)
 class OpenedStore:
-    """One of the two stores.
-
-    Attributes:
-        role: baseline or candidate.
-        store: the store.
-    """
+    """One of the two stores."""
 
     role: str
     store: Store
@@ -58,12 +53,7 @@ class OpenedStore:
 def open_both(
     baseline: Address, candidate: Address, *, thorough: bool
 ) -> tuple[OpenedStore, OpenedStore]:
-    """Open two stores and verify them.
-
-    Args:
-        baseline: where the store to compare with is.
-        candidate: where the store to judge is.
-        thorough: whether to check every record and the bytes of every trace.
+    """Open two stores and verify them; thoroughly means every record and the bytes of every trace.
 
     Raises:
         PolicyError: both are the same store.

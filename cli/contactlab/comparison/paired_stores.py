@@ -23,10 +23,7 @@ class PairedStores:
     """Two stores and the pairs of their runs.
 
     Attributes:
-        baseline: the store to compare with.
-        candidate: the store to judge.
         pairing: the n pairs of runs.
-        policy: the rules of the comparison.
         today: the day by which exceptions of the policy expire.
     """
 

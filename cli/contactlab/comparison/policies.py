@@ -79,18 +79,7 @@ def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[
 
 @dataclass(frozen=True)
 class EffectiveRule:
-    """How one metric is compared, after defaults and policy; see `MetricRule`.
-
-    Attributes:
-        better: lower, higher or none.
-        abs: allowed change, in the metric's unit.
-        rel: allowed change besides that, as a fraction of the baseline's value.
-        statistic: what is compared.
-        by: axes, each of whose values is judged by itself.
-        budget: fraction of the runs that may fail.
-        level: what a failing check means for the job.
-        needs_same: properties that both stores must share.
-    """
+    """How one metric is compared, after defaults and policy; see `MetricRule`."""
 
     better: str
     abs: float
@@ -134,11 +123,7 @@ def acceptance(
 ) -> list[AcceptedCheck]:
     """Return the entries that accept a failing check as it is now, one for each group that fails.
 
-    Args:
-        report: of the comparison.
-        name: the check's name.
-        reason: why it is accepted.
-        until: last day on which it is; None for ever.
+    `until` is the last day on which they do; None is for ever.
 
     Raises:
         PolicyError: there is no such check, it passed, or no reason is given.

@@ -50,8 +50,6 @@ class Remeasure:
 
     Attributes:
         runs: number of pairs of runs, spread evenly over all.
-        baseline: starts what times the baseline's runs.
-        candidate: starts what times the candidate's runs.
     """
 
     runs: int

@@ -28,9 +28,7 @@ class ReportLine(NamedTuple):
     """One line of a comparison.
 
     Attributes:
-        outcome: what it means for the job.
         name: the check's name with its group, or how many checks.
-        message: the result in words.
         worst: values of the worst pair, or empty.
         where: its axis values and run, or empty.
         urgent: whether it is an error or a warning.

@@ -35,9 +35,7 @@ class CheckSubject:
     Attributes:
         name: the check's name, the same in every comparison.
         kind: which part of the report it belongs to.
-        level: what a failing check means for the job.
         group: axis values of its runs, or empty.
-        unit: of its values.
         budget: fraction of the verdicts that may fail, with a warning.
         two_sided: whether any change fails, as for a metric without a better direction.
     """
@@ -58,13 +56,9 @@ class CheckSubject:
         *,
         runs: int | None = None,
     ) -> Check:
-        """Return the check that verdicts (n,) make.
+        """Return the check that verdicts (n,) make; `runs` is how many were judged, if not n.
 
-        Args:
-            verdicts: of runs, or of whatever the check judges.
-            message: the result in words.
-            worst: the worst pairs, of which a few are kept.
-            runs: number of runs that were judged, if not n.
+        Of the worst pairs a few are kept.
         """
         counts = verdict_counts(verdicts)
         changed = (CHANGED,) if self.two_sided else ()

@@ -32,7 +32,6 @@ class PairTrace:
     """What one monitored contact pair did, for n runs of N steps with S contact slots.
 
     Attributes:
-        name: the pair's name, `geom1-geom2`.
         slots: (n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out, those that
             hold a contact first. Force and velocity are in the contact frame, normal first; the
             normal points from the pair's first side to its second and is in the world frame, as
@@ -60,11 +59,6 @@ class PairTrace:
         return self.slots[..., FORCE]
 
     @property
-    def distance(self) -> Floats:
-        """(n, N, S) signed distance [m], negative when the bodies overlap; 0 in empty slots."""
-        return self.slots[..., DISTANCE]
-
-    @property
     def velocity(self) -> Floats:
         """(n, N, S, 3) velocity of the second side relative to the first [m/s], contact frame."""
         return self.slots[..., LINEAR_VELOCITY]
@@ -85,6 +79,11 @@ class HeldPose:
     def select(self, runs: slice | list[int], steps: int) -> "HeldPose":
         """Return the given runs, cut to their first `steps` steps."""
         return HeldPose(self.position[runs, :steps], self.rotation[runs, :steps])
+
+
+_ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
+_BY_STATE = ("time", "qpos", "qvel")
+_BY_STEP = (*_ENERGIES, "contacts", "least_distance", "iterations", "iterations_most")
 
 
 @dataclass(frozen=True)
@@ -142,49 +141,28 @@ class Trace:
         """Whether energies were recorded."""
         return not np.isnan(self.kinetic[:, :1]).all()
 
-    @property
-    def energy(self) -> Floats:
-        """(n, N) mechanical energy [J]."""
-        return self.kinetic + self.potential
-
     def select(self, runs: Sequence[int], steps: int | None = None) -> "Trace":
         """Return the given runs, cut to their first `steps` steps; views where NumPy allows."""
-        index = slice(runs[0], runs[-1] + 1) if _contiguous(runs) else list(runs)
+        contiguous = range(runs[0], runs[-1] + 1)
+        index = slice(runs[0], runs[-1] + 1) if list(runs) == list(contiguous) else list(runs)
         steps = self.steps if steps is None else steps
-
-        def sensor(array: NDArray[np.generic]) -> NDArray[np.generic]:
-            return array[index, :steps]
-
-        def state(array: Floats) -> Floats:
-            return array[index, : steps + 1]
-
+        states = {name: getattr(self, name)[index, : steps + 1] for name in _BY_STATE}
+        recorded = {name: getattr(self, name) for name in _BY_STEP}
         return replace(
             self,
             timestep=self.timestep[index],
-            time=state(self.time),
-            qpos=state(self.qpos),
-            qvel=state(self.qvel),
-            kinetic=sensor(self.kinetic),
-            potential=sensor(self.potential),
-            contacts=sensor(self.contacts),
-            least_distance=sensor(self.least_distance),
-            iterations=sensor(self.iterations),
-            iterations_most=sensor(self.iterations_most),
-            momentum=None if self.momentum is None else sensor(self.momentum),
-            angular_momentum=None
-            if self.angular_momentum is None
-            else sensor(self.angular_momentum),
             pairs=tuple(
-                replace(pair, slots=sensor(pair.slots), friction=pair.friction[index])
+                replace(pair, slots=pair.slots[index, :steps], friction=pair.friction[index])
                 for pair in self.pairs
             ),
             warnings=tuple(self.warnings[run] for run in runs),
             held=self.held and self.held.select(index, steps),
+            **states,
+            **{
+                name: None if each is None else each[index, :steps]
+                for name, each in recorded.items()
+            },
         )
-
-
-def _contiguous(runs: Sequence[int]) -> bool:
-    return list(runs) == list(range(runs[0], runs[-1] + 1))
 
 
 NO_CONTACT = 0
@@ -197,7 +175,6 @@ class PairSeries:
     """Net quantities of one monitored pair, for n runs of N steps.
 
     Attributes:
-        name: the pair's name.
         contacts: (n, N) contacts recorded, at most the slots.
         normal: (n, N) net normal force [N].
         tangential: (n, N) magnitude of the net tangential force [N].

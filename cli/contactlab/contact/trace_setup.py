@@ -17,7 +17,6 @@ class FreeBody:
     """A body on a free joint.
 
     Attributes:
-        name: the body's name.
         qpos: index of its x coordinate in qpos (then y, z, and the quaternion w x y z).
         dof: index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body]).
         mass: (n,) mass of its subtree [kg].

@@ -23,10 +23,7 @@ class Context:
     """One trace of n runs under measurement.
 
     Attributes:
-        trace: the trace.
-        setup: what is known of its runs.
         net: the contacts of each monitored pair, reduced over their slots.
-        series: the series of each monitored pair.
         checks: what a second pass found, if there was one.
         cache: results of `cached` functions.
     """
@@ -34,9 +31,13 @@ class Context:
     trace: Trace
     setup: Setup
     net: tuple[NetContact, ...]
-    series: tuple[PairSeries, ...]
     checks: SelfChecks | None = None
     cache: dict[object, object] = field(default_factory=dict[object, object], repr=False)
+
+    @property
+    def series(self) -> tuple[PairSeries, ...]:
+        """The net quantities of each monitored pair over time."""
+        return tuple(each.series for each in self.net)
 
     @property
     def last_fifth(self) -> slice:
@@ -65,12 +66,8 @@ class Context:
 def context_of(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Context:
     """Reduce the monitored pairs of a trace, ready to measure."""
     with np.errstate(all="ignore"):
-        net = tuple(net_contact(pair, setup.elliptic) for pair in trace.pairs)
-        series = tuple(
-            each.series(pair.name, trace.timestep)
-            for pair, each in zip(trace.pairs, net, strict=True)
-        )
-    return Context(trace, setup, net, series, checks)
+        net = tuple(net_contact(pair, setup.elliptic, trace.timestep) for pair in trace.pairs)
+    return Context(trace, setup, net, checks)
 
 
 def cached(function: Callable[[Context], Cached]) -> Callable[[Context], Cached]:

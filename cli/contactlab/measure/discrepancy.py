@@ -12,13 +12,7 @@ _LENGTH = 1e-3
 
 
 class Discrepancy(NamedTuple):
-    """Summary of distances over time.
-
-    Attributes:
-        final: at the last time.
-        mean: over time.
-        peak: largest.
-    """
+    """Summary of distances over time: at the last time, the mean, and the largest."""
 
     final: float
     mean: float
@@ -31,16 +25,11 @@ class Discrepancy(NamedTuple):
 
 
 def distances(joints: Joints, first: Floats, second: Floats) -> Floats:
-    """Return (T,) distances [m] between configurations: the largest of any joint.
+    """Return (T,) distances [m] between configurations (T, nq): the largest of any joint.
 
     Slides and free positions count in metres. A hinge counts its angle times the length of its
     degree of freedom. A rotation counts the angle of the one that leads from the first to the
     second, the norm of the quaternion's logarithm, times that length.
-
-    Args:
-        joints: of the model.
-        first: (T, nq) configurations.
-        second: (T, nq) the others.
     """
     scalars = list(joints.scalars)
     parts = [np.abs(first[:, scalars] - second[:, scalars]) * joints.lengths]

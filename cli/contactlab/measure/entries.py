@@ -107,7 +107,6 @@ class MeasuredRuns:
     """What a label judges.
 
     Attributes:
-        context: the runs.
         metrics: every metric of these runs, (n,) each.
     """
 

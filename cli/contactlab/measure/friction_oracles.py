@@ -75,10 +75,7 @@ def pushed_box(context: Context) -> tuple[Floats, Floats]:
 def _moved_share(context: Context, load: Floats, pressure: Floats) -> tuple[Floats, Floats]:
     """Return what a load moves, with friction, of the way that it would go without.
 
-    Args:
-        context: the runs.
-        load: (n,) tangential load over mass [m/s^2].
-        pressure: (n,) normal load over mass [m/s^2].
+    Both loads, tangential and normal, are over mass (n,) [m/s^2].
     """
     free = load * distance_from_rest(context, context.trace.steps)
     expected = np.maximum(1 - friction(context) * pressure / load, 0)
@@ -144,11 +141,7 @@ class Rod(NamedTuple):
 def rod_tip_travel(rod: Rod, mu: Floats, fall: Floats, duration: Floats) -> Floats:
     """Return (n,) how far the touching end's centre moves [m]; it stays where it stops or jams.
 
-    Args:
-        rod: at the start.
-        mu: (n,) friction coefficient.
-        fall: (n,) gravity [m/s^2].
-        duration: (n,) [s].
+    Friction `mu`, gravity `fall` [m/s^2] and duration [s] are (n,).
     """
     forward, step = np.sign(slip_speed(rod)), duration / _STEPS
     drag = forward * mu
@@ -171,11 +164,8 @@ def tip_compliance(angle: Floats, drag: Floats) -> Floats:
     """Return (n,) mass times acceleration of the touching end by a normal force, over that force.
 
     A thin rod of length 2 l has inertia m l^2 / 3 about its centre. Where this is not positive,
-    pressing the end pulls it down, and no normal force can hold it: Painlevé's paradox.
-
-    Args:
-        angle: (n,) angle of the rod over the floor [rad].
-        drag: (n,) friction coefficient with the sign of the slip speed.
+    pressing the end pulls it down, and no normal force can hold it: Painlevé's paradox. `drag` is
+    the friction coefficient with the sign of the slip speed, `angle` [rad] is over the floor.
     """
     across, up = np.cos(angle), np.sin(angle) + _RADIUS / _HALF_LENGTH
     return 1 + 3 * across * (across + drag * up)

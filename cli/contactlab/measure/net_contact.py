@@ -40,51 +40,26 @@ class NetContact:
     """One pair's contacts, summed over its slots or reduced to the worst slot.
 
     Attributes:
+        series: the net quantities over time.
         found: (n, N) contacts that matched, recorded or not.
-        contacts: (n, N) contacts recorded.
-        normal: (n, N) sum of the normal forces [N].
-        tangential: (n, N) magnitude of the sum of the tangential forces [N].
-        usage: (n, N) share of the friction bound that this sum uses, in the cone's own norm.
-        slip: (n, N) magnitude of the mean tangential velocity [m/s], weighted by normal force.
-        grip: (n, N) share of the bound that the contacts use, each by itself; at least `usage`.
-        distance: (n, N) least signed distance [m]; 0 where nothing touches.
+        grip: (n, N) share of the bound that the contacts use, each by itself; at least the usage
+            of their sum.
         excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
         detached: (n,) most that one contact's normal force times its positive distance is [J].
     """
 
+    series: PairSeries
     found: NDArray[np.int32]
-    contacts: NDArray[np.int32]
-    normal: Floats
-    tangential: Floats
-    usage: Floats
-    slip: Floats
     grip: Floats
-    distance: Floats
     excess: Floats
     detached: Floats
-
-    def series(self, name: str, timestep: Floats) -> PairSeries:
-        """Return the pair's quantities over time, with its mode; `timestep` (n,) [s]."""
-        return PairSeries(
-            name=name,
-            contacts=self.contacts,
-            normal=self.normal,
-            tangential=self.tangential,
-            usage=self.usage,
-            slip=self.slip,
-            distance=self.distance,
-            mode=modes(self.normal > 0, self.usage, self.grip, self.slip, timestep),
-        )
 
 
 @dataclass(frozen=True)
 class _Cone:
-    """Friction bound of one pair in one run.
+    """Friction bound of one pair in one run: on the 2-norm if elliptic, else on the 1-norm.
 
-    Attributes:
-        friction: coefficient along the first tangent.
-        stretch: that coefficient over the one along the second tangent.
-        elliptic: whether the bound is on the 2-norm; else on the 1-norm.
+    `stretch` is the coefficient along the first tangent, `friction`, over that along the second.
     """
 
     friction: float
@@ -92,11 +67,9 @@ class _Cone:
     elliptic: bool
 
     def norm(self, force: Complexes, out_of_plane: Floats | None = None) -> Floats:
-        """Return what the bound holds below friction times normal force.
+        """Return what the bound holds below friction times normal force, of tangential forces [N].
 
-        Args:
-            force: tangential forces [N].
-            out_of_plane: squared force [N^2] off the tangent plane; only the 2-norm counts it.
+        Only the 2-norm counts the squared force [N^2] off the tangent plane.
         """
         across = force.imag if self.stretch == 1 else force.imag * self.stretch
         if not self.elliptic:
@@ -107,15 +80,11 @@ class _Cone:
 
 @dataclass(frozen=True)
 class _SlotColumns:
-    """What is read of the slots of one run, contiguous in time.
+    """What is read of the slots of one run, (S, N) each and contiguous in time.
 
-    Attributes:
-        normal: (S, N) normal force [N].
-        distance: (S, N) signed distance [m].
-        force: (S, N) tangential force [N], along the first and the second tangent.
-        velocity: (S, N) tangential velocity [m/s], likewise.
-        frame: (3, S, N) the normal's and the first tangent's coordinates, two by two; None for a
-            single slot, whose frame is the only one.
+    `force` [N] and `velocity` [m/s] are along the first and the second tangent. `frame` (3, S, N)
+    is the normal's and the first tangent's coordinates, two by two; None for a single slot, whose
+    frame is the only one.
     """
 
     normal: Floats
@@ -128,12 +97,8 @@ class _SlotColumns:
 class _SlotSums(NamedTuple):
     """Sums over the slots of one run, (N,) each.
 
-    Attributes:
-        normal: sum of the normal forces [N].
-        tangential: magnitude of the sum of the tangential forces [N].
-        used: the same in the norm of the cone [N].
-        slip: magnitude of the mean tangential velocity [m/s], weighted by normal force.
-        each: sum of the magnitudes of the tangential forces, each in the norm of the cone [N].
+    `used` is the tangential force [N] in the norm of the cone, `each` the same summed contact by
+    contact, and `slip` the mean tangential velocity [m/s], weighted by normal force.
     """
 
     normal: Floats
@@ -143,10 +108,11 @@ class _SlotSums(NamedTuple):
     each: Floats
 
 
-def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_]) -> NetContact:
+def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) -> NetContact:
     """Reduce the slots of a pair, run by run, so that what is gathered stays in the cache.
 
-    Slots that a run never fills, which come last, are left out.
+    Slots that a run never fills, which come last, are left out. `elliptic` (n,) is the cone's form
+    and `timestep` (n,) [s] the length of a step.
     """
     runs, steps, slots, _ = pair.slots.shape
     found = pair.found.astype(np.int32)
@@ -161,11 +127,15 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_]) -> NetContact:
             net.tangential,
             _ratio(net.used, bound),
             net.slip,
-            _ratio(net.each, bound),
             _least(columns.distance, contacts[run]),
+            _ratio(net.each, bound),
         )
-        worst[:, run] = _excess(columns, cone), _detached(columns)
-    return NetContact(found, contacts, *series, *worst)
+        apart = (columns.normal * np.maximum(columns.distance, 0)).max(initial=0)
+        worst[:, run] = _excess(columns, cone), apart
+    normal, tangential, usage, slip, distance, grip = series
+    mode = modes(normal > 0, usage, grip, slip, timestep)
+    shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
+    return NetContact(shown, found, grip, *worst)
 
 
 def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
@@ -261,7 +231,3 @@ def _excess(columns: _SlotColumns, cone: _Cone) -> Floats:
     over = used > bound
     over &= columns.normal > _FORCELESS * columns.normal.max(initial=0)
     return (used[over] / bound[over]).max(initial=1) - 1
-
-
-def _detached(columns: _SlotColumns) -> Floats:
-    return (columns.normal * np.maximum(columns.distance, 0)).max(initial=0)

@@ -45,10 +45,6 @@ _DEFAULT = Criteria()
 def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     """Return what accuracy costs in time, over the configurations of a store.
 
-    Args:
-        store: a finished store.
-        criteria: which error stands for accuracy, and tolerances over those of the sweep.
-
     Raises:
         SweepFileError: the criteria name a column that the store does not have.
         StoreError: the store has no values of an error.
@@ -265,13 +261,7 @@ class ToleranceTable:
 
 
 def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) -> ToleranceTable:
-    """Return the table from which other tolerances of a trade-off can be evaluated.
-
-    Args:
-        store: the store.
-        report: its trade-off.
-        names: metrics that may be tolerated.
-    """
+    """Return the table from which other tolerances of these metrics can be evaluated."""
     runs = read_runs(store, (report.error.name, report.time.name, *names))
     evaluated = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
     order = np.concatenate([each.group.rows for each in evaluated])

@@ -116,7 +116,6 @@ class ChartData:
     """The rows of the figure's layers.
 
     Attributes:
-        frame: the limits of the axes.
         methods: names of the methods with a colour, with their letters; the best first.
         points: one per configuration.
         front: the feasible Pareto front, cheapest first.

@@ -45,11 +45,8 @@ class StoredRuns:
     """The runs of a store, n of them.
 
     Attributes:
-        ids: run ids.
         knobs: axis to its n values, of the axes with the role knob.
         scenarios: the same of the axes with the role scenario.
-        seeds: seed of each run.
-        labels: worst label of each run.
         numbers: column to (n,) values, in their units; NaN where there is none.
         solref_rules: whether solref is absolute or tied to the timestep; empty if unknown.
     """
@@ -79,12 +76,7 @@ class ConfigurationRuns:
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
-    """Read the runs of a store.
-
-    Args:
-        store: the store.
-        names: numeric columns to read besides those that every trade-off needs.
-    """
+    """Read the runs of a store, with these columns beside those that every trade-off needs."""
     columns = store.columns
     axes = columns.axis_names
     roles = _roles(Sweep.model_validate(store.manifest.sweep.resolved))
@@ -143,10 +135,6 @@ def wilson(good: int, runs: int) -> tuple[float, float]:
     The score interval of E. B. Wilson, "Probable inference, the law of succession, and statistical
     inference", 1927: the rates p whose distance to the observed share is at most
     z sqrt(p (1 - p) / n).
-
-    Args:
-        good: number of successes.
-        runs: number of trials, at least 1.
     """
     share, weight = good / runs, _Z * _Z / runs
     centre = (share + weight / 2) / (1 + weight)
@@ -174,8 +162,6 @@ class Evaluated:
     """One configuration.
 
     Attributes:
-        group: its runs.
-        summary: its part of the report.
         estimate: uncertainty of the reference of its error, in the error's unit; 0 without one.
         impacts: largest number of impacts in any of its runs.
         failures: failed runs by label.

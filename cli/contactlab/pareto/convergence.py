@@ -116,10 +116,7 @@ _NUMERICS = {
 def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Method]:
     """Return the methods, in the order of their first configurations.
 
-    Args:
-        evaluated: the configurations.
-        is_modelling: whether the error is against anything but the model itself, so that it may
-            have a floor.
+    They may have a floor if the error is against anything but the model itself: if `is_modelling`.
     """
     members: dict[MethodKey, list[Evaluated]] = {}
     for each in evaluated:

@@ -35,11 +35,7 @@ class Criteria:
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:
-    """Return the store that a text names; None if it names a sweep.
-
-    Args:
-        source: a store, a sweep file or the name of a shipped sweep.
-        target: where the store of a sweep should go, if that is said.
+    """Return the store that a text names; None if it names a sweep, whose store is the target.
 
     Raises:
         SweepFileError: there is a target for what is a store already.

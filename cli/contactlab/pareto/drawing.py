@@ -45,11 +45,7 @@ def save_figure(chart: "alt.TopLevelMixin", path: Path) -> None:
 
 
 def draw(report: TradeoffReport, path: Path) -> None:
-    """Draw a report: log error over log time, one line per method.
-
-    Args:
-        report: what to draw.
-        path: a .png or .svg file.
+    """Draw a report as a .png or .svg file: log error over log time, one line per method.
 
     Raises:
         OutputError: as `check_figure`, or it cannot be written.

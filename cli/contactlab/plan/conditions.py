@@ -13,14 +13,7 @@ from contactlab.schema.sweep_schema import Condition
 def read_condition(
     context: SweepContext, condition: Condition, path: KeyPath, known: Collection[str]
 ) -> Match:
-    """Return a condition with canonical values; add its mistakes to the document.
-
-    Args:
-        context: the file and its names.
-        condition: as written.
-        path: where it is in the file.
-        known: the axes that it may name.
-    """
+    """Return a condition on known axes with canonical values; add its mistakes to the document."""
     document = context.document
     settings: list[tuple[str, object]] = []
     for name, raw in condition.settings.items():

@@ -63,8 +63,6 @@ class Diagnostic:
 
     Attributes:
         code: the kind of mistake, in words joined by dashes.
-        message: what is wrong.
-        place: where.
         hint: what to write instead, shown beside the caret.
         severity: an error stops the sweep, a warning does not.
     """

@@ -43,7 +43,6 @@ class Match:
     Attributes:
         settings: canonical values by axis.
         expression: a further condition, if any.
-        place: where the condition is written.
         inside: where the expression's first character is, if known.
         splits: functions that split the values of axes into the parts that the expression may name.
     """
@@ -96,7 +95,6 @@ class Grid:
         base: settings of every row.
         blocks: factors of the product, the last one fastest; None where there is no product.
         excludes: conditions on rows of the product to leave out.
-        added: further rows.
     """
 
     base: RowValues
@@ -212,7 +210,6 @@ class Plan:
 
     Attributes:
         axes: in the order in which they advance, the slowest first.
-        count: number of runs.
         warnings: mistakes that do not stop the sweep.
         expected: conditions of `expect`, each with its expectation.
     """

@@ -28,9 +28,7 @@ class CsvCell:
 def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
     """Return the rows to include, with canonical values; add their mistakes to the document.
 
-    Args:
-        context: the file and its names.
-        folder: what the path of a CSV file is relative to.
+    The path of a CSV file is relative to a folder.
     """
     include, document = context.sweep.include, context.document
     if isinstance(include, IncludeFile):

@@ -104,13 +104,7 @@ def _axis_value(document: Document, option: ParsedOption, path: KeyPath, role: o
 def read_filters(
     context: SweepContext, texts: Sequence[str], swept: Sequence[str]
 ) -> tuple[Filter, ...]:
-    """Return every `--only` with canonical values; add their mistakes to the document.
-
-    Args:
-        context: the file and its names.
-        texts: the options.
-        swept: the axes that they may name.
-    """
+    """Return every `--only` of a swept axis with canonical values; add their mistakes."""
     filters: list[Filter] = []
     for text in texts:
         option = _option(context.document, "--only", text)

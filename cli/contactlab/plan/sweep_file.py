@@ -35,7 +35,6 @@ class SweepFile:
         path: where it lies; None if it was given as text or data.
         text: as written; JSON if it was given as data.
         sweep: its content, with the options of the command line.
-        plan: its runs.
     """
 
     path: Path | None

@@ -182,7 +182,6 @@ class Draft:
     """A sweep file without the entries that cannot be read.
 
     Attributes:
-        document: the file as written.
         sweep: what is valid.
         kept: for every list that lost entries, the positions of the others in the file.
     """

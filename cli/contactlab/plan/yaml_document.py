@@ -33,7 +33,6 @@ class Document:
     """Plain data with the places of its parts, and the mistakes in it.
 
     Attributes:
-        source: the text.
         data: mappings, lists, words, numbers, booleans and None.
         values: path to the place of the value there.
         keys: path to the place of the key there.
@@ -77,9 +76,7 @@ class Document:
     def replace(self, path: KeyPath, at: Place) -> dict[str, object]:
         """Forget what stands at a path, and return the mapping that a new value goes into.
 
-        Args:
-            path: where the value goes; missing parents are created.
-            at: the place of its key.
+        Missing parents are created, with the place of the new key.
         """
         for places in (self.values, self.keys):
             for old in [each for each in places if each[: len(path)] == path]:

@@ -47,10 +47,8 @@ class BaselineComparison:
     """A comparison as a page shows it.
 
     Attributes:
-        report: the result of `contactlab compare`.
         checks: its failed checks, then warnings, then notes.
         maps: name and specification of maps of the paired runs: baseline, candidate, difference.
-        command: the command that prints the same.
     """
 
     report: ComparisonReport

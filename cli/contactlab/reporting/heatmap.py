@@ -37,7 +37,6 @@ class MapFrame:
     Attributes:
         x: tick labels of the horizontal axis.
         y: tick labels of the vertical axis.
-        x_title: title of the horizontal axis.
         y_title: title of the vertical axis; None for a single row.
         room: width and height that are available [pixels].
     """
@@ -83,9 +82,7 @@ def default_map(data: ReportData) -> Spec | None:
 def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows]:
     """Return the pieces of each cell, as wide as their fraction of runs, and their letters.
 
-    Args:
-        counts: (rows, columns, labels) runs.
-        labels: the labels.
+    They are of `counts` (rows, columns, labels).
     """
     main = most_frequent_failure(counts, labels)
     pieces: Rows = []

@@ -26,9 +26,7 @@ class KnobChange:
     """One knob from one value to another.
 
     Attributes:
-        axis: the knob.
         before: the value that it is compared with.
-        after: the value.
         pairs: number of pairs of runs that differ in nothing else.
         failed: fraction of these that fail before, and after.
         ratios: quantity to the geometric mean of after over before, over the pairs in which

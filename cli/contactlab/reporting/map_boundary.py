@@ -19,8 +19,6 @@ class BoundaryLaw(NamedTuple):
     """A closed form that separates two outcomes along an axis.
 
     Attributes:
-        axis: the axis that has a critical value.
-        meaning: what the boundary is.
         critical: the critical value, from friction and restitution.
     """
 
@@ -50,8 +48,6 @@ class Boundary:
     """A closed form's boundary in n runs.
 
     Attributes:
-        axis: the axis that has a critical value.
-        meaning: what the boundary is.
         values: (n,) the critical value of each run, in the axis' unit.
     """
 

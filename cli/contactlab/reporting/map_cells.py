@@ -22,7 +22,6 @@ class MapAxes:
     """The two axes of a map over n runs.
 
     Attributes:
-        x: the horizontal axis.
         y: the vertical axis; None for a single row.
     """
 

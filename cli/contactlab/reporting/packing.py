@@ -22,9 +22,6 @@ def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
 
     Bytes are ordered by significance, all first bytes of a column first: neighbours are alike,
     which compresses well. The same columns give the same text.
-
-    Args:
-        columns: name to values, of a type that browsers have a typed array for.
     """
     kinds = {name: column.dtype.str[1:] for name, column in columns.items()}
     stream = b"".join(_shuffled(column, kinds[name]) for name, column in columns.items())

@@ -45,7 +45,6 @@ class PageContent:
         metadata: names, texts and specifications.
         columns: numbers of runs and configurations, packed.
         series: time series of some runs, packed.
-        notes: what is left out.
     """
 
     metadata: dict[str, Any]

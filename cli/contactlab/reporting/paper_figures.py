@@ -59,13 +59,7 @@ class BouncingRun:
 
 
 def bouncing_runs(store: Store, axes: Sequence[GridAxis], stable: np.ndarray) -> list[BouncingRun]:
-    """Return runs that bounce at least once, one for each value of one axis.
-
-    Args:
-        store: the store.
-        axes: the axes that differ between its runs.
-        stable: (n,) whether a run has no failure label; only these are drawn.
-    """
+    """Return `stable` (n,) runs that bounce at least once, one for each value of one axis."""
     axis = _axis_of_restitution(store, axes, stable)
     by_setting: dict[str, BouncingRun] = {}
     for row in np.flatnonzero(stable)[:_MOST_BOUNCING_READ].tolist():

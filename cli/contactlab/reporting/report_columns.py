@@ -33,9 +33,7 @@ class GridAxis:
     """One axis of n runs.
 
     Attributes:
-        name: its name.
         unit: its unit; `1` or empty for none.
-        role: knob or scenario.
         ticks: its values, or bins of them, as text, in order.
         codes: (n,) index into `ticks` of each run's value.
         numbers: (n,) the values themselves where `ticks` are bins; else None.
@@ -61,8 +59,6 @@ class Quantity:
     """One measured column of n runs.
 
     Attributes:
-        column: its name, unit, direction and resolution.
-        description: what it is.
         values: (n,), NaN where there is no finite one.
     """
 
@@ -88,8 +84,6 @@ class RunLabels:
     Attributes:
         names: worst labels that occur, the worst first and `stable` last.
         letters: one letter for each, all different; empty for `stable`.
-        colours: one for each.
-        meanings: the definition of each.
         counts: number of runs with each.
         codes: (n,) index into `names` of each run's worst label.
         masks: (n,) all labels of a run as bits: bit i for `every[i]`.
@@ -207,12 +201,7 @@ def _quantity(store: Store, column: MeasuredColumn) -> Quantity:
 
 
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
-    """Return the labels of a store's runs.
-
-    Args:
-        store: the store.
-        also: labels to list beside those that occur.
-    """
+    """Return the labels of a store's runs; `also` lists labels beside those that occur."""
     codes, strings = store.columns.strings("label")
     stored_order = [str(name) for name in store.columns.shared.get("severity", ())]
     ranks = {name: rank for rank, name in enumerate([*LABELS, *stored_order])}

@@ -56,10 +56,6 @@ class ReportData:
     """What a report draws of a store.
 
     Attributes:
-        store: the store.
-        axes: the axes that differ between its runs.
-        labels: the labels of its runs.
-        quantities: what was measured of them.
         map_axes: the two most informative axes; None without axes.
         boundary: the closed-form boundary of the scene's maps; None without.
         tradeoff: accuracy against time; None where the store has no error.

@@ -20,9 +20,7 @@ class QposEntry:
     """One entry of qpos.
 
     Attributes:
-        index: its index.
         name: the joint's name, with the direction where it has several.
-        unit: m or rad.
         is_height: whether it is the height of a free body.
     """
 
@@ -37,8 +35,6 @@ class Signal:
     """One quantity over time, decimated.
 
     Attributes:
-        name: what it is.
-        unit: its unit.
         panel: the chart it belongs to: motion, force or depth.
         time: (P,) [s].
         values: (P,).
@@ -56,7 +52,6 @@ class ModeBand:
     """When a pair stuck, slid, or was apart.
 
     Attributes:
-        pair: its name.
         starts: (S,) when each interval begins [s].
         modes: (S,) NO_CONTACT, STICK or SLIDE; an interval ends where the next begins.
         end: when the last one ends [s].

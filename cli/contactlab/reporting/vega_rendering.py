@@ -89,12 +89,7 @@ def with_page_colours(part: Any) -> Any:  # noqa: ANN401 - anything that JSON ho
 
 
 def as_svg(spec: Spec, prefix: str = "") -> str:
-    """Return a specification as SVG.
-
-    Args:
-        spec: a Vega-Lite specification.
-        prefix: start of its ids, so that several pictures fit on one page.
-    """
+    """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
     return _renumbered(vl_convert.vegalite_to_svg(spec, allowed_base_urls=_ALLOWED_URLS), prefix)
 
 

@@ -19,11 +19,6 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
 
     The same store gives the same bytes.
 
-    Args:
-        store: a finished store.
-        target: the HTML file.
-        request: what the page holds.
-
     Raises:
         OutputError: a library is missing, or the file cannot be written.
         SweepFileError: a tolerance names a metric that the store does not have.
@@ -41,18 +36,9 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
 def write_figures(
     store: Store, folder: Path, formats: Sequence[str], criteria: Criteria = _DEFAULT_CRITERIA
 ) -> list[Path]:
-    """Write every figure for which a store has the data.
+    """Write every figure for which a store has the data as png, svg or pdf; return the files.
 
     The same store gives the same bytes.
-
-    Args:
-        store: a finished store.
-        folder: where the figures go; made if it is missing.
-        formats: of png, svg and pdf.
-        criteria: which error stands for accuracy, and tolerances that replace the sweep's.
-
-    Returns:
-        The files.
 
     Raises:
         OutputError: a format is unknown, a library is missing, or a file cannot be written.

@@ -10,7 +10,6 @@ class AxisSpec:
     """An axis that a sweep can vary.
 
     Attributes:
-        name: as written in a sweep file.
         unit: its unit, `1` for a ratio, empty for a word.
         description: one line on what it sets.
         parse: turns a value of the sweep file into its canonical form: a number, a word, a

@@ -35,7 +35,6 @@ class StabilityCase:
     """One hard case: a sweep with expectations.
 
     Attributes:
-        name: its name, and that of its store.
         source: the sweep file, or the text of a generic one.
         folder: where relative paths of its scene start.
     """

@@ -53,7 +53,6 @@ class BodyMotion:
     Attributes:
         bodies: (B) their names.
         moving: (B,) whether each can move.
-        shapes: what they look like.
         rows: (F,) the state row of each frame.
         time: (F,) simulated time [s].
         positions: (F, B, 3) of the bodies' frames, world frame [m].
@@ -94,13 +93,8 @@ def read_motion(
 ) -> BodyMotion:
     """Return what is drawn of a run, up to its first state that is not finite.
 
-    The trace holds every configuration, so that nothing is simulated again.
-
-    Args:
-        prepared: the run's model.
-        trace: its stored trace.
-        rate: frames per simulated second.
-        times: times that get frames of their own [s].
+    The trace holds every configuration, so that nothing is simulated again. There are `rate` frames
+    per simulated second; `times` [s] get frames of their own.
 
     Raises:
         StoreError: not even the start state is finite.
@@ -163,9 +157,7 @@ def scene_sphere(
 def arrow_scale(force: Floats, radius: float) -> tuple[float, float]:
     """Return the length of arrows per newton [m/N], 1, 2 or 5 times 10^k, and the longest [m].
 
-    Args:
-        force: (K, 3) contact forces [N].
-        radius: of the sphere that the camera sees [m].
+    The forces are (K, 3) [N], and the radius [m] is that of the sphere that the camera sees.
     """
     strength = np.linalg.norm(force, axis=1)
     pushing = strength[strength > 0]
@@ -192,10 +184,7 @@ def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
 def frame_rows(time: Floats, rate: float, times: Sequence[float] = ()) -> Rows:
     """Return the state rows nearest to frames at a rate and to further times, and the last row.
 
-    Args:
-        time: (N + 1,) time of the states, growing [s].
-        rate: frames per simulated second.
-        times: further times [s].
+    The times [s] of the N + 1 states grow; the rate is in frames per simulated second.
     """
     wanted = np.append(frame_times(time, rate), times)
     return np.unique(np.append(nearest(time, wanted), len(time) - 1))
@@ -218,10 +207,6 @@ def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
 
     A frame covers the steps from its state to the next frame's, so that an impact of a single step
     is seen at any rate; the last frame covers the step before it.
-
-    Args:
-        pairs: what each pair did.
-        rows: (F,) state row of each frame, ascending.
     """
     parts = [_forces_of_pair(pair, index, rows) for index, pair in enumerate(pairs)]
     nothing = ContactForces(

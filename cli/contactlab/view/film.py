@@ -31,10 +31,7 @@ class RunPictures:
     """The pictures of a run, drawn when they are written.
 
     Attributes:
-        replay: the run's record and model.
-        motion: what is drawn.
         qpos: (F, nq) configurations of the motion's frames.
-        options: how pictures are taken.
     """
 
     replay: PreparedReplay

@@ -47,11 +47,6 @@ _HEAD, _DIAMETER, _MOST_DIAMETER = 0.25, 0.02, 0.15
 def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> None:
     """Write a trace file again with the 3D layer added.
 
-    Args:
-        source: a sound trace file.
-        target: the file to make or replace.
-        motion: what is drawn of its run.
-
     Raises:
         OutputError: the file cannot be written.
     """

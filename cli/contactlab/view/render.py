@@ -25,15 +25,6 @@ def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFA
 
     Everything comes from the stored trace and scene; nothing is simulated again.
 
-    Args:
-        store: the store.
-        run: the run's id, or the start of it.
-        target: the file to make or replace.
-        options: how pictures are taken.
-
-    Returns:
-        What was drawn.
-
     Raises:
         OutputError: the suffix is unknown, an option does not apply to it, the file cannot be
             written, or a library is missing.

@@ -25,12 +25,7 @@ _XYZW = [1, 2, 3, 0]
 
 
 def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
-    """Write a run as a Rerun recording.
-
-    Args:
-        path: the file; one that is there is replaced as a whole.
-        trace: the run's trace, for the time series, a value a step.
-        motion: what is drawn of it.
+    """Write a run as a Rerun recording, with the trace's time series, a value a step.
 
     Raises:
         OutputError: the file cannot be written.

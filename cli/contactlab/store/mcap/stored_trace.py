@@ -77,23 +77,11 @@ class StoredPair:
 
 @dataclass(frozen=True)
 class StoredTrace:
-    """One run of N steps; see `Trace` for the time alignment.
+    """One run of N steps; arrays and their time alignment are those of a run of `Trace`.
 
     Everything but individual contact points is bit for bit as recorded.
 
     Attributes:
-        time: (N + 1,) simulated time [s].
-        qpos: (N + 1, nq) configuration.
-        qvel: (N + 1, nv) velocity.
-        kinetic: (N,) kinetic energy [J].
-        potential: (N,) potential energy [J].
-        contacts: (N,) number of contacts in the whole model.
-        least_distance: (N,) smallest signed distance of any contact [m]; 0 where none.
-        iterations: (N,) solver iterations, summed over contact islands.
-        iterations_most: (N,) solver iterations of the busiest island.
-        momentum: (N, 3) linear momentum [kg m/s], or None where it was not recorded.
-        angular_momentum: (N, 3) angular momentum [kg m^2/s], or None likewise.
-        pairs: the monitored contact pairs.
         record_json: the EvidenceRecord.
         metadata: the run's identity.
         model_xml: the MJCF as simulated.

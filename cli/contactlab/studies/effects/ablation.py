@@ -39,13 +39,7 @@ from contactlab.studies.session import Session, Values
 
 @dataclass
 class SmallestSetSearch:
-    """Searches for the smallest set of effects.
-
-    Attributes:
-        trials: runs configurations.
-        base: rows of the base configuration.
-        tried: number of stores written.
-    """
+    """Searches for the smallest set of effects."""
 
     trials: ConfigurationRunner
     base: ConfigurationRows
@@ -54,9 +48,8 @@ class SmallestSetSearch:
     def smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
         """Return a large set of toggles that changes no result, found greedily.
 
-        Args:
-            certain: effects that are unused by proof.
-            likely: effects that are free one by one, the most worthwhile first.
+        Those that are certain change nothing by proof, those that are likely not one by one; of
+        these the most worthwhile comes first.
         """
         everything = merged(certain, likely)
         if not everything or self._is_free(everything):

@@ -22,7 +22,6 @@ class Toggle:
     """One effect, and how to toggle it.
 
     Attributes:
-        effect: its name.
         on: whether it is on in the base configuration.
         values: axis values that toggle it.
         proof: why results do not depend on it, if that is known without a run.
@@ -86,12 +85,7 @@ def settings_mjcf(settings: Values) -> tuple[str, ...]:
 
 
 def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
-    """Return the lines of a sweep file for settings of toggles.
-
-    Args:
-        settings: by axis.
-        proven: effects that `auto` switches off by itself.
-    """
+    """Return the lines of a sweep file for settings of toggles; `auto` sees to proven ones."""
     switched = {
         name: value
         for name, value in settings.items()
@@ -131,7 +125,6 @@ class ConfigurationRunner:
 
     Attributes:
         setup: the base configuration, scenarios and seeds.
-        toggles: the toggles, by effect.
         session: where and how sweeps are run.
         rounds: of a timing pass; None for no timing.
         stores: names of the stores written.
@@ -153,15 +146,9 @@ class ConfigurationRunner:
         scenarios: Sequence[Values] | None = None,
         timed: bool = False,
     ) -> dict[Changed, ConfigurationRows]:
-        """Run configurations in all scenarios, with the same seeds.
+        """Run configurations in all scenarios, with the same seeds; if timed, interleaved.
 
-        Args:
-            name: of the store.
-            description: what the runs are for.
-            configurations: the configurations.
-            seeds: the setup's if None.
-            scenarios: the setup's if None.
-            timed: whether the runs are timed, interleaved.
+        Seeds and scenarios are those of the setup unless given.
         """
         setup, unique = self.setup, list(dict.fromkeys(configurations))
         seeds = setup.seeds if seeds is None else seeds

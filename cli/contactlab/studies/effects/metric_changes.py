@@ -33,10 +33,7 @@ def unmeasured_metrics(changed: Collection[str]) -> list[str]:
 def tolerance_of(name: str, given: Mapping[str, float], values: Sequence[float]) -> float:
     """Return the largest change of a metric that does not matter, in its unit.
 
-    Args:
-        name: the metric.
-        given: tolerances of sweep or scene; taken as they are.
-        values: the metric without the change; 1 % of its largest magnitude does not matter.
+    That is a given tolerance as it is or, without one, 1 % of the largest magnitude at least.
     """
     if name in given:
         return given[name]
@@ -95,12 +92,7 @@ def difference(
 ) -> ConfigurationDifference:
     """Return the difference of two configurations over scenarios and seeds.
 
-    Args:
-        setup: has the tolerances.
-        scenarios: those of the outcomes.
-        base: rows of the base configuration.
-        other: rows of the other one.
-        exempt: metrics that the other one cannot measure.
+    Exempt are metrics that the other one cannot measure.
     """
     names = [name for name in setup.tolerances or judged_metrics() if name not in exempt]
     largest = [max(_changes(name, setup, scenarios, base, other), key=_weight) for name in names]
