@@ -1,5 +1,6 @@
 """The command line. A command imports what it needs when it runs, so that --help is instant."""
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -52,9 +53,20 @@ def contactlab(
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
     ] = False,
+    allow_files: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="DIR",
+            help="Let models name the files of a folder outside of their own; may be repeated.",
+        ),
+    ] = None,
 ) -> None:
     """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""
     del version
+    if allow_files:
+        from contactlab.scene.scene_tree import allow_files as allow
+
+        allow(allow_files)
 
 
 def main() -> None:

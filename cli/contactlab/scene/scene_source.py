@@ -23,6 +23,7 @@ from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.scene_tree import check_places, check_regular
 from contactlab.schema.scene_manifest import SceneManifest
 
 _ASSET_FOLDERS = {
@@ -95,6 +96,7 @@ def parse(path: Path) -> ET.Element:
     Raises:
         SceneError: it does not exist, or is not XML.
     """
+    check_regular(path)
     try:
         return ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run
     except FileNotFoundError as error:
@@ -166,17 +168,23 @@ class SceneFiles:
             shutil.copyfile(self.root / file, target)
 
 
-def collect_files(model: Path, beside: Path | None = None) -> SceneFiles:
+def collect_files(model: Path, beside: Path | None = None, copy: Path | None = None) -> SceneFiles:
     """Return the model file, its includes and assets, and the manifest if there is one.
 
     Missing assets are left for the compiler to report: it does not need them all.
 
+    Args:
+        model: the model file.
+        beside: the manifest.
+        copy: the folder of a store's copy that holds them, if one does.
+
     Raises:
-        SceneError: a file cannot be read, or is not XML.
+        SceneError: a file cannot be read, is not XML, or is not the scene's to name.
     """
     model = _plain(model)
     try:
         paths = {model, *(_plain(path) for path in references(model))}
+        check_places(paths, beside.parent if beside else model, copy)
         files = {path for path in paths if path.is_file()} | ({_plain(beside)} if beside else set())
         root = _common_folder(files)
         names = sorted(path.relative_to(root) for path in files)
@@ -190,7 +198,8 @@ def _plain(path: Path) -> Path:
     parts: list[str] = []
     for part in path.absolute().parts:
         if part == "..":
-            parts.pop()
+            # Above the root is the root.
+            parts = parts[:-1] or parts
         else:
             parts.append(part)
     return Path(*parts)
@@ -324,24 +333,25 @@ def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
     # Only the scene's own files were copied, so any manifest among them is the scene's.
     manifest = next(folder.rglob(MANIFEST), None)
     if manifest is not None:
-        return _folder(manifest.parent, name)
-    return _bare_model(folder / model, name)
+        return _folder(manifest.parent, name, copy=folder)
+    return _bare_model(folder / model, name, copy=folder)
 
 
-def _bare_model(path: Path, name: str) -> SceneSource:
+def _bare_model(path: Path, name: str, copy: Path | None = None) -> SceneSource:
     if not path.is_file():
         raise SceneError(f"no model file {path}")
-    return SceneSource(name, path, None, collect_files(path))
+    return SceneSource(name, path, None, collect_files(path, copy=copy))
 
 
-def _folder(path: Path, name: str) -> SceneSource:
+def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
     manifest = path / MANIFEST
     if not manifest.is_file():
         raise SceneError(
             f"{path} has no {MANIFEST}; to run without one, name the model file itself"
         )
+    check_places([manifest], path, copy)
     read = read_manifest(manifest)
-    return SceneSource(name, manifest, read, collect_files(path / read.model, beside=manifest))
+    return SceneSource(name, manifest, read, collect_files(path / read.model, manifest, copy))
 
 
 def read_manifest(path: Path) -> SceneManifest:

@@ -1,0 +1,106 @@
+"""Which files a model may name: a model may come from a stranger, and its files are copied.
+
+It may name the files of its own package, of installed Python packages, and of folders that the user
+allows by `--allow-files` or the environment variable.
+"""
+
+import os
+import sysconfig
+from collections.abc import Iterable
+from pathlib import Path
+
+from contactlab.errors import SceneError
+
+ALLOWED = "CONTACTLAB_ALLOW_FILES"
+"""The environment variable that names allowed folders; workers inherit it."""
+_ROS_PACKAGE = "package.xml"
+_PYTHON_PACKAGE = "__init__.py"
+_LEVELS = 2
+_PACKAGES = (_ROS_PACKAGE, ".git", "pyproject.toml", "setup.py")
+
+
+def allow_files(folders: Iterable[Path]) -> None:
+    """Allow models to name the files of some folders, in this process and those that it starts."""
+    allowed = [*_allowed(), *folders]
+    os.environ[ALLOWED] = os.pathsep.join(str(each.absolute()) for each in allowed)
+
+
+def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -> None:
+    """Check that a scene's files lie where its model may name them.
+
+    Hidden files and folders, as `.ssh`, are never a scene's, and neither are pipes and devices.
+
+    Args:
+        files: the files, existing or not.
+        named: the model, or the folder with its manifest.
+        copy: the folder of a store's copy that holds them, if one does.
+
+    Raises:
+        SceneError: one does not.
+    """
+    homes = (
+        [named.resolve()] if named.is_dir() else [named.parent.resolve(), named.resolve().parent]
+    )
+    trees = [(home, copy.resolve() if copy else scene_tree(home)) for home in homes]
+    shared = [] if copy else [*_allowed(), *_installed()]
+    for file in files:
+        real = file.resolve()
+        check_regular(file)
+        if any(real.is_relative_to(each) for each in shared):
+            continue
+        if not any(_is_inside(real, home, tree) for home, tree in trees):
+            raise SceneError(
+                f"{named}: {file} lies outside of {trees[0][1]}, where the model's files are; move "
+                f"it there, or allow its folder: `contactlab --allow-files {real.parent} COMMAND`"
+            )
+
+
+def check_regular(path: Path) -> None:
+    """Check that a path is a file, a folder, or nothing yet: a pipe would be waited for.
+
+    Raises:
+        SceneError: it is something else.
+    """
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise SceneError(f"{path} is no regular file")
+
+
+def scene_tree(folder: Path) -> Path:
+    """Return the folder whose files a model in a folder may name.
+
+    That is the nearest one around the model that is a repository, a project, a ROS package or, as a
+    whole, a Python package. Without any it is two folders above the model's, since meshes often lie
+    beside it, or in the package beside its own; but never home, or a folder that many share.
+    """
+    for each in (folder, *folder.parents):
+        if _is_shared(each):
+            break
+        if any((each / name).exists() for name in _PACKAGES):
+            return each
+        if (each / _PYTHON_PACKAGE).is_file():
+            above = (each, *each.parents)
+            return next(one for one in above if not (one.parent / _PYTHON_PACKAGE).is_file())
+    near = (folder, *folder.parents[:_LEVELS])
+    return next((each for each in reversed(near) if not _is_shared(each)), folder)
+
+
+def _is_shared(folder: Path) -> bool:
+    return len(folder.parts) < 3 or folder == Path.home()
+
+
+def _is_inside(file: Path, home: Path, tree: Path) -> bool:
+    """Return whether a file lies in a tree, or in a ROS package beside a folder of the model."""
+    near = next(each for each in (home, *home.parents) if file.is_relative_to(each))
+    if any(part.startswith(".") for part in file.relative_to(near).parts):
+        return False
+    ros = next((each for each in file.parents if (each / _ROS_PACKAGE).is_file()), None)
+    beside = ros is not None and ros.parent in home.parents and not _is_shared(ros)
+    return file.is_relative_to(tree) or beside
+
+
+def _allowed() -> list[Path]:
+    return [Path(each).resolve() for each in os.environ.get(ALLOWED, "").split(os.pathsep) if each]
+
+
+def _installed() -> list[Path]:
+    return [Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")]

@@ -1,0 +1,145 @@
+"""A scene's files are its own: nothing else of the machine is read or copied."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from contactlab.errors import SceneError
+from contactlab.scene.scene_source import collect_files, find_scene
+from contactlab.scene.scene_tree import ALLOWED, allow_files, scene_tree
+
+TEXTURE = '<texture name="t" type="cube" file="own.png" fileright="{}"/>'
+MODEL = "<mujoco><asset>{}</asset><worldbody/></mujoco>"
+
+
+@pytest.fixture(autouse=True)
+def _environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv(ALLOWED, "")
+    home = tmp_path / "home"
+    (home / ".ssh").mkdir(parents=True)
+    (home / ".ssh" / "id_rsa").write_text("key")
+    monkeypatch.setenv("HOME", str(home))
+
+
+def model_naming(folder: Path, name: str) -> Path:
+    """Write a model that names a file, in a place that MuJoCo never reads."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "own.png").touch()
+    path = folder / "robot.xml"
+    path.write_text(MODEL.format(TEXTURE.format(name)))
+    return path
+
+
+def write(path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.touch()
+    return path
+
+
+@pytest.mark.parametrize("place", ["Downloads", "Downloads/robot", "Downloads/robot/urdf", "."])
+@pytest.mark.parametrize("name", ["/etc/passwd", "../" * 20 + "etc/passwd", "{home}/.ssh/id_rsa"])
+def test_a_model_names_no_file_of_the_machine(tmp_path: Path, place: str, name: str) -> None:
+    home = tmp_path / "home"
+    path = model_naming(home / place, name.format(home=home))
+    with pytest.raises(SceneError, match="lies outside of"):
+        collect_files(path)
+
+
+@pytest.mark.parametrize("up", ["", "../", "../../"])
+def test_hidden_files_are_never_a_scene_s(tmp_path: Path, up: str) -> None:
+    root = tmp_path / "project"
+    write(root / "pyproject.toml")
+    for folder in (root, root / "scenes", root / "scenes" / "box"):
+        write(folder / ".env")
+    path = model_naming(root / "scenes" / "box", f"{up}.env")
+    with pytest.raises(SceneError, match="allow its folder: `contactlab --allow-files"):
+        collect_files(path)
+
+
+def test_a_link_is_where_it_leads(tmp_path: Path) -> None:
+    path = model_naming(tmp_path / "a" / "b" / "c" / "model", "wall.png")
+    secret = write(tmp_path / "other" / "secret")
+    (path.parent / "wall.png").symlink_to(secret)
+    with pytest.raises(SceneError, match="lies outside of"):
+        collect_files(path)
+
+
+def test_a_manifest_that_is_a_link_is_not_read(tmp_path: Path) -> None:
+    secret = tmp_path / "secret"
+    secret.write_text("password: 1")
+    folder = tmp_path / "some" / "own" / "deep" / "scene"
+    folder.mkdir(parents=True)
+    (folder / "scene.yaml").symlink_to(secret)
+    with pytest.raises(SceneError, match="lies outside of") as caught:
+        find_scene(str(folder))
+    assert "password" not in str(caught.value)
+
+
+def test_pipes_are_not_waited_for(tmp_path: Path) -> None:
+    path = model_naming(tmp_path / "model", "pipe")
+    os.mkfifo(path.parent / "pipe")
+    with pytest.raises(SceneError, match="no regular file"):
+        collect_files(path)
+    path.write_text('<mujoco><include file="pipe"/></mujoco>')
+    with pytest.raises(SceneError, match="no regular file"):
+        collect_files(path)
+
+
+@pytest.mark.parametrize(
+    ("marker", "model", "file"),
+    [
+        ("some/urdf/x.txt", "some/urdf", "some/meshes/a.stl"),
+        ("some/package.xml", "some/robots/one/urdf", "some/robots/two/meshes/a.stl"),
+        ("some/package.xml", "some/robots/one/urdf", "some/a.stl"),
+        ("pkg/__init__.py", "pkg/assets/one", "pkg/textures/a.png"),
+        (".git/config", "scenes/one", "meshes/a.stl"),
+    ],
+)
+def test_a_model_names_the_files_of_its_package(
+    tmp_path: Path, marker: str, model: str, file: str
+) -> None:
+    root = tmp_path / "some" / "where"
+    write(root / marker)
+    there = write(root / file)
+    up = "../" * len(Path(model).parts)
+    path = model_naming(root / model, up + file)
+    assert there in {root_file(path, each) for each in collect_files(path).files}
+
+
+def root_file(path: Path, file: Path) -> Path:
+    return collect_files(path).root / file
+
+
+def test_a_python_package_is_taken_as_a_whole(tmp_path: Path) -> None:
+    for each in ("pkg", "pkg/inner"):
+        write(tmp_path / each / "__init__.py")
+    (tmp_path / "pkg" / "inner" / "assets").mkdir()
+    assert scene_tree(tmp_path / "pkg" / "inner" / "assets") == tmp_path / "pkg"
+
+
+def test_a_ros_package_may_name_another_beside_it(tmp_path: Path) -> None:
+    for each in ("arm", "hand"):
+        write(tmp_path / "share" / each / "package.xml")
+    mesh = write(tmp_path / "share" / "hand" / "meshes" / "a.stl")
+    path = model_naming(tmp_path / "share" / "arm" / "urdf", "../../hand/meshes/a.stl")
+    assert mesh in {root_file(path, each) for each in collect_files(path).files}
+
+
+def test_the_user_may_allow_a_folder(tmp_path: Path) -> None:
+    mesh = write(tmp_path / "elsewhere" / "deep" / "a.stl")
+    path = model_naming(tmp_path / "one" / "two" / "three", str(mesh))
+    with pytest.raises(SceneError, match=f"--allow-files {mesh.parent}"):
+        collect_files(path)
+    allow_files([mesh.parent])
+    assert mesh in {root_file(path, each) for each in collect_files(path).files}
+
+
+def test_a_store_s_copy_names_its_own_files_only(tmp_path: Path) -> None:
+    copy = tmp_path / "project" / "scenes" / "0"
+    write(tmp_path / "project" / "pyproject.toml")
+    write(tmp_path / "project" / "a.stl")
+    path = model_naming(copy, "../../a.stl")
+    collect_files(path)
+    with pytest.raises(SceneError, match="lies outside of"):
+        collect_files(path, copy=copy)
