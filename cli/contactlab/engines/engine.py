@@ -17,6 +17,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.contact.trace_arrays import Floats, SelfChecks, Trace
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
@@ -67,7 +68,8 @@ class Rollout:
         steps: steps that each run made.
         cost: (n,) thread CPU time of the stepping [s]; NaN where it is not the engine's alone.
         warnings: engine warnings of each run by name, with their counts.
-        errors: the engine's error of each run, or None.
+        errors: the error of the engine or of the policy in each run, or None.
+        controls: what policies did in each run, None where one failed; empty without policies.
     """
 
     state: Floats
@@ -77,6 +79,7 @@ class Rollout:
     cost: Floats
     warnings: tuple[dict[str, int], ...]
     errors: tuple[str | None, ...]
+    controls: tuple[RecordedControls | None, ...] = ()
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":
@@ -120,6 +123,26 @@ class Buffers:
         )
 
 
+class Policy(Protocol):
+    """What acts in closed loop: made of a model once, for runs that go through together."""
+
+    def __call__(
+        self, time: Floats, qpos: Floats, qvel: Floats, sensordata: Floats, /
+    ) -> object:
+        """Return (n, nu) controls.
+
+        Args:
+            time: (n,) of each run [s].
+            qpos: (n, nq) configurations, as they are observed.
+            qvel: (n, nv) velocities, likewise.
+            sensordata: (n, ...) what the model's own sensors measured in the last step.
+        """
+        ...
+
+
+PolicyClass = Callable[[mujoco.MjModel], Policy]
+
+
 def bytes_of_run(model: mujoco.MjModel, steps: int) -> int:
     """Return the memory that one run of N steps records into [bytes]."""
     width = 1 + model.nq + model.nv + model.na + model.nsensordata
@@ -136,6 +159,7 @@ class PreparedRuns:
         prepared: (n) their models in MuJoCo.
         starts: where they start, and what drives them.
         steps: how many steps each makes.
+        policy: what acts in them; None where `starts` has all that drives them.
     """
 
     scene: Scene
@@ -143,6 +167,7 @@ class PreparedRuns:
     prepared: Sequence[PreparedModel]
     starts: InitialStates
     steps: int
+    policy: PolicyClass | None = None
 
     @classmethod
     def of(cls, scene: Scene, *resolved: ResolvedRun) -> "PreparedRuns":

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import (
     Buffers,
@@ -91,12 +92,7 @@ def roll_out(
     count = len(models)
     batch = start_batch(models, starts)
     arrays = buffers.arrays(models[0], count, steps)
-    velocity = 1 + models[0].nq
-    arrays.state[:, 0] = 0.0
-    arrays.state[:, 0, 1:velocity] = starts.qpos
-    activation = velocity + models[0].nv
-    arrays.state[:, 0, velocity:activation] = starts.qvel
-    arrays.state[:, 0, activation:] = starts.act
+    record_starts(models[0], starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
     for run in range(count):
@@ -115,8 +111,40 @@ def roll_out(
             batch.rollout(steps, record=list(out), ids=[run], out=out, **inputs)
         except SimulationError:
             errors[run] = batch.error(run)
-            _blank(arrays, run)
         cost[run] = time.thread_time() - start
+    return recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
+
+
+def record_starts(model: mujoco.MjModel, starts: InitialStates, arrays: RolloutArrays) -> None:
+    """Record the state before the first step of each run."""
+    velocity = 1 + model.nq
+    activation = velocity + model.nv
+    arrays.state[:, 0] = 0.0
+    arrays.state[:, 0, 1:velocity] = starts.qpos
+    arrays.state[:, 0, velocity:activation] = starts.qvel
+    arrays.state[:, 0, activation:] = starts.act
+
+
+def recorded(
+    arrays: RolloutArrays,
+    cost: Floats,
+    warnings: np.ndarray,
+    errors: Sequence[str | None],
+    controls: Sequence[RecordedControls | None] = (),
+) -> Rollout:
+    """Return the first n runs that were recorded.
+
+    Args:
+        arrays: where they were recorded.
+        cost: (n,) CPU time of each [s].
+        warnings: (n, kinds) how often each run raised each kind of warning.
+        errors: why runs failed, or None.
+        controls: what policies did.
+    """
+    count = len(cost)
+    for run in range(count):
+        if errors[run]:
+            _blank(arrays, run)
     made = tuple(
         0 if errors[run] else _valid_steps(arrays.state[run, :, 0]) for run in range(count)
     )
@@ -125,9 +153,10 @@ def roll_out(
         sensors=arrays.sensors[:count],
         iterations=arrays.iterations[:count],
         steps=made,
-        cost=cost[:count],
-        warnings=tuple(_warnings(batch.warning[run, :, _COUNT]) for run in range(count)),
+        cost=cost,
+        warnings=tuple(map(_warnings, warnings)),
         errors=tuple(errors[:count]),
+        controls=tuple(controls),
     )
 
 

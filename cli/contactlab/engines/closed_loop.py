@@ -1,0 +1,336 @@
+"""Runs in closed loop: a policy acts at its rate, and MuJoCo steps natively between its calls.
+
+The runs of a job advance together, so that one call of the policy serves them all. Call k happens
+before the first step that starts at or after k / rate; its controls take effect at the first step
+that starts at or after a latency more, and stay until the next ones do.
+"""
+
+import copy
+import sys
+import traceback
+from collections.abc import Sequence
+from contextlib import redirect_stdout
+from itertools import groupby, pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.contact.trace_arrays import Floats
+from contactlab.engines.engine import (
+    Buffers,
+    Policy,
+    PolicyClass,
+    PreparedRuns,
+    Proceed,
+    Rollout,
+    RolloutArrays,
+    Watch,
+)
+from contactlab.engines.mujoco_batch import STATE, driven, record_starts, recorded, start_batch
+from contactlab.engines.older_mujoco import SimulationError
+from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.schema.drive import PolicyDrive
+
+_INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
+_KINDS = int(mujoco.mjtWarning.mjNWARNING)
+_COUNT = 1
+# A time within this fraction of a step after a step's start counts as that start.
+_SNAP = 1e-6
+# The stream of a run's seed that noise is drawn from; others perturb its start.
+_NOISE = 3
+
+
+class _PolicyFailure(Exception):
+    """A policy cannot act; the message says why."""
+
+
+class _Flown(NamedTuple):
+    """What one run leaves beside the arrays.
+
+    Attributes:
+        warnings: (kinds,) how often each was raised.
+        error: of engine or policy, or None.
+        controls: what the policy did; None if the run failed.
+    """
+
+    warnings: np.ndarray
+    error: str | None
+    controls: RecordedControls | None
+
+
+def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) -> Rollout:
+    """Simulate runs in closed loop, as `SimulationEngine.roll_out` says.
+
+    The cost of each is NaN, since they advance together. If the sweep should stop, the first run
+    alone goes on to its end.
+    """
+    arrays = buffers.arrays(runs.models[0], len(runs.prepared), runs.steps)
+    record_starts(runs.models[0], runs.starts, arrays)
+    flown: list[_Flown] = []
+    for _, group in groupby(range(len(runs.prepared)), lambda run: _pace(runs.resolved[run])):
+        places = list(group)
+        if places[0] and not proceed():
+            break
+        flown += _together(runs.rows(places), _rows(arrays, places), watch, proceed)
+        if len(flown) <= places[-1]:
+            break
+    return recorded(
+        arrays,
+        np.full(len(flown), np.nan),
+        np.array([each.warnings for each in flown]),
+        [each.error for each in flown],
+        [each.controls for each in flown],
+    )
+
+
+def _drive(run: ResolvedRun) -> PolicyDrive:
+    assert isinstance(run.drive, PolicyDrive)
+    return run.drive
+
+
+def _pace(run: ResolvedRun) -> tuple[float, ...]:
+    """Return what runs share whose policy acts before the same steps."""
+    return run.timestep, _drive(run).rate, _drive(run).latency_seconds
+
+
+def _rows(arrays: RolloutArrays, places: Sequence[int]) -> RolloutArrays:
+    rows = slice(places[0], places[-1] + 1)
+    return RolloutArrays(arrays.state[rows], arrays.sensors[rows], arrays.iterations[rows])
+
+
+def _together(
+    runs: PreparedRuns, arrays: RolloutArrays, watch: Watch, proceed: Proceed
+) -> list[_Flown]:
+    """Simulate runs of one pace together; one by one where the policy fails with all of them."""
+    count = len(runs.prepared)
+    try:
+        with redirect_stdout(sys.stderr):
+            return _Flight(runs, arrays).fly(watch, proceed)
+    except _PolicyFailure as failure:
+        if count == 1:
+            arrays.state[0, 1:] = arrays.state[0, 0]
+            return [_Flown(np.zeros(_KINDS, np.int32), str(failure), None)]
+    flown: list[_Flown] = []
+    for run in range(count):
+        if run and not proceed():
+            break
+        flown += _together(runs.rows([run]), _rows(arrays, [run]), watch, proceed)
+    return flown
+
+
+class _Flight:
+    """n runs that one instance of a policy acts in."""
+
+    def __init__(self, runs: PreparedRuns, arrays: RolloutArrays) -> None:
+        self._models = runs.models
+        self._starts = runs.starts
+        self._steps = runs.steps
+        self._arrays = arrays
+        self._drives = [_drive(run) for run in runs.resolved]
+        self._batch = start_batch(self._models, runs.starts)
+        self._controls = self._batch.bind("ctrl")
+        self._pushed = bool((runs.starts.driven >= self._controls.shape[1]).any())
+        self._timestep = runs.resolved[0].timestep
+        self._calls = self._call_steps()
+        self._delay = _first_step(self._drives[0].latency_seconds / self._timestep)
+        self._noise = [self._drawn(run) for run in runs.resolved]
+        self._sensors = _own_sensors(runs.base.model)
+        self._flying = np.arange(len(self._models))
+        self._errors: list[str | None] = [None] * len(self._models)
+        self._acted: dict[int, Floats] = {0: self._controls.copy()}
+        assert runs.policy is not None
+        self._name = getattr(runs.policy, "__name__", "policy")
+        self._policy = self._made(runs.policy, runs.base.model)
+
+    def fly(self, watch: Watch, proceed: Proceed) -> list[_Flown]:
+        """Simulate them all; return the first alone if the sweep should stop meanwhile."""
+        count, calls = len(self._models), {step: call for call, step in enumerate(self._calls)}
+        waiting: dict[int, Floats] = {}
+        marks = {0, *calls, *(step + self._delay for step in calls)}
+        slices = -1
+        for begin, end in pairwise([*sorted(step for step in marks if step < self._steps), self._steps]):
+            if not len(self._flying):
+                break
+            if begin in calls:
+                # n time limits for n runs: each for as many calls as an n-th of all runs takes.
+                if (now := calls[begin] * count // len(calls)) > slices:
+                    slices = now
+                    watch()
+                if begin and count > 1 and not proceed():
+                    count, self._flying = 1, self._flying[self._flying == 0]
+                waiting[begin + self._delay] = self._ask(calls[begin], begin)
+            if begin in waiting:
+                self._acted[begin] = waiting.pop(begin)
+                self._controls[self._flying] = self._acted[begin][self._flying]
+            self._step(begin, end)
+        return [self._flown(run) for run in range(count)]
+
+    def _call_steps(self) -> list[int]:
+        rate, timestep = self._drives[0].rate, self._timestep
+        period = 1 / (rate * timestep)
+        if period < 1 - _SNAP:
+            raise _PolicyFailure(
+                f"the policy is to act at {rate:g} Hz, but steps of {timestep:g} s are "
+                f"{1 / timestep:g} Hz; lower its rate, or the timestep"
+            )
+        most = int(self._steps / period) + 1
+        steps = (_first_step(call * period) for call in range(most + 1))
+        return [step for step in steps if step < self._steps]
+
+    def _drawn(self, run: ResolvedRun) -> Floats:
+        """Return (calls, 2, nv) noise of positions and velocities; the same at any timestep."""
+        noise, shape = _drive(run).noise, (len(self._calls), 2, self._models[0].nv)
+        if not (noise.qpos or noise.qvel):
+            return np.empty(0)
+        scale = np.array([noise.qpos, noise.qvel])[:, None]
+        return scale * np.random.default_rng([run.seed, _NOISE]).standard_normal(shape)
+
+    def _made(self, policy: PolicyClass, model: mujoco.MjModel) -> Policy:
+        try:
+            made = policy(copy.copy(model))
+        except MemoryError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise _PolicyFailure(f"policy {self._name}: {_one_line(error)}") from error
+        if not callable(made):
+            raise _PolicyFailure(
+                f"policy {self._name} cannot be called; give it a method "
+                "__call__(self, time, qpos, qvel, sensordata)"
+            )
+        return made
+
+    def _ask(self, call: int, step: int) -> Floats:
+        """Return (n, nu) what the policy wants of what it observes before a step."""
+        observed, time = self._observed(call, step), step * self._timestep
+        try:
+            returned = np.asarray(self._policy(*observed))
+        except MemoryError:
+            raise
+        except (Exception, SystemExit) as error:
+            raise _PolicyFailure(f"policy {self._name}, at {time:g} s: {_one_line(error)}") from error
+        if returned.shape != self._controls.shape:
+            raise _PolicyFailure(
+                f"policy {self._name} returned an array of shape {returned.shape}; one control for "
+                f"each run and actuator is {self._controls.shape}"
+            )
+        if returned.dtype.kind not in "fiu":
+            raise _PolicyFailure(
+                f"policy {self._name} returned {returned.dtype}; controls are real numbers"
+            )
+        # Adding 0 makes -0.0 a 0.0, which no replay could tell apart from it.
+        wanted = returned.astype(np.float64) + 0.0
+        for run in self._flying[~np.isfinite(wanted[self._flying]).all(axis=1)]:
+            actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
+            name = self._models[run].actuator(actuator).name or f"actuator[{actuator}]"
+            self._errors[run] = (
+                f"policy {self._name} returned {wanted[run, actuator]:g} for {name} at {time:g} s"
+            )
+            self._land([run], step)
+        return wanted
+
+    def _observed(self, call: int, step: int) -> tuple[Floats, Floats, Floats, Floats]:
+        """Return copies of (n,) times, (n, nq) and (n, nv) noisy states, and sensor data."""
+        model, state = self._models[0], self._arrays.state[:, step]
+        velocity = 1 + model.nq
+        time, qpos, qvel = (
+            part.copy()
+            for part in (
+                state[:, 0],
+                state[:, 1:velocity],
+                state[:, velocity : velocity + model.nv],
+            )
+        )
+        for run in self._flying:
+            if self._noise[run].size:
+                offset, speed = self._noise[run][call]
+                mujoco.mj_integratePos(self._models[run], qpos[run], offset, 1.0)
+                qvel[run] += speed
+        return time, qpos, qvel, self._measured(step)
+
+    def _measured(self, step: int) -> Floats:
+        """Return (n, ...) the model's own sensors in the last step; before any, at the start."""
+        if step or not self._sensors:
+            return self._arrays.sensors[:, step - 1, : self._sensors].copy()
+        measured = np.empty((len(self._models), self._sensors))
+        for run, model in enumerate(self._models):
+            data = mujoco.MjData(model)
+            mujoco.mj_setState(model, data, self._batch.state[run], _INTEGRATION)
+            mujoco.mj_forward(model, data)
+            measured[run] = data.sensordata[: self._sensors]
+        return measured
+
+    def _step(self, begin: int, end: int) -> None:
+        flying, batch, arrays = self._flying, self._batch, self._arrays
+        shape = len(flying), end - begin
+        out: dict[Any, np.ndarray] = {
+            int(STATE): np.empty((*shape, arrays.state.shape[2])),
+            "sensordata": np.empty((*shape, arrays.sensors.shape[2])),
+            "solver_niter": np.empty((*shape, arrays.iterations.shape[2]), np.int32),
+        }
+        try:
+            batch.rollout(end - begin, record=list(out), ids=flying, out=out, **self._inputs(begin, end))
+        except SimulationError:
+            for run in flying:
+                self._errors[run] = batch.error(run) or None
+        arrays.state[flying, begin + 1 : end + 1] = out[int(STATE)]
+        arrays.sensors[flying, begin:end] = out["sensordata"]
+        arrays.iterations[flying, begin:end] = out["solver_niter"]
+        warned = batch.warning[flying, :, _COUNT].any(axis=1)
+        self._land([run for run, each in zip(flying, warned, strict=True) if each or self._errors[run]], end)
+
+    def _inputs(self, begin: int, end: int) -> dict[str, Any]:
+        """Return a batch's arguments where a scene drives forces beside the policy."""
+        if not self._pushed:
+            return {}
+        each = [
+            driven(self._models[run], self._starts, run, end - begin, begin) for run in self._flying
+        ]
+        control = np.concatenate([one["control"] for one in each])
+        controls = self._controls[self._flying]
+        control[:, :, : controls.shape[1]] = controls[:, None]
+        return {**each[0], "control": control}
+
+    def _land(self, runs: Sequence[int], step: int) -> None:
+        """Leave runs at the state before a step: they stopped or failed."""
+        for run in runs:
+            self._arrays.state[run, step + 1 :] = self._arrays.state[run, step]
+            last = max(step - 1, 0)
+            self._arrays.sensors[run, step:] = self._arrays.sensors[run, last]
+            self._arrays.iterations[run, step:] = self._arrays.iterations[run, last]
+        self._flying = np.setdiff1d(self._flying, runs)
+
+    def _flown(self, run: int) -> _Flown:
+        warnings, error = self._batch.warning[run, :, _COUNT], self._errors[run]
+        if error:
+            return _Flown(warnings, error, None)
+        steps = np.array(list(self._acted))
+        levels = np.array([controls[run] for controls in self._acted.values()])
+        return _Flown(warnings, None, RecordedControls(steps * self._timestep, levels))
+
+
+def _first_step(time: float) -> int:
+    """Return the first step that starts at or after a time, in steps."""
+    return int(np.ceil(time - _SNAP))
+
+
+def _own_sensors(model: mujoco.MjModel) -> int:
+    """Return how many numbers a model's own sensors measure; those that record come after them."""
+    own = [
+        int(model.sensor_adr[sensor] + model.sensor_dim[sensor])
+        for sensor in range(model.nsensor)
+        if not model.sensor(sensor).name.startswith(PREFIX)
+    ]
+    return max(own, default=0)
+
+
+def _one_line(error: BaseException) -> str:
+    """Return an error in one line, after the line of the policy's file that raised it."""
+    frames = [each for each in traceback.extract_tb(error.__traceback__) if each.filename != __file__]
+    own = [each for each in frames if each.filename == frames[0].filename]
+    where = f"line {own[-1].lineno} of {Path(own[-1].filename).name}: " if own else ""
+    text = " ".join(str(error).split())
+    return f"{where}{type(error).__name__}" + (f": {text}" if text else "")
