@@ -44,7 +44,7 @@ _SNAP = 1e-6
 _NOISE = 3
 
 
-class _PolicyFailure(Exception):
+class _PolicyFailureError(Exception):
     """A policy cannot act; the message says why."""
 
 
@@ -110,9 +110,8 @@ def _together(
     try:
         with redirect_stdout(sys.stderr):
             return _Flight(runs, arrays).fly(watch, proceed)
-    except _PolicyFailure as failure:
+    except _PolicyFailureError as failure:
         if count == 1:
-            arrays.state[0, 1:] = arrays.state[0, 0]
             return [_Flown(np.zeros(_KINDS, np.int32), str(failure), None)]
     flown: list[_Flown] = []
     for run in range(count):
@@ -142,6 +141,7 @@ class _Flight:
         self._flying = np.arange(len(self._models))
         self._errors: list[str | None] = [None] * len(self._models)
         self._acted: dict[int, Floats] = {0: self._controls.copy()}
+        self._ends = [runs.steps] * len(self._models)
         assert runs.policy is not None
         self._name = getattr(runs.policy, "__name__", "policy")
         self._policy = self._made(runs.policy, runs.base.model)
@@ -152,9 +152,8 @@ class _Flight:
         waiting: dict[int, Floats] = {}
         marks = {0, *calls, *(step + self._delay for step in calls)}
         slices = -1
-        for begin, end in pairwise([*sorted(step for step in marks if step < self._steps), self._steps]):
-            if not len(self._flying):
-                break
+        marks = {step for step in marks if step < self._steps}
+        for begin, end in pairwise([*sorted(marks), self._steps]):
             if begin in calls:
                 # n time limits for n runs: each for as many calls as an n-th of all runs takes.
                 if (now := calls[begin] * count // len(calls)) > slices:
@@ -166,6 +165,8 @@ class _Flight:
             if begin in waiting:
                 self._acted[begin] = waiting.pop(begin)
                 self._controls[self._flying] = self._acted[begin][self._flying]
+            if not len(self._flying):
+                break
             self._step(begin, end)
         return [self._flown(run) for run in range(count)]
 
@@ -173,7 +174,7 @@ class _Flight:
         rate, timestep = self._drives[0].rate, self._timestep
         period = 1 / (rate * timestep)
         if period < 1 - _SNAP:
-            raise _PolicyFailure(
+            raise _PolicyFailureError(
                 f"the policy is to act at {rate:g} Hz, but steps of {timestep:g} s are "
                 f"{1 / timestep:g} Hz; lower its rate, or the timestep"
             )
@@ -195,9 +196,9 @@ class _Flight:
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
-            raise _PolicyFailure(f"policy {self._name}: {_one_line(error)}") from error
+            raise _PolicyFailureError(f"policy {self._name}: {_one_line(error)}") from error
         if not callable(made):
-            raise _PolicyFailure(
+            raise _PolicyFailureError(
                 f"policy {self._name} cannot be called; give it a method "
                 "__call__(self, time, qpos, qvel, sensordata)"
             )
@@ -211,14 +212,16 @@ class _Flight:
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
-            raise _PolicyFailure(f"policy {self._name}, at {time:g} s: {_one_line(error)}") from error
+            raise _PolicyFailureError(
+                f"policy {self._name}, at {time:g} s: {_one_line(error)}"
+            ) from error
         if returned.shape != self._controls.shape:
-            raise _PolicyFailure(
+            raise _PolicyFailureError(
                 f"policy {self._name} returned an array of shape {returned.shape}; one control for "
                 f"each run and actuator is {self._controls.shape}"
             )
         if returned.dtype.kind not in "fiu":
-            raise _PolicyFailure(
+            raise _PolicyFailureError(
                 f"policy {self._name} returned {returned.dtype}; controls are real numbers"
             )
         # Adding 0 makes -0.0 a 0.0, which no replay could tell apart from it.
@@ -272,7 +275,9 @@ class _Flight:
             "solver_niter": np.empty((*shape, arrays.iterations.shape[2]), np.int32),
         }
         try:
-            batch.rollout(end - begin, record=list(out), ids=flying, out=out, **self._inputs(begin, end))
+            batch.rollout(
+                end - begin, record=list(out), ids=flying, out=out, **self._inputs(begin, end)
+            )
         except SimulationError:
             for run in flying:
                 self._errors[run] = batch.error(run) or None
@@ -280,7 +285,10 @@ class _Flight:
         arrays.sensors[flying, begin:end] = out["sensordata"]
         arrays.iterations[flying, begin:end] = out["solver_niter"]
         warned = batch.warning[flying, :, _COUNT].any(axis=1)
-        self._land([run for run, each in zip(flying, warned, strict=True) if each or self._errors[run]], end)
+        self._land(
+            [run for run, each in zip(flying, warned, strict=True) if each or self._errors[run]],
+            end,
+        )
 
     def _inputs(self, begin: int, end: int) -> dict[str, Any]:
         """Return a batch's arguments where a scene drives forces beside the policy."""
@@ -297,6 +305,7 @@ class _Flight:
     def _land(self, runs: Sequence[int], step: int) -> None:
         """Leave runs at the state before a step: they stopped or failed."""
         for run in runs:
+            self._ends[run] = step
             self._arrays.state[run, step + 1 :] = self._arrays.state[run, step]
             last = max(step - 1, 0)
             self._arrays.sensors[run, step:] = self._arrays.sensors[run, last]
@@ -307,9 +316,9 @@ class _Flight:
         warnings, error = self._batch.warning[run, :, _COUNT], self._errors[run]
         if error:
             return _Flown(warnings, error, None)
-        steps = np.array(list(self._acted))
-        levels = np.array([controls[run] for controls in self._acted.values()])
-        return _Flown(warnings, None, RecordedControls(steps * self._timestep, levels))
+        steps = [step for step in self._acted if step < self._ends[run]]
+        levels = np.array([self._acted[step][run] for step in steps])
+        return _Flown(warnings, None, RecordedControls(np.array(steps) * self._timestep, levels))
 
 
 def _first_step(time: float) -> int:
@@ -329,7 +338,9 @@ def _own_sensors(model: mujoco.MjModel) -> int:
 
 def _one_line(error: BaseException) -> str:
     """Return an error in one line, after the line of the policy's file that raised it."""
-    frames = [each for each in traceback.extract_tb(error.__traceback__) if each.filename != __file__]
+    frames = [
+        each for each in traceback.extract_tb(error.__traceback__) if each.filename != __file__
+    ]
     own = [each for each in frames if each.filename == frames[0].filename]
     where = f"line {own[-1].lineno} of {Path(own[-1].filename).name}: " if own else ""
     text = " ".join(str(error).split())

@@ -126,9 +126,7 @@ class Buffers:
 class Policy(Protocol):
     """What acts in closed loop: made of a model once, for runs that go through together."""
 
-    def __call__(
-        self, time: Floats, qpos: Floats, qvel: Floats, sensordata: Floats, /
-    ) -> object:
+    def __call__(self, time: Floats, qpos: Floats, qvel: Floats, sensordata: Floats, /) -> object:
         """Return (n, nu) controls.
 
         Args:

@@ -6,6 +6,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from contactlab.engines.closed_loop import fly
 from contactlab.engines.engine import (
     Buffers,
     PreparedRuns,
@@ -44,7 +45,12 @@ class MujocoEngine(SimulationEngine):
         watch: Watch = no_limit,
         proceed: Proceed = proceed_always,
     ) -> Rollout:
-        """Simulate runs one after the other on this thread, so that the cost of each is its own."""
+        """Simulate runs one after the other on this thread, so that the cost of each is its own.
+
+        Runs with a policy advance together, and have no cost of their own.
+        """
+        if runs.policy is not None:
+            return fly(runs, buffers, watch, proceed)
         return roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
@@ -70,6 +76,8 @@ class OlderMujocoEngine(MujocoEngine):
     ) -> Rollout:
         """Simulate runs; their cost is that of the same steps without Python between them."""
         rollout = super().roll_out(runs, buffers, watch, proceed)
+        if runs.policy is not None:
+            return rollout
         cost = [_native_cost(runs, run, made) for run, made in enumerate(rollout.steps)]
         return replace(rollout, cost=np.array(cost))
 

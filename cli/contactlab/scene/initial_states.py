@@ -7,6 +7,7 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
@@ -102,6 +103,22 @@ class InitialStates(NamedTuple):
         """Return the initial states of some runs."""
         return InitialStates(*(array[list(runs)] for array in self))
 
+    def acted_on(self, controls: Sequence[RecordedControls]) -> "InitialStates":
+        """Return these states with recorded controls in place of any others, one for each run."""
+        acted = [each.knots for each in controls]
+        most = max(self.knots.shape[2], *(len(times) for times, _ in acted))
+        count = self.ctrl.shape[1]
+        driven = np.tile(np.arange(count), (len(acted), 1))
+        knots = np.array([np.tile(_padded(times, most), (count, 1)) for times, _ in acted])
+        levels = np.array([_padded(values, most) for _, values in acted])
+        others = np.flatnonzero((self.driven >= count).all(axis=0))
+        if len(others):
+            driven = np.concatenate([driven, self.driven[:, others]], axis=1)
+            knots = np.concatenate([knots, _padded(self.knots[:, others], most)], axis=1)
+            levels = np.concatenate([levels, _padded(self.levels[:, others], most)], axis=1)
+        start = np.array([values[:, 0] for _, values in acted])
+        return self._replace(ctrl=start, driven=driven, knots=knots, levels=levels)
+
     @classmethod
     def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return several initial states, one after the other."""
@@ -120,6 +137,11 @@ class InitialStates(NamedTuple):
         for place, knots, levels in profiles:
             inputs[:, place] = np.interp(steps * timestep, knots, levels)
         return inputs
+
+
+def _padded(knots: Floats, count: int) -> Floats:
+    """Return (..., count) knots, the last one repeated."""
+    return np.take(knots, np.arange(count), axis=-1, mode="clip")
 
 
 _FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")

@@ -22,6 +22,7 @@ from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.setting_values import Settings, as_number
+from contactlab.schema.drive import Drive
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import switches
 
@@ -42,6 +43,7 @@ class ResolvedRun:
         duration: simulated time [s].
         effect_request: the effects that it requests.
         without: effects that its model is compiled without.
+        drive: what drives it.
     """
 
     structure: Mapping[str, object]
@@ -53,6 +55,7 @@ class ResolvedRun:
     duration: float
     effect_request: EffectRequest
     without: frozenset[str]
+    drive: Drive = "none"
 
     @property
     def engine(self) -> str:

@@ -11,6 +11,7 @@ from contactlab.schema.strict_model import Model, Number, Positive, Word
 
 _WORDS = ("none", "hold", "exercise")
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
+Share = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+%$")]
 FileHash = Annotated[
     Word | None, Field(description="SHA-256 that the file must have; records and stores state it.")
 ]
@@ -59,13 +60,20 @@ class PolicyDrive(Model):
         json_schema_extra={"pattern": _CLASS},
     )
     rate: Positive = Field(default=50.0, description="how often it acts [Hz]")
-    latency: Annotated[Number, Field(ge=0)] = Field(
-        default=0.0, description="from what it observes to its action [s]"
+    latency: Annotated[Number, Field(ge=0)] | Share = Field(
+        default=0.0, description="from what it observes to its action: s, or 50% of a period"
     )
     noise: ObservationNoise = Field(
         default=ObservationNoise(), description="of what it observes; by the run's seed"
     )
     sha256: FileHash = None
+
+    @property
+    def latency_seconds(self) -> float:
+        """Time from what it observes to its action [s]."""
+        if isinstance(self.latency, str):
+            return float(self.latency.removesuffix("%")) / 100 / self.rate
+        return self.latency
 
 
 DRIVE_FORMS: Mapping[str, type[Model]] = {
@@ -155,7 +163,7 @@ def drive_identity(drive: Drive) -> object:
             return drive.model_dump(exclude={"file"})
         case PolicyDrive():
             _, _, name = drive.policy.rpartition(":")
-            return {**drive.model_dump(), "policy": name}
+            return {**drive.model_dump(), "policy": name, "latency": drive.latency_seconds}
 
 
 def drive_text(drive: Drive) -> str:
@@ -170,7 +178,7 @@ def drive_text(drive: Drive) -> str:
         case PolicyDrive():
             noise = drive.noise
             parts = [f"policy={drive.policy}", f"rate={drive.rate:g}"]
-            parts += [f"latency={drive.latency:g}"] * bool(drive.latency)
+            parts += [f"latency={drive.latency}"] * bool(drive.latency)
             parts += [f"noise.qpos={noise.qpos:g}"] * bool(noise.qpos)
             parts += [f"noise.qvel={noise.qvel:g}"] * bool(noise.qvel)
             return ",".join(parts)
