@@ -1,8 +1,11 @@
 """Policies: native steps between two calls are the steps of a plain loop that asks at each call."""
 
 import math
+import re
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import mujoco
@@ -30,7 +33,9 @@ CART_POLE = """
     </body>
   </worldbody>
   <actuator><motor name="push" joint="rail" ctrlrange="-50 50" {delay}/></actuator>
-  <sensor><jointvel name="turning" joint="hinge"/><framepos name="tip" objtype="geom" objname="pole"/></sensor>
+  <sensor>
+    <jointvel name="turning" joint="hinge"/><framepos name="tip" objtype="geom" objname="pole"/>
+  </sensor>
 </mujoco>
 """
 MANIFEST = """
@@ -43,14 +48,13 @@ Make = Callable[..., Scene]
 
 
 class Feedback:
-    """Feedback that stabilises the cart-pole; sums in a fixed order, whatever the number of runs."""
+    """Feedback that stabilises the cart-pole, summed in one order for any number of runs."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
         self.actuators = model.nu
 
-    def __call__(
-        self, time: np.ndarray, qpos: np.ndarray, qvel: np.ndarray, sensordata: np.ndarray
-    ) -> np.ndarray:
+    def __call__(self, *observed: np.ndarray) -> np.ndarray:
+        _, qpos, qvel, _ = observed
         place, tilt = qpos.T
         speed, turning = qvel.T
         return (50.0 * tilt + 8.0 * turning + 2.0 * place + 4.0 * speed)[:, None]
@@ -64,10 +68,9 @@ def cart(make_scene: Make) -> Scene:
 def prepared(
     scene: Scene, drive: PolicyDrive, policy: Any, *values: dict[str, Any], steps: int = STEPS
 ) -> PreparedRuns:
-    resolved = [
-        replace(scene.resolve(each, seed, None), drive=drive) for seed, each in enumerate(values)
-    ]
-    return replace(PreparedRuns.of(scene, *resolved), steps=steps, policy=policy)
+    driven = scene.with_drive(drive, Path(__file__).parent)
+    resolved = [driven.resolve(each, seed, None) for seed, each in enumerate(values)]
+    return replace(PreparedRuns.of(driven, *resolved), steps=steps, policy=policy)
 
 
 def flown(runs: PreparedRuns, **hooks: Any) -> Rollout:
@@ -75,7 +78,7 @@ def flown(runs: PreparedRuns, **hooks: Any) -> Rollout:
 
 
 def drive(**parts: Any) -> PolicyDrive:
-    return PolicyDrive(policy="feedback.py:Feedback", **parts)
+    return PolicyDrive(policy="test_closed_loop.py:Feedback", **parts)
 
 
 def looped(runs: PreparedRuns, run: int, every: int, delay: int) -> np.ndarray:
@@ -191,26 +194,38 @@ def test_noise_has_the_stated_size_and_is_the_same_at_any_timestep(cart: Scene) 
     assert np.allclose(errors[0], errors[1], atol=1e-12)
 
 
-@pytest.mark.parametrize("name", ["sleep", "mocap"])
+STACK = """
+<mujoco>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="low" pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05"/></body>
+    <body name="top" pos="0 0 .15"><freejoint/><geom type="box" size=".05 .05 .05"/></body>
+    <body name="arm" pos=".5 0 .5">
+      <joint name="hinge" axis="0 1 0" damping=".1"/>
+      <geom type="capsule" fromto="0 0 0 .2 0 0" size=".01"/>
+    </body>
+  </worldbody>
+  <actuator><motor name="motor" joint="hinge"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize("name", ["asleep", "mixed"])
 def test_segments_are_one_rollout(name: str, mixed: Scene, make_scene: Make) -> None:
     """With constant controls, steps cut into segments are those of one open-loop rollout."""
-    scene = Scene.open("box_stack") if name == "sleep" else mixed
-    nu = scene.base({}).model.nu
+    scene = make_scene(STACK) if name == "asleep" else mixed
+    kinds = [{}, {"cone": "elliptic"}, {"gravity": (0, 0, -1)}]
 
-    def still(model: mujoco.MjModel) -> Any:
-        return lambda time, *_: np.full((len(time), nu), 0.3)
+    def still(_: mujoco.MjModel) -> Any:
+        return lambda time, *_: np.full((len(time), 1), 0.3)
 
-    values = (
-        [{"sleep": True}] * 2
-        if name == "sleep"
-        else [{}, {"cone": "elliptic"}, {"gravity": (0, 0, -1)}]
-    )
+    values = [{"sleep": True}] * 2 if name == "asleep" else kinds
     runs = prepared(scene, drive(rate=37.0), still, *values, steps=600)
     cut = flown(runs)
     state, sensors, iterations = (part.copy() for part in (cut.state, cut.sensors, cut.iterations))
-    starts = runs.starts._replace(ctrl=np.full_like(runs.starts.ctrl, 0.3))
+    starts = runs.starts._replace(levels=np.full_like(runs.starts.levels, 0.3))
     whole = roll_out(runs.models, starts, 600, Buffers())
-    assert cut.steps == whole.steps
+    assert cut.steps == whole.steps == (600,) * len(values)
     assert whole.state.tobytes() == state.tobytes()
     assert whole.sensors.tobytes() == sensors.tobytes()
     assert whole.iterations.tobytes() == iterations.tobytes()
@@ -242,8 +257,8 @@ def raises_late(wanted: np.ndarray, time: np.ndarray, *_: np.ndarray) -> np.ndar
         (lambda wanted, *_: wanted[:, 0], r"returned an array of shape \(\d,\); .* is \(\d, 1\)"),
         (lambda wanted, *_: wanted.astype(complex), "returned complex128; controls are real"),
         (lambda wanted, *_: [["left"]] * len(wanted), "returned <U4; controls are real"),
-        (lambda wanted, *_: [[1.0], [1.0, 2.0]], "policy Bad, at 0 s: .*ValueError"),
-        (lambda wanted, *_: exit(3), "policy Bad, at 0 s: .*SystemExit: 3"),
+        (lambda *_: [[1.0], [1.0, 2.0]], "policy Bad, at 0 s: .*ValueError"),
+        (lambda *_: sys.exit(3), "policy Bad, at 0 s: .*SystemExit: 3"),
         (
             lambda wanted, time, *_: np.where(time[:, None] < 0.1, wanted, np.nan),
             "returned nan for push at 0.1 s",
@@ -258,7 +273,7 @@ def test_a_bad_policy_costs_its_runs_alone(cart: Scene, answer: Any, message: st
     for error in rollout.errors:
         assert error is not None
         assert "\n" not in error
-        assert pytest.importorskip("re").search(message, error)
+        assert re.search(message, error)
 
 
 def test_a_policy_that_fails_in_one_run_loses_no_other(cart: Scene) -> None:
@@ -321,16 +336,16 @@ def test_a_stop_leaves_the_first_run(cart: Scene) -> None:
     assert state[0].tobytes() == flown(runs).state[0].tobytes()
 
 
-def test_each_run_has_its_time_limit(cart: Scene) -> None:
-    """n time limits are started for n runs, the first before anything is asked."""
-    for count in (1, 3, 20):
-        calls: list[str] = []
-        policy = bad(lambda wanted, *_: calls.append("act") or wanted)
-        runs = prepared(cart, drive(), policy, *[{"tilt": 0.01}] * count)
-        flown(runs, watch=lambda: calls.append("watch"))
-        limits = [place for place, call in enumerate(calls) if call == "watch"]
-        assert limits[0] == 0
-        assert len(limits) == min(count, calls.count("act"))
+@pytest.mark.parametrize("count", [1, 3, 20])
+def test_each_run_has_its_time_limit(cart: Scene, count: int) -> None:
+    """As many time limits are started as there are runs, the first before anything is asked."""
+    calls: list[str] = []
+    policy = bad(lambda wanted, *_: calls.append("act") or wanted)
+    runs = prepared(cart, drive(), policy, *[{"tilt": 0.01}] * count)
+    flown(runs, watch=lambda: calls.append("watch"))
+    limits = [place for place, call in enumerate(calls) if call == "watch"]
+    assert limits[0] == 0
+    assert len(limits) == min(count, calls.count("act"))
 
 
 def test_a_policy_gets_copies(cart: Scene) -> None:
@@ -358,15 +373,8 @@ def test_forces_of_the_scene_act_beside_a_policy(make_scene: Make) -> None:
     assert roll_out(runs.models, starts, STEPS, Buffers()).state.tobytes() == state.tobytes()
     calm = flown(prepared(pushed, drive(latency=0.005), Feedback, {"tilt": 0.1}, {"tilt": -0.1}))
     assert calm.state.tobytes() == state.tobytes()
-    still = dict(
-        driven=runs.starts.driven[:, :0],
-        knots=runs.starts.knots[:, :0],
-        levels=runs.starts.levels[:, :0],
-    )
-    assert (
-        flown(replace(runs, starts=runs.starts._replace(**still))).state.tobytes()
-        != state.tobytes()
-    )
+    alone = runs.starts._replace(levels=runs.starts.levels * 0)
+    assert flown(replace(runs, starts=alone)).state.tobytes() != state.tobytes()
 
 
 def test_sensors_are_those_of_the_last_step(cart: Scene) -> None:

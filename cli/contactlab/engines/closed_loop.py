@@ -138,7 +138,7 @@ class _Flight:
         self._delay = _first_step(self._drives[0].latency_seconds / self._timestep)
         self._noise = [self._drawn(run) for run in runs.resolved]
         self._sensors = _own_sensors(runs.base.model)
-        self._flying = np.arange(len(self._models))
+        self._flying = list(range(len(self._models)))
         self._errors: list[str | None] = [None] * len(self._models)
         self._acted: dict[int, Floats] = {0: self._controls.copy()}
         self._ends = [runs.steps] * len(self._models)
@@ -160,12 +160,12 @@ class _Flight:
                     slices = now
                     watch()
                 if begin and count > 1 and not proceed():
-                    count, self._flying = 1, self._flying[self._flying == 0]
+                    count, self._flying = 1, [run for run in self._flying if run == 0]
                 waiting[begin + self._delay] = self._ask(calls[begin], begin)
             if begin in waiting:
                 self._acted[begin] = waiting.pop(begin)
                 self._controls[self._flying] = self._acted[begin][self._flying]
-            if not len(self._flying):
+            if not self._flying:
                 break
             self._step(begin, end)
         return [self._flown(run) for run in range(count)]
@@ -226,7 +226,8 @@ class _Flight:
             )
         # Adding 0 makes -0.0 a 0.0, which no replay could tell apart from it.
         wanted = returned.astype(np.float64) + 0.0
-        for run in self._flying[~np.isfinite(wanted[self._flying]).all(axis=1)]:
+        finite: list[bool] = np.isfinite(wanted).all(axis=1).tolist()
+        for run in [run for run in self._flying if not finite[run]]:
             actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
             name = self._models[run].actuator(actuator).name or f"actuator[{actuator}]"
             self._errors[run] = (
@@ -310,7 +311,7 @@ class _Flight:
             last = max(step - 1, 0)
             self._arrays.sensors[run, step:] = self._arrays.sensors[run, last]
             self._arrays.iterations[run, step:] = self._arrays.iterations[run, last]
-        self._flying = np.setdiff1d(self._flying, runs)
+        self._flying = [run for run in self._flying if run not in runs]
 
     def _flown(self, run: int) -> _Flown:
         warnings, error = self._batch.warning[run, :, _COUNT], self._errors[run]

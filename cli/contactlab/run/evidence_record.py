@@ -171,6 +171,7 @@ class RecordMaker:
             seed=run.seed,
             initial=_initial(plan.start),
             duration=resolved.duration,
+            drive=resolved.drive,
             steps_asked=resolved.steps,
             metrics=metrics,
             metric_versions=metric_versions(),

@@ -22,7 +22,7 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
-from contactlab.scene.scene import Scene
+from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.store.store_access import local_scene
@@ -218,7 +218,8 @@ class Preparer:
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
         scene = Scene(stored_scene(folder, task.scene_model, task.scene), ENGINES)
-        self.scene = scene.with_effects(effects_base(task.sweep.effects))
+        scene = scene.with_effects(effects_base(task.sweep.effects))
+        self.scene = stored_drive(scene, task.sweep.drive, folder.parent)
         self._marker = marker
         self._models: OrderedDict[str, PreparedModel] = OrderedDict()
 

@@ -36,8 +36,14 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.scene.scene import (
+    Scene,
+    compile_without_sensors,
+    prepare_without_sensors,
+    stored_drive,
+)
 from contactlab.scene.scene_source import stored_scene
+from contactlab.schema.drive import parse_drive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.store.finished_store import Store
@@ -132,6 +138,8 @@ def _prepared(store: Store, record: EvidenceRecord) -> tuple[Scene, ResolvedRun]
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
     scene = Scene(source, ENGINES).with_effects(effects_base(identity.resolved.get("effects", {})))
+    if (drive := identity.resolved.get("drive")) is not None:
+        scene = stored_drive(scene, parse_drive(drive), store.scene_folder.parent)
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
     resolved = scene.resolve(values, record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:

@@ -9,7 +9,7 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
-from contactlab.plan.sweep_file import read_sweep
+from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
 from contactlab.scene.axis_catalogue import LenientCatalogue
 from contactlab.scene.mujoco_versions import why_unsupported
@@ -83,10 +83,11 @@ def read_request(  # noqa: PLR0913 - one argument an option
     scenes = SceneLoader(folder)
     vocabulary = lenient_vocabulary(scenes.vocabulary) if partly else scenes.vocabulary
     read = read_sweep(source, vocabulary, options)
-    supported = supported_plan(read.plan)
+    scene, plan = scenes.for_sweep(read)
+    supported = supported_plan(plan)
     return SweepRequest(
         plan=supported.plan,
-        scene=scenes.open(read.sweep.scene).with_effects(effects_base(read.sweep.effects)),
+        scene=scene,
         name=name,
         source=read.text,
         overrides=_given(options),
@@ -180,6 +181,20 @@ class SceneLoader:
             _check_manifest(scene)
             self._opened[reference] = scene
         return self._opened[reference]
+
+    def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
+        """Return the scene as a sweep has it, and the sweep's plan with the hash of its drive.
+
+        Raises:
+            SceneError: a file of the drive is missing, or the drive does not fit the model.
+        """
+        sweep, folder = read.sweep, self.folder or Path()
+        scene = self.open(sweep.scene).with_effects(effects_base(sweep.effects))
+        if sweep.drive is None:
+            return scene, read.plan
+        scene = scene.with_drive(sweep.drive, folder)
+        located = sweep.model_copy(update={"drive": scene.drive.drive})
+        return scene, replace(read.plan, sweep=located)
 
     def vocabulary(self, reference: str) -> Vocabulary:
         """Return every name that a sweep of the scene may use."""

@@ -35,7 +35,7 @@ from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
 from contactlab.store.store_address import absolute_address
-from contactlab.store.store_writer import StoreWriter, open_writer
+from contactlab.store.store_writer import CopyableFiles, StoreWriter, open_writer
 from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
     Column,
@@ -70,9 +70,13 @@ def run_sweep(
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
     columns = _columns(request, index)
     identity = _identity(request, index)
-    content = request.scene.source.content
     writer = open_writer(
-        request.store, identity, content, fresh=request.fresh, retry_failed=request.retry_failed
+        request.store,
+        identity,
+        request.scene.source.content,
+        fresh=request.fresh,
+        retry_failed=request.retry_failed,
+        beside=_drive_folder(request),
     )
     with writer as store:
         if isinstance(store, StoreManifest):
@@ -92,6 +96,14 @@ def run_sweep(
         added = run_passes(session)
         columns = [*columns, *added.columns]
         return store.finish(columns, _shared(request), session.task.provenance, added.values)
+
+
+def _drive_folder(request: SweepRequest) -> dict[str, CopyableFiles]:
+    """Return the files of the sweep's drive by the folder that they get; a scene has its own."""
+    drive = request.scene.drive
+    if request.plan.sweep.drive is None or drive.hash is None:
+        return {}
+    return {drive.hash: drive}
 
 
 def _run_remaining(session: SweepSession) -> None:
@@ -127,7 +139,8 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         name=request.name,
         source=request.source,
         overrides=request.overrides,
-        resolved=request.plan.sweep.model_dump(mode="json"),
+        # Sweeps of versions that knew no drives stay the same.
+        resolved=_without_none(request.plan.sweep.model_dump(mode="json"), "drive"),
         scene=request.scene.name,
         scene_hash=request.scene.hash,
         scene_model=request.scene.source.content.model.as_posix(),
@@ -138,6 +151,10 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         plan_hash=index.hash,
         plugins=plugin_infos(loaded_plugins()),
     )
+
+
+def _without_none(data: dict[str, Any], key: str) -> dict[str, Any]:
+    return {name: value for name, value in data.items() if name != key or value is not None}
 
 
 def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:

@@ -7,6 +7,7 @@ from typing import Protocol
 from contactlab.errors import SceneError
 from contactlab.mjcf import CONTACT
 from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import field_axis
@@ -60,7 +61,7 @@ class SceneCatalogue:
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
         try:
-            known = self._axes.get(name) or missing_flag_axis(name)
+            known = self._axes.get(name) or DRIVE_AXES.get(name) or missing_flag_axis(name)
             return known or field_axis(self._model, name)
         except ValueError:
             return None

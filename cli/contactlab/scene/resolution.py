@@ -14,6 +14,7 @@ from typing import Any, cast
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
+from contactlab.scene.drive.located_drive import DRIVE_AXES, drive_settings, with_values
 from contactlab.scene.effects.effect import EffectRequest, RunState
 from contactlab.scene.effects.effect_choice import left_uncompiled
 from contactlab.scene.effects.effect_table import EFFECTS
@@ -22,7 +23,7 @@ from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.setting_values import Settings, as_number
-from contactlab.schema.drive import Drive
+from contactlab.schema.drive import Drive, PolicyDrive, drive_identity
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import switches
 
@@ -43,7 +44,7 @@ class ResolvedRun:
         duration: simulated time [s].
         effect_request: the effects that it requests.
         without: effects that its model is compiled without.
-        drive: what drives it.
+        drive: what drives it, with the values of its axes.
     """
 
     structure: Mapping[str, object]
@@ -138,6 +139,7 @@ class RunResolver:
         unsupported: flags that this version of MuJoCo lacks.
         engines: what may simulate its runs, by name.
         auto: whether what provably changes nothing is left out unless a sweep asks for it.
+        drive: what drives the runs, but for the values of axes.
     """
 
     manifest: SceneManifest | None
@@ -146,6 +148,7 @@ class RunResolver:
     unsupported: frozenset[str]
     engines: Engines
     auto: bool
+    drive: Drive = "none"
 
     @property
     def duration(self) -> float:
@@ -167,10 +170,12 @@ class RunResolver:
         given = {name: value for name, value in given.items() if name not in self.unsupported}
         structure, initial = full_structure(self.manifest, given), self._initial(given)
         base = self.compiled(structure)
-        settings, flags = Settings(base.settings), dict(base.flags)
+        drive = with_values(self.drive, {name: given[name] for name in given if name in DRIVE_AXES})
+        settings, flags = Settings(base.settings | drive_settings(drive)), dict(base.flags)
         changed: set[str] = set()
         requested: dict[str, bool] = {}
-        axes = [name for name in given if name not in structure and name not in initial]
+        other = structure.keys() | initial.keys() | DRIVE_AXES.keys()
+        axes = [name for name in given if name not in other]
         for axis in application_order(axes):
             if axis in EFFECTS and axis not in PARAMETERS:
                 requested[axis] = bool(given[axis])
@@ -179,6 +184,9 @@ class RunResolver:
             written = write_axis(settings, axis, given[axis])
             changed.update(settings_of(axis) if written else {axis})
         engine = self.engines.get(settings.word("engine"))
+        if isinstance(drive, PolicyDrive):
+            # It may look at what no metric reads.
+            requested.setdefault("sensor", True)
         auto = self.auto and (engine is None or engine.omits_unused_effects)
         request = EffectRequest(requested, frozenset(changed), auto)
         return ResolvedRun(
@@ -191,6 +199,7 @@ class RunResolver:
             duration=self.duration if duration is None else duration,
             effect_request=request,
             without=left_uncompiled(base.facts, request),
+            drive=drive,
         )
 
     def is_plain(self, axis: str) -> bool:
@@ -238,7 +247,8 @@ class RunIdentity:
         self, base: CompiledScene, run: ResolvedRun, scene: str, varying: Collection[str] = ()
     ) -> None:
         flags = non_default(run.flags) | other_effects(base, run)
-        first = _json({"duration": run.duration, "flags": flags, "scene": scene})
+        drive = {} if run.drive == "none" else {"drive": drive_identity(run.drive)}
+        first = _json({**drive, "duration": run.duration, "flags": flags, "scene": scene})
         self._head = f'{first[:-1]},"seed":'
         self._written_over = _json(sorted(run.changed & base.nonuniform))
         # Entries in the order of their names; every second piece is left empty for one that varies.

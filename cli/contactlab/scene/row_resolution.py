@@ -10,6 +10,7 @@ from operator import itemgetter
 from typing import NamedTuple, cast
 
 from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolution import (
@@ -192,14 +193,16 @@ class RowResolver:
     def _is_grouping(self, name: str) -> bool:
         if name in PARAMETERS:
             return False
-        return name in EFFECTS or name == "engine" or not self._resolver.is_plain(name)
+        if name in EFFECTS or name in DRIVE_AXES or name == "engine":
+            return True
+        return not self._resolver.is_plain(name)
 
     def _group(self, values: Values, grouping: Sequence[str]) -> RowGroup:
         first = self._resolver.resolve(values, 0, self._duration)
         deciding: dict[str, list[str]] = {}
         varying: set[str] = set()
         for axis in application_order(values):
-            for name in settings_of(axis):
+            for name in () if axis in DRIVE_AXES else settings_of(axis):
                 deciding.setdefault(name, []).append(axis)
                 if axis not in grouping:
                     varying.add(name)

@@ -9,7 +9,10 @@ from pathlib import Path
 from types import MappingProxyType
 
 import mujoco
+import numpy as np
 
+from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.errors import SceneError
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.compiled_scene import (
@@ -18,6 +21,7 @@ from contactlab.scene.compiled_scene import (
     compile_scene,
     full_structure,
 )
+from contactlab.scene.drive.located_drive import LocatedDrive, beside, locate
 from contactlab.scene.effects.effect_choice import is_straight, remove
 from contactlab.scene.initial_states import (
     InitialStateRule,
@@ -29,6 +33,7 @@ from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.resolution import ResolvedRun, RunIdentity, RunResolver, switched_by
 from contactlab.scene.row_resolution import RowResolver
 from contactlab.scene.scene_source import SceneSource, find_scene
+from contactlab.schema.drive import Drive, PolicyDrive
 
 _NO_ENGINES: Engines = MappingProxyType({})
 
@@ -41,6 +46,7 @@ class Scene:
         catalogue: every axis that it offers.
         resolver: resolves its runs.
         initial: makes the initial states of its runs.
+        drive: what drives its runs, but for the values of axes.
     """
 
     def __init__(self, source: SceneSource, engines: Engines = _NO_ENGINES) -> None:
@@ -59,10 +65,12 @@ class Scene:
         with source.named_in_errors():
             self.catalogue = SceneCatalogue(base, manifest, engines)
             switched = switched_by(manifest, self.catalogue)
+            written = locate(manifest.drive if manifest else "none", source.path.parent)
         # A bare model is taken as it is written.
         auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
         self.resolver = RunResolver(manifest, self.base, switched, missing_flags(), engines, auto)
         self.initial = InitialStateMaker(self)
+        self._drive_by(written)
         self.starts([self.resolve({}, 0, None)])
 
     @classmethod
@@ -108,6 +116,30 @@ class Scene:
         scene = copy.copy(self)
         scene.resolver = replace(self.resolver, auto=rest == "auto")
         return scene
+
+    def with_drive(self, drive: Drive | None, folder: Path) -> "Scene":
+        """Return the scene with another drive.
+
+        Args:
+            drive: what drives its runs; None for the scene's own drive.
+            folder: where relative paths of the drive start.
+
+        Raises:
+            SceneError: a file of the drive is missing, or the drive does not fit the model.
+        """
+        if drive is None:
+            return self
+        scene = copy.copy(self)
+        scene._drive_by(locate(drive, folder))
+        return scene
+
+    def _drive_by(self, drive: LocatedDrive) -> None:
+        if isinstance(drive.drive, PolicyDrive) and not self.base({}).model.nu:
+            raise SceneError(
+                f"{self.source.model}: the model has no actuators for a policy to control"
+            )
+        self.drive = drive
+        self.resolver = replace(self.resolver, drive=drive.drive)
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
@@ -158,7 +190,11 @@ class Scene:
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the initial states of runs of one structure."""
-        return self.initial.states(runs)
+        starts = self.initial.states(runs)
+        if not isinstance(self.drive.drive, PolicyDrive):
+            return starts
+        # Driven, but nobody knows how: these are the controls until the policy acts.
+        return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
 
     def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
         """Return a run's model, without the effects that it does not need.
@@ -173,6 +209,18 @@ class Scene:
         """Return a key that runs share if their models are the same."""
         straight = is_straight(self.base_of(run).model, start)
         return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
+
+
+def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
+    """Return a stored scene with the drive of its sweep, whose files lie beside it.
+
+    Args:
+        scene: from the store's copy.
+        drive: of the sweep, with the hash of its files; None for the scene's own.
+        folder: of the store's scenes.
+    """
+    place = LocatedDrive("none" if drive is None else drive).hash
+    return scene.with_drive(drive and beside(drive, folder / str(place)), folder)
 
 
 class InitialStateMaker:

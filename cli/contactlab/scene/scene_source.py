@@ -11,7 +11,7 @@ import importlib
 import re
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Generator, Iterable, Iterator, Mapping
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +24,7 @@ from ruamel.yaml.error import YAMLError
 from contactlab import resources
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.scene_tree import check_places, check_regular
+from contactlab.schema.drive import drive_files
 from contactlab.schema.scene_manifest import SceneManifest
 
 _ASSET_FOLDERS = {
@@ -168,14 +169,14 @@ class SceneFiles:
             shutil.copyfile(self.root / file, target)
 
 
-def collect_files(model: Path, beside: Path | None = None, copy: Path | None = None) -> SceneFiles:
-    """Return the model file, its includes and assets, and the manifest if there is one.
+def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = None) -> SceneFiles:
+    """Return the model file, its includes and assets, the manifest and what that names, if any.
 
     Missing assets are left for the compiler to report: it does not need them all.
 
     Args:
         model: the model file.
-        beside: the manifest.
+        beside: the manifest, and the files that it names.
         copy: the folder of a store's copy that holds them, if one does.
 
     Raises:
@@ -184,8 +185,9 @@ def collect_files(model: Path, beside: Path | None = None, copy: Path | None = N
     model = _plain(model)
     try:
         paths = {model, *(_plain(path) for path in references(model))}
-        check_places(paths, beside.parent if beside else model, copy)
-        files = {path for path in paths if path.is_file()} | ({_plain(beside)} if beside else set())
+        paths |= set(map(_plain, beside))
+        check_places(paths, beside[0].parent if beside else model, copy)
+        files = {path for path in paths if path.is_file()} | set(map(_plain, beside))
         root = _common_folder(files)
         names = sorted(path.relative_to(root) for path in files)
         return SceneFiles(root, model.relative_to(root), tuple(names), _digest(root, names))
@@ -351,7 +353,10 @@ def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
         )
     check_places([manifest], path, copy)
     read = read_manifest(manifest)
-    return SceneSource(name, manifest, read, collect_files(path / read.model, manifest, copy))
+    named = [path / file for file in drive_files(read.drive)]
+    return SceneSource(
+        name, manifest, read, collect_files(path / read.model, [manifest, *named], copy)
+    )
 
 
 def read_manifest(path: Path) -> SceneManifest:

@@ -4,7 +4,7 @@ import re
 from collections.abc import Mapping
 from typing import Annotated, Any, Literal, cast
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, TypeAdapter
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, TypeAdapter
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.strict_model import Model, Number, Positive, Word
@@ -15,6 +15,10 @@ Share = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+%$")]
 FileHash = Annotated[
     Word | None, Field(description="SHA-256 that the file must have; records and stores state it.")
 ]
+
+
+def _listed(value: object) -> object:
+    return (value,) if isinstance(value, str) else value
 
 
 def _checked_class(text: str) -> str:
@@ -66,6 +70,9 @@ class PolicyDrive(Model):
     noise: ObservationNoise = Field(
         default=ObservationNoise(), description="of what it observes; by the run's seed"
     )
+    files: Annotated[tuple[Word, ...], BeforeValidator(_listed)] = Field(
+        default=(), description="files that it reads, such as its weights, beside it"
+    )
     sha256: FileHash = None
 
     @property
@@ -113,7 +120,16 @@ def read_drive(text: str) -> Drive:
     Raises:
         ValidationError: it is not one.
     """
-    return _ADAPTER.validate_python(_data(text))
+    return parse_drive(_data(text))
+
+
+def parse_drive(data: object) -> Drive:
+    """Return the drive that JSON data states.
+
+    Raises:
+        ValidationError: it is not one.
+    """
+    return _ADAPTER.validate_python(data)
 
 
 def _data(text: str) -> object:
@@ -147,6 +163,13 @@ def drive_file(drive: Drive) -> str | None:
             return policy.rpartition(":")[0]
         case _:
             return None
+
+
+def drive_files(drive: Drive) -> tuple[str, ...]:
+    """Return all files that a drive names, the one that drives first."""
+    file = drive_file(drive)
+    others = drive.files if isinstance(drive, PolicyDrive) else ()
+    return () if file is None else (file, *others)
 
 
 def drive_identity(drive: Drive) -> object:

@@ -50,7 +50,7 @@ def write_baseline(source: Address, target: Path) -> StoreManifest:
 
 
 def _copy(store: Store, target: Path) -> StoreManifest:
-    shutil.copytree(store.scene_folder, target / SCENES / store.manifest.sweep.scene_hash)
+    shutil.copytree(store.scene_folder.parent, target / SCENES)
     shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
     write_compact_table(store.file(TABLE), target / TABLE)
     files = {name: sha256_of(target / name) for name in store.manifest.files}

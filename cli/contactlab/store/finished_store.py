@@ -104,9 +104,8 @@ class Store:
     @property
     def scene_folder(self) -> Path:
         """Local folder of the scene's files, none of which is a link to another place."""
-        folder = self.path / SCENES / self.manifest.sweep.scene_hash
-        check_tree(folder)
-        return folder
+        check_tree(self.path / SCENES)
+        return self.path / SCENES / self.manifest.sweep.scene_hash
 
     def records(self) -> Iterator[EvidenceRecord]:
         """Yield the record of every run, in plan order."""

@@ -90,7 +90,7 @@ def local_scene(store: Address, folder: Path) -> Path:
     """
     if folder.is_dir() or isinstance(store, Path):
         return folder
-    return backend_at(store, OutputError).local_folder(f"{SCENES}/{folder.name}")
+    return backend_at(store, OutputError).local_folder(SCENES) / folder.name
 
 
 def _trace_name(run_id: str) -> str:

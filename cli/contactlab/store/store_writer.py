@@ -57,6 +57,9 @@ class CopyableFiles(Protocol):
         ...
 
 
+_NOTHING: Mapping[str, CopyableFiles] = MappingProxyType({})
+
+
 class StoreWriter:
     """A store that runs are added to; made by `open_writer`.
 
@@ -147,8 +150,8 @@ class StoreWriter:
         )
 
     def _files(self) -> list[Path]:
-        scene = sorted(path for path in self.scene_folder.rglob("*") if path.is_file())
-        files = [self.path / IDENTITY, self.path / TABLE, *scene]
+        scenes = sorted(path for path in (self.path / SCENES).rglob("*") if path.is_file())
+        files = [self.path / IDENTITY, self.path / TABLE, *scenes]
         return [path.relative_to(self.path) for path in files]
 
 
@@ -160,6 +163,7 @@ def open_writer(
     *,
     fresh: bool,
     retry_failed: bool = False,
+    beside: Mapping[str, CopyableFiles] = _NOTHING,
 ) -> Generator[StoreWriter | StoreManifest]:
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
@@ -169,6 +173,7 @@ def open_writer(
         scene: the scene's files.
         fresh: whether to remove an existing store.
         retry_failed: whether to remove failed runs, so that they are run again.
+        beside: other files, by the name of their folder beside the scene's.
 
     Raises:
         OutputError: the place cannot be written, holds something else, or is in use.
@@ -187,7 +192,8 @@ def open_writer(
                 if not (retry_failed and _reopen(session, manifest)):
                     yield manifest
                     return
-            done = _prepare(backend, session, identity, scene, retry_failed=retry_failed)
+            folders = {identity.scene_hash: scene, **beside}
+            done = _prepare(backend, session, identity, folders, retry_failed=retry_failed)
             writer = StoreWriter(session, identity, done)
             try:
                 yield writer
@@ -215,24 +221,29 @@ def _prepare(
     backend: Backend,
     session: WriteSession,
     identity: SweepIdentity,
-    scene: CopyableFiles,
+    folders: Mapping[str, CopyableFiles],
     *,
     retry_failed: bool,
 ) -> set[str]:
     """Make a new store, or mend an interrupted one; return the ids of the runs it holds."""
-    scene_folder = session.folder / SCENES / identity.scene_hash
     stored = backend.read(IDENTITY)
     if stored is None:
         _refuse_foreign(backend, session, "choose another place with -o")
         session.remove_temporaries()
-        scene.copy_to(scene_folder)
+        _copy(folders, session.folder / SCENES)
         session.begin(identity)
         return set()
     check_same_sweep(backend.address, parse_identity(stored, backend.address), identity)
     session.remove_temporaries()
-    if not scene_folder.is_dir():
-        scene.copy_to(scene_folder)
+    _copy(folders, session.folder / SCENES)
     return _resume(backend, session, retry_failed=retry_failed)
+
+
+def _copy(folders: Mapping[str, CopyableFiles], folder: Path) -> None:
+    """Copy files into folders that do not exist."""
+    for name, files in folders.items():
+        if not (folder / name).is_dir():
+            files.copy_to(folder / name)
 
 
 def _resume(backend: Backend, session: WriteSession, *, retry_failed: bool) -> set[str]:

@@ -14,7 +14,7 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
-from contactlab.schema.sweep_schema import Sweep, effects_base
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.atomic_files import atomic_write, write_error
 from contactlab.store.finished_store import Store
 
@@ -65,10 +65,10 @@ class Session:
             scenes: opens its scene.
         """
         read = read_sweep(sweep, scenes.vocabulary)
-        scene = scenes.open(read.sweep.scene).with_effects(effects_base(read.sweep.effects))
+        scene, plan = scenes.for_sweep(read)
         return self.run(
             SweepRequest(
-                plan=read.plan,
+                plan=plan,
                 scene=scene,
                 name=name,
                 source=read.text,

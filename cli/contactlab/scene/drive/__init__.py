@@ -1,0 +1,1 @@
+"""What drives runs: controls that hold a posture, noise, exercises, recorded controls."""

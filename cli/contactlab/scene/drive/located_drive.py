@@ -1,0 +1,153 @@
+"""A drive with its files: found, hashed, and copied into stores beside the scene."""
+
+import hashlib
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.setting_values import number
+from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
+from contactlab.schema.vocabulary import AxisSpec
+
+_HASH_DIGITS = 16
+
+
+@dataclass(frozen=True)
+class LocatedDrive:
+    """A drive whose files are found.
+
+    Attributes:
+        drive: the drive, with the hash of its files.
+        files: what it names, the first being the one that drives; empty for drives without files.
+    """
+
+    drive: Drive
+    files: tuple[Path, ...] = ()
+
+    @property
+    def hash(self) -> str | None:
+        """Start of the hash of its files: the name of their folder in a store."""
+        if isinstance(self.drive, FileDrive | PolicyDrive):
+            return str(self.drive.sha256)[:_HASH_DIGITS]
+        return None
+
+    def copy_to(self, folder: Path) -> None:
+        """Copy its files into a folder."""
+        folder.mkdir(parents=True, exist_ok=True)
+        for file in self.files:
+            shutil.copyfile(file, folder / file.name)
+
+
+def locate(drive: Drive, folder: Path) -> LocatedDrive:
+    """Find the files of a drive.
+
+    Args:
+        drive: as a sweep, a scene or an option names it.
+        folder: where relative paths start.
+
+    Raises:
+        SceneError: a file is missing, or is not what it was when a record or store stated its hash.
+    """
+    if not isinstance(drive, FileDrive | PolicyDrive):
+        return LocatedDrive(drive)
+    files = tuple(folder / Path(each).expanduser() for each in drive_files(drive))
+    try:
+        sha256 = _hash(files)
+    except OSError as error:
+        raise SceneError(f"drive: cannot read {error.filename}: {error.strerror}") from error
+    if drive.sha256 not in (None, sha256):
+        raise SceneError(f"drive: {files[0]} is not what it was: its SHA-256 is {sha256}")
+    return LocatedDrive(drive.model_copy(update={"sha256": sha256}), files)
+
+
+def _hash(files: tuple[Path, ...]) -> str:
+    if len(files) == 1:
+        return hashlib.sha256(files[0].read_bytes()).hexdigest()
+    digest = hashlib.sha256()
+    for file in files:
+        data = file.read_bytes()
+        digest.update(f"{file.name}\0{len(data)}\0".encode() + data)
+    return digest.hexdigest()
+
+
+def beside(drive: Drive, folder: Path) -> Drive:
+    """Return a drive whose files lie in a folder, whatever their folder was."""
+    match drive:
+        case FileDrive():
+            return drive.model_copy(update={"file": str(folder / Path(drive.file).name)})
+        case PolicyDrive():
+            file, _, name = drive.policy.rpartition(":")
+            files = tuple(str(folder / Path(each).name) for each in drive.files)
+            policy = f"{folder / Path(file).name}:{name}"
+            return drive.model_copy(update={"policy": policy, "files": files})
+        case _:
+            return drive
+
+
+def _share_or_seconds(value: object) -> object:
+    if isinstance(value, str) and value.endswith("%"):
+        return f"{number(least=0)(value.removesuffix('%')):g}%"
+    return number(least=0)(value)
+
+
+_POSITIVE, _SIZE = number(above=0), number(least=0)
+DRIVE_AXES: Mapping[str, AxisSpec] = {
+    axis.name: axis
+    for axis in (
+        AxisSpec("drive.noise", "1", "size of random controls, as a share of their range", _SIZE),
+        AxisSpec("drive.rate", "Hz", "how often a policy acts, or how fast noise is", _POSITIVE),
+        AxisSpec(
+            "drive.latency",
+            "s",
+            "from what a policy observes to its action; also as a share of its period: 50%",
+            _share_or_seconds,
+        ),
+        AxisSpec("drive.noise.qpos", "m or rad", "noise of the positions it observes", _SIZE),
+        AxisSpec("drive.noise.qvel", "m/s or rad/s", "noise of the velocities", _SIZE),
+    )
+}
+"""The numbers of drives, as axes; found by name, but not listed."""
+
+
+def with_values(drive: Drive, values: Mapping[str, object]) -> Drive:
+    """Return a drive with the values of axes.
+
+    Raises:
+        SceneError: it has no such number.
+    """
+    if not values:
+        return drive
+    known = drive_settings(drive)
+    for name in values:
+        if name not in known:
+            hint = did_you_mean(name, known) or "; `drive` says what drives a run"
+            raise SceneError(f"{name}: the drive {drive_text(drive)} has no such number{hint}")
+    assert not isinstance(drive, str)
+    data = drive.model_dump()
+    for name, value in values.items():
+        _, *above, last = name.split(".")
+        place: dict[str, Any] = data
+        for key in above:
+            place = place[key]
+        place[last] = value
+    try:
+        return type(drive).model_validate(data)
+    except ValidationError as error:
+        raise SceneError(f"drive: {error.errors()[0]['msg']}") from error
+
+
+def drive_settings(drive: Drive) -> dict[str, float]:
+    """Return the numbers of a drive by the names of their axes, times in seconds."""
+    if isinstance(drive, str):
+        return {}
+    flat = {f"drive.{name}": value for name, value in drive.model_dump().items()}
+    if isinstance(drive, PolicyDrive):
+        noise = flat.pop("drive.noise")
+        flat |= {f"drive.noise.{name}": value for name, value in noise.items()}
+        flat["drive.latency"] = drive.latency_seconds
+    return {name: value for name, value in flat.items() if name in DRIVE_AXES}
