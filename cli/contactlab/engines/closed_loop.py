@@ -226,8 +226,7 @@ class _Flight:
             )
         # Adding 0 makes -0.0 a 0.0, which no replay could tell apart from it.
         wanted = returned.astype(np.float64) + 0.0
-        finite: list[bool] = np.isfinite(wanted).all(axis=1).tolist()
-        for run in [run for run in self._flying if not finite[run]]:
+        for run in [run for run in self._flying if not np.isfinite(wanted[run]).all()]:
             actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
             name = self._models[run].actuator(actuator).name or f"actuator[{actuator}]"
             self._errors[run] = (
