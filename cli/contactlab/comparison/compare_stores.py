@@ -8,7 +8,7 @@ from contactlab.comparison.acceptances import apply_acceptances
 from contactlab.comparison.label_checks import PairLabels, label_checks
 from contactlab.comparison.metric_checks import metric_checks
 from contactlab.comparison.opened_stores import (
-    OpenedStore,
+    described,
     difference,
     differences,
     open_both,
@@ -33,6 +33,7 @@ from contactlab.comparison.wording import plural
 from contactlab.errors import ContactlabError, ExpectationError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, Verdict
+from contactlab.store.finished_store import Store
 from contactlab.store.store_address import Address
 
 DEFAULT_POLICY = ComparePolicy(version=1)
@@ -101,12 +102,12 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
     )
 
 
-def _pair(baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy) -> Pairing:
+def _pair(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
     by_axes = policy.match == "axes"
     pairing = (pair_by_axes if by_axes else pair_by_id)(baseline, candidate)
     if len(pairing.baseline):
         return pairing
-    message = f"no run of {baseline.store.address} is in {candidate.store.address}"
+    message = f"no run of {baseline.address} is in {candidate.address}"
     if by_axes:
         raise StoreError(f"{message}: no axis values and seed are equal")
     if scenes := difference(baseline, candidate, "scene_hash"):
@@ -137,8 +138,8 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         verdict=_verdict(checks),
         exit_code=_exit_code(checks),
         headline=_headline(checks),
-        baseline=before.summary(),
-        candidate=after.summary(),
+        baseline=described(before),
+        candidate=described(after),
         match=policy.match,
         pairs=_counts(paired),
         differences=tuple(differences(before, after, policy)),
@@ -209,11 +210,9 @@ def _headline(checks: Sequence[Check]) -> str:
     return f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
 
 
-def _advice(
-    checks: Sequence[Check], baseline: OpenedStore, candidate: OpenedStore
-) -> Iterator[str]:
+def _advice(checks: Sequence[Check], baseline: Store, candidate: Store) -> Iterator[str]:
     """Yield the commands to go on with, each after what it is for."""
-    old, new = baseline.store.address, candidate.store.address
+    old, new = baseline.address, candidate.address
     order = ("failed", "warned", "noted")
     found = sorted((c for c in checks if c.outcome in order), key=lambda c: order.index(c.outcome))
     pair = next((pair for check in found for pair in check.worst if pair.candidate_run), None)

@@ -48,7 +48,15 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
         reason = _not_comparable(paired, metric, rule)
         pairs = None if reason else MetricPairs.of(paired, metric)
         for group, member in groups(paired.baseline, paired.pairing, rule.by):
-            subject = _subject(paired, metric, rule, group)
+            subject = CheckSubject(
+                name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
+                kind=kind_of(metric.name),
+                level=rule.level if metric.name in paired.baseline.columns.measured else "note",
+                group=group,
+                unit=metric.unit,
+                budget=rule.budget,
+                two_sided=rule.better == "none",
+            )
             if pairs is None:
                 yield subject.skipped(reason or "")
             else:
@@ -71,21 +79,6 @@ def _not_comparable(
         if values := difference(paired.baseline, paired.candidate, what):
             return f"{what} differs: {values[0]}, now {values[1]}"
     return None
-
-
-def _subject(
-    paired: PairedStores, metric: MeasuredColumn, rule: EffectiveRule, group: str
-) -> CheckSubject:
-    known = metric.name in paired.baseline.columns.measured
-    return CheckSubject(
-        name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
-        kind=kind_of(metric.name),
-        level=rule.level if known else "note",
-        group=group,
-        unit=metric.unit,
-        budget=rule.budget,
-        two_sided=rule.better == "none",
-    )
 
 
 @dataclass(frozen=True)

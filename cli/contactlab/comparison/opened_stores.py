@@ -1,58 +1,36 @@
 """The two stores: opened, checked, and how they differ as a whole."""
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from contactlab.comparison.verdicts import CHANGED, SAME, CheckSubject
 from contactlab.errors import PolicyError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy, Sameness
 from contactlab.schema.comparison_report import Check, ComparedStore, Difference
-from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import RunColumns
 from contactlab.store.store_address import Address
 from contactlab.store.verify_store import verify
 
 _MOST_PROBLEMS = 3
 
 
-@dataclass(frozen=True)
-class OpenedStore:
-    """One of the two stores."""
-
-    role: str
-    store: Store
-
-    @property
-    def manifest(self) -> StoreManifest:
-        """The store's manifest."""
-        return self.store.manifest
-
-    @property
-    def columns(self) -> RunColumns:
-        """The columns of the store's table."""
-        return self.store.columns
-
-    def summary(self) -> ComparedStore:
-        """Return how a report describes the store."""
-        manifest, origin = self.manifest, self.manifest.provenance
-        engine = manifest.sweep.engine
-        return ComparedStore(
-            store=str(self.store.address),
-            sweep=manifest.sweep.name,
-            runs=manifest.runs,
-            engine=f"{engine.name} {engine.version}",
-            contactlab=origin.contactlab,
-            git_revision=origin.git_revision,
-            cpu_model=origin.host.cpu_model,
-            finished=manifest.finished,
-        )
+def described(store: Store) -> ComparedStore:
+    """Return how a report describes a store."""
+    manifest, origin = store.manifest, store.manifest.provenance
+    engine = manifest.sweep.engine
+    return ComparedStore(
+        store=str(store.address),
+        sweep=manifest.sweep.name,
+        runs=manifest.runs,
+        engine=f"{engine.name} {engine.version}",
+        contactlab=origin.contactlab,
+        git_revision=origin.git_revision,
+        cpu_model=origin.host.cpu_model,
+        finished=manifest.finished,
+    )
 
 
-def open_both(
-    baseline: Address, candidate: Address, *, thorough: bool
-) -> tuple[OpenedStore, OpenedStore]:
+def open_both(baseline: Address, candidate: Address, *, thorough: bool) -> tuple[Store, Store]:
     """Open two stores and verify them; thoroughly means every record and the bytes of every trace.
 
     Raises:
@@ -75,7 +53,7 @@ def _are_same(one: Address, other: Address) -> bool:
     return one == other
 
 
-def _open(role: str, address: Address, *, thorough: bool) -> OpenedStore:
+def _open(role: str, address: Address, *, thorough: bool) -> Store:
     try:
         problems = verify(address, thorough=thorough)
     except StoreError as error:
@@ -87,21 +65,21 @@ def _open(role: str, address: Address, *, thorough: bool) -> OpenedStore:
         raise StoreError(
             f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
         )
-    opened = OpenedStore(role, Store.open(address))
+    opened = Store.open(address)
     if opened.manifest.runs == 0:
         raise StoreError(f"the {role} {address} is empty: it holds no runs")
     return opened
 
 
-_TABLES: Mapping[str, Callable[[OpenedStore], Mapping[str, object]]] = {
+_TABLES: Mapping[str, Callable[[Store], Mapping[str, object]]] = {
     "metric_versions": lambda each: each.manifest.sweep.metric_versions,
     "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
 }
-_VALUES: Mapping[str, Callable[[OpenedStore], str]] = {
+_VALUES: Mapping[str, Callable[[Store], str]] = {
     "sweep": lambda each: each.manifest.sweep.name,
     "scene": lambda each: each.manifest.sweep.scene,
     "scene_hash": lambda each: each.manifest.sweep.scene_hash,
-    "engine": lambda each: each.summary().engine,
+    "engine": lambda each: described(each).engine,
     "contactlab": lambda each: each.manifest.provenance.contactlab,
     "python": lambda each: each.manifest.provenance.python,
     "numpy": lambda each: each.manifest.provenance.numpy,
@@ -111,9 +89,7 @@ _VALUES: Mapping[str, Callable[[OpenedStore], str]] = {
 }
 
 
-def difference(
-    baseline: OpenedStore, candidate: OpenedStore, what: Sameness
-) -> tuple[str, str] | None:
+def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
     """Return the two values of a property in which two stores differ; None if they do not."""
     if what in _VALUES:
         values = _VALUES[what](baseline), _VALUES[what](candidate)
@@ -127,9 +103,7 @@ def difference(
     return _format_table(before, differing), _format_table(after, differing)
 
 
-def differences(
-    baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy
-) -> Iterator[Difference]:
+def differences(baseline: Store, candidate: Store, policy: ComparePolicy) -> Iterator[Difference]:
     """Yield every property that differs, of those that the policy names."""
     for what in _named(policy):
         if values := difference(baseline, candidate, what):
@@ -141,9 +115,7 @@ def differences(
             )
 
 
-def sameness_checks(
-    baseline: OpenedStore, candidate: OpenedStore, policy: ComparePolicy
-) -> Iterator[Check]:
+def sameness_checks(baseline: Store, candidate: Store, policy: ComparePolicy) -> Iterator[Check]:
     """Yield one check for each property that the policy names."""
     for what in _named(policy):
         # Metrics and labels are checked one by one: those that have not changed stay comparable.
@@ -168,7 +140,7 @@ def _is_required(what: Sameness, policy: ComparePolicy) -> bool:
     return what in policy.require.same and not (what == "scene_hash" and policy.match == "axes")
 
 
-def store_checks(baseline: OpenedStore, candidate: OpenedStore) -> Iterator[Check]:
+def store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
     """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
     old, new = baseline.manifest, candidate.manifest
     copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)

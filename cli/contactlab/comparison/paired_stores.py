@@ -8,11 +8,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.opened_stores import OpenedStore
 from contactlab.comparison.pairing import Pairing
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import RunPair
 from contactlab.schema.evidence import Setting
+from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import NumberColumn
 
 Value = float | str | None
@@ -27,8 +27,8 @@ class PairedStores:
         today: the day by which exceptions of the policy expire.
     """
 
-    baseline: OpenedStore
-    candidate: OpenedStore
+    baseline: Store
+    candidate: Store
     pairing: Pairing
     policy: ComparePolicy
     today: date
@@ -43,7 +43,7 @@ class PairedStores:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""
         return self._numbers(self.baseline, name), self._numbers(self.candidate, name)
 
-    def _numbers(self, store: OpenedStore, name: str) -> NumberColumn:
+    def _numbers(self, store: Store, name: str) -> NumberColumn:
         rows = self._rows(store)
         if name not in store.columns.schema.names:
             return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
@@ -66,13 +66,13 @@ class PairedStores:
         order.pop("stable", None)
         return (*order, "stable")
 
-    def labels(self, store: OpenedStore) -> NDArray[np.int64]:
+    def labels(self, store: Store) -> NDArray[np.int64]:
         """Return (n,) the worst label of each pair's run in one store, as its index in `ranks`."""
         codes, words = store.columns.strings("label")
         indices = np.array([self.ranks.index(word) for word in words], dtype=np.int64)
         return indices[codes[self._rows(store)]]
 
-    def label_sets(self, store: OpenedStore) -> NDArray[np.int64]:
+    def label_sets(self, store: Store) -> NDArray[np.int64]:
         """Return (n,) all labels of each pair's run in one store: bit i is label i of `ranks`."""
         masks, words = store.columns.string_sets("labels")
         rows = self._rows(store)
@@ -108,16 +108,15 @@ class PairedStores:
             for one, other, before, after in zip(old, new, baseline, candidate, strict=True)
         ]
 
-    def _rows(self, store: OpenedStore) -> NDArray[np.intp]:
+    def _rows(self, store: Store) -> NDArray[np.intp]:
         return self.pairing.baseline if store is self.baseline else self.pairing.candidate
 
 
-def unpaired_runs(store: OpenedStore, rows: Sequence[int]) -> list[RunPair]:
-    """Return some runs of one store that have no partner in the other."""
-    role = "baseline_run" if store.role == "baseline" else "candidate_run"
+def unpaired_runs(store: Store, role: str, rows: Sequence[int]) -> list[RunPair]:
+    """Return some runs of the baseline or candidate that have no partner in the other store."""
     none = RunPair(baseline_run=None, candidate_run=None, axes={}, baseline=None, candidate=None)
     return [
-        none.model_copy(update={role: str(each["run_id"]), "axes": _axes(each)})
+        none.model_copy(update={f"{role}_run": str(each["run_id"]), "axes": _axes(each)})
         for each in store.columns.identify(rows)
     ]
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.opened_stores import OpenedStore
 from contactlab.errors import PolicyError, StoreError, did_you_mean
+from contactlab.store.finished_store import Store
 
 Rows = NDArray[np.intp]
 Keys = NDArray[np.int64] | NDArray[np.bytes_]
@@ -35,12 +35,12 @@ class Pairing(NamedTuple):
         return self._replace(baseline=self.baseline[mask], candidate=self.candidate[mask])
 
 
-def pair_by_id(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
+def pair_by_id(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal id: of the same scene content, settings, seed and duration."""
     return pair(baseline.columns.byte_strings("run_id"), candidate.columns.byte_strings("run_id"))
 
 
-def pair_by_axes(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
+def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal axis values, to 9 digits, and equal seed.
 
     An axis with a single value may be missing in the other store.
@@ -62,8 +62,8 @@ def pair_by_axes(baseline: OpenedStore, candidate: OpenedStore) -> Pairing:
     for name in (*sorted(names & other), "seed"):
         codes = _codes(baseline, candidate, name)
         keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
-    _refuse_repeated(baseline, keys[:runs])
-    _refuse_repeated(candidate, keys[runs:])
+    _refuse_repeated(baseline, "baseline", keys[:runs])
+    _refuse_repeated(candidate, "candidate", keys[runs:])
     return pair(keys[:runs], keys[runs:])
 
 
@@ -91,12 +91,12 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
         return np.where(np.isfinite(scale), np.rint(values * scale) / scale, values)
 
 
-def _varies(store: OpenedStore, name: str) -> bool:
+def _varies(store: Store, name: str) -> bool:
     codes = _codes(store, store, name)
     return bool((codes != codes[0]).any())
 
 
-def _codes(baseline: OpenedStore, candidate: OpenedStore, name: str) -> NDArray[np.int64]:
+def _codes(baseline: Store, candidate: Store, name: str) -> NDArray[np.int64]:
     """Return a number for each run of both stores; equal numbers are equal values of the axis."""
     stores = (baseline, candidate)
     kinds = {each.columns.is_number(name) for each in stores}
@@ -115,20 +115,20 @@ def _codes(baseline: OpenedStore, candidate: OpenedStore, name: str) -> NDArray[
     return np.concatenate(parts)
 
 
-def _refuse_repeated(store: OpenedStore, keys: NDArray[np.int64]) -> None:
+def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
     values, counts = np.unique(keys, return_counts=True)
     if (counts == 1).all():
         return
     first, second = np.flatnonzero(keys == values[counts > 1][0])[:2].tolist()
     ids = [str(each["run_id"]) for each in store.columns.identify([first, second])]
     raise StoreError(
-        f"runs cannot be matched by axes: {' and '.join(ids)} of the {store.role} have equal axis "
+        f"runs cannot be matched by axes: {' and '.join(ids)} of the {role} have equal axis "
         "values and seed"
     )
 
 
 def groups(
-    baseline: OpenedStore, pairing: Pairing, axes: Sequence[str]
+    baseline: Store, pairing: Pairing, axes: Sequence[str]
 ) -> Iterator[tuple[str, NDArray[np.bool_]]]:
     """Yield the name of each group, such as `cone=elliptic`, and a mask (n,) of its pairs.
 
@@ -151,7 +151,7 @@ def groups(
         yield name, group == number
 
 
-def _column(baseline: OpenedStore, axis: str) -> tuple[NDArray[np.int64], list[str]]:
+def _column(baseline: Store, axis: str) -> tuple[NDArray[np.int64], list[str]]:
     """Return the code of each run's value of an axis, and the values as text."""
     swept = baseline.columns.axis_names
     if axis not in swept:

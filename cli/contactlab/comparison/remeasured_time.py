@@ -70,7 +70,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
     metric = MeasuredColumn(REMEASURED, "1", "lower", 0.0, second_pass=False)
     rule = effective_rule(metric, paired.policy)
     subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
-    old, new = paired.baseline.store.path, paired.candidate.store.path
+    old, new = paired.baseline.path, paired.candidate.path
     with request.baseline(old) as before, request.candidate(new) as after:
         sample = _sample(paired, request.runs, before.timed_engines & after.timed_engines)
         if not sample:

@@ -50,7 +50,7 @@ def missing_runs_check(paired: PairedStores) -> Check:
     subject = CheckSubject("no missing runs", "runs", paired.policy.missing_runs)
     if not len(missing):
         return subject.check(verdicts, f"all {total:,} are there")
-    worst = unpaired_runs(paired.baseline, missing[:MOST_SHOWN].tolist())
+    worst = unpaired_runs(paired.baseline, "baseline", missing[:MOST_SHOWN].tolist())
     return subject.check(verdicts, f"{out_of(len(missing), total)} not in the candidate", worst)
 
 
@@ -59,7 +59,7 @@ def new_runs_check(paired: PairedStores) -> Check:
     new = paired.pairing.new
     subject = CheckSubject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
     verdicts = np.full(len(new), CHANGED, dtype=np.int8)
-    worst = unpaired_runs(paired.candidate, new[:MOST_SHOWN].tolist())
+    worst = unpaired_runs(paired.candidate, "candidate", new[:MOST_SHOWN].tolist())
     message = f"{plural(len(new))} not in the baseline" if len(new) else "none"
     return subject.check(verdicts, message, worst)
 
@@ -107,8 +107,8 @@ def recommendation_check(paired: PairedStores) -> Check:
     """
     level = paired.policy.recommendation.changed
     subject = CheckSubject("same recommendation", "recommendation", level, two_sided=True)
-    baseline, candidate = paired.baseline.store, paired.candidate.store
-    return subject.single(*_recommendation(_analysis(baseline), _analysis(candidate)))
+    before, after = _analysis(paired.baseline), _analysis(paired.candidate)
+    return subject.single(*_recommendation(before, after))
 
 
 def _analysis(store: Store) -> TradeoffReport | None:
