@@ -81,8 +81,8 @@ def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -
     assert code == 1
     assert "nothing is feasible" in out
     assert err == (
-        "error: none of 6 configurations is feasible, most often for the tolerance of steps "
-        "(6; the best has 75)\n"
+        "error: none of 6 configurations is feasible: tolerance steps rules out 6 configurations; "
+        "the best has 75\n"
     )
 
 

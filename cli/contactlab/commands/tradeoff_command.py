@@ -14,11 +14,9 @@ from contactlab.errors import ExpectationError, OutputError
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
     from contactlab.schema.tradeoff_report import (
-        Configuration,
         FrontPoint,
         Method,
         Recommendation,
-        Settings,
         TradeoffReport,
     )
 
@@ -95,12 +93,9 @@ def _report(
 def _fail_on(report: "TradeoffReport") -> None:
     if report.recommendation is not None:
         return
-    reason = ""
-    if report.blockers:
-        first = report.blockers[0]
-        best = "" if first.best is None else f"; the best has {first.best:.3g}"
-        kind = "tolerance of" if first.kind == "tolerance" else "label"
-        reason = f", most often for the {kind} {first.name} ({first.configurations}{best})"
+    from contactlab.pareto.recommendation_text import blocker_texts
+
+    reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
     raise ExpectationError(
         f"none of {len(report.configurations)} configurations is feasible{reason}"
     )
@@ -152,9 +147,8 @@ def _print_front(report: "TradeoffReport") -> None:
     if not line:
         line, what = report.unconstrained_front, "Pareto front; no configuration is feasible"
     typer.echo(f"\n{what}")
-    varying = _varying(report.configurations)
-    header = [*varying, "error", "CPU s per s", "x real time"]
-    print_table(header, [_front_row(each, varying) for each in line])
+    header = [*report.varying, "error", "CPU s per s", "x real time"]
+    print_table(header, [_front_row(each, report.varying) for each in line])
 
 
 def _front_row(each: "FrontPoint", varying: Sequence[str]) -> list[object]:
@@ -184,16 +178,15 @@ def _floor(method: "Method") -> str:
 
 def _print_rates(report: "TradeoffReport") -> None:
     typer.echo("\nchaotic: fraction of runs as expected, with its 95 % confidence interval")
-    varying = _varying(report.configurations)
     rows = [
         (
-            *(each.configuration[name] for name in varying),
+            *(each.configuration[name] for name in report.varying),
             f"{each.outcomes.good}/{each.outcomes.runs}",
             f"{each.outcomes.low:.0%} to {each.outcomes.high:.0%}",
         )
         for each in report.configurations
     ]
-    _print_first((*varying, "as expected", "rate"), rows, _MOST_RATES)
+    _print_first((*report.varying, "as expected", "rate"), rows, _MOST_RATES)
 
 
 def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: int) -> None:
@@ -203,65 +196,38 @@ def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: 
 
 
 def _answer(report: "TradeoffReport") -> Iterator[str]:
+    from contactlab.pareto.recommendation_text import blocker_texts, next_step_text, robust_text
+
     chosen, robust = report.recommendation, report.robust
     if chosen is None:
-        yield from _nothing(report)
+        yield "\nnothing is feasible"
+        yield from (f"  {text}" for text in blocker_texts(report))
         return
     yield "\nrecommended"
     yield from _described(report, chosen)
-    if robust is None:
-        yield "with a margin of 1.25 on every tolerance: none"
-    elif robust.configuration == chosen.configuration:
-        yield "with a margin of 1.25 on every tolerance: the same"
-    else:
-        cost = f"{robust.time / chosen.time:.2g}x the time"
-        yield f"with a margin of 1.25 on every tolerance, {cost}"
+    if text := robust_text(report):
+        yield text
+    if robust is not None and robust.run_id != chosen.run_id:
         yield from _described(report, robust)
-    yield _next(report)
+    yield f"next step: {next_step_text(report) or 'no feasible configuration is more accurate'}"
     yield "\nin the MJCF"
     yield from (f"  {line}" for line in chosen.mjcf)
     yield from (f"  <!-- {name}: {value} -->" for name, value in chosen.other.items())
 
 
 def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[str]:
-    yield f"  {_values(chosen.configuration, _varying(report.configurations))}"
+    from contactlab.pareto.recommendation_text import settings_text
+
+    yield f"  {settings_text(chosen.configuration, report.varying) or 'as in the sweep'}"
     error = "unknown" if chosen.error is None else f"{chosen.error:.3g}"
     speed = f"{chosen.time:.3g} CPU s per s, {chosen.real_time_factor:,.0f} times real time"
     yield f"  error {error}; {speed}"
     if chosen.margins:
-        yield f"  margins: {', '.join(_margin(*each) for each in chosen.margins.items())}"
+        margins = [
+            f"{name} {'unlimited' if each is None else f'{each:.3g}'}"
+            for name, each in chosen.margins.items()
+        ]
+        yield f"  margins: {', '.join(margins)}"
     if chosen.equally_fast:
         yield f"  {len(chosen.equally_fast)} others are as fast (within 5 %) and no more accurate"
     yield f"  look closer: contactlab show {report.store} {chosen.run_id[:8]}"
-
-
-def _margin(name: str, value: float | None) -> str:
-    return f"{name} unlimited" if value is None else f"{name} {value:.3g}"
-
-
-def _next(report: "TradeoffReport") -> str:
-    after = report.next_step
-    if after is None:
-        return "next step: no feasible configuration is more accurate"
-    gain = "without error" if after.error_ratio is None else f"{after.error_ratio:.3g}x less error"
-    values = _values(after.configuration, _varying(report.configurations))
-    return f"next step: {after.time_ratio:.3g}x the time buys {gain}: {values}"
-
-
-def _nothing(report: "TradeoffReport") -> Iterator[str]:
-    yield "\nnothing is feasible"
-    for each in report.blockers:
-        best = "" if each.best is None else f", the best has {each.best:.3g}"
-        yield f"  {each.kind} {each.name}: {each.configurations} configurations{best}"
-
-
-def _values(configuration: "Settings", varying: Sequence[str]) -> str:
-    values = [(name, configuration[name]) for name in varying]
-    shown = [f"{name} {value}" for name, value in values if value is not None]
-    return ", ".join(shown) or "the scene's own settings"
-
-
-def _varying(configurations: "Sequence[Configuration]") -> list[str]:
-    """Return the knobs that differ between configurations."""
-    values = [each.configuration for each in configurations]
-    return [name for name in values[0] if len({each[name] for each in values}) > 1]

@@ -32,6 +32,7 @@ from contactlab.pareto.pareto import (
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
+    Configuration,
     FrontPoint,
     NextStep,
     Recommendation,
@@ -57,6 +58,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     front = feasible_front(evaluated)
     chosen, safe = equally_fast(evaluated), equally_fast(evaluated, SAFE_MARGIN)
     best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
+    configurations = tuple(each.summary for each in evaluated)
     is_modelling = error.kind != "discretisation"
     identity = store.manifest.sweep
     return TradeoffReport(
@@ -71,9 +73,11 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         time=resolved.time,
         tolerances=tolerances,
         chaotic=is_chaotic(runs),
-        configurations=tuple(each.summary for each in evaluated),
-        front=tuple(_point(each) for each in front),
-        unconstrained_front=tuple(_point(each) for each in front_of(evaluated)),
+        configurations=configurations,
+        front=tuple(_point(each.summary) for each in front),
+        unconstrained_front=tuple(
+            _point(configurations[index]) for index in front_of(configurations)
+        ),
         methods=tuple(
             methods(with_one_idle_value(evaluated, idle, best), is_modelling=is_modelling)
         ),
@@ -85,8 +89,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     )
 
 
-def _point(each: Evaluated) -> FrontPoint:
-    summary = each.summary
+def _point(summary: Configuration) -> FrontPoint:
     assert summary.time is not None
     assert summary.error is not None
     return FrontPoint(
@@ -123,7 +126,7 @@ def _next_step(front: Sequence[Evaluated], chosen: Evaluated) -> NextStep | None
     after = next_more_accurate(front, chosen)
     if after is None:
         return None
-    here, there = _point(chosen), _point(after)
+    here, there = _point(chosen.summary), _point(after.summary)
     return NextStep(
         configuration=there.configuration,
         time_ratio=there.time / here.time,

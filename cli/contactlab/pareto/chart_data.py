@@ -3,11 +3,9 @@
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from contactlab.palette import LETTERS
 from contactlab.pareto.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
-from contactlab.pareto.pareto import pareto_front
+from contactlab.pareto.pareto import front_of
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 OTHERS = "others"
@@ -39,7 +37,7 @@ def select(report: TradeoffReport) -> ChartSelection:
     keys = {method_key(each.configuration) for each in report.methods}
     shown = tuple(each for each in report.configurations if method_key(each.configuration) in keys)
     feasible = [each for each in shown if each.feasible]
-    front = tuple(feasible[index] for index in pareto_front(_times(feasible), _errors(feasible)))
+    front = tuple(feasible[index] for index in front_of(feasible))
     return ChartSelection(shown, front, _names(report, shown, front))
 
 
@@ -80,14 +78,6 @@ def ends(selection: ChartSelection) -> set[int]:
         if isinstance(step, int | float) and not is_failed(each):
             lines.setdefault(method_key(each.configuration), []).append((step, index))
     return {end[1] for line in lines.values() for end in (min(line), max(line))}
-
-
-def _times(configurations: list[Configuration]) -> np.ndarray:
-    return np.array([np.nan if each.time is None else each.time for each in configurations])
-
-
-def _errors(configurations: list[Configuration]) -> np.ndarray:
-    return np.array([np.nan if each.error is None else each.error for each in configurations])
 
 
 _PADDING = 1.6
@@ -191,7 +181,7 @@ def _point(
         "timestep": step,
         "bound": each.below_estimate,
         "label": f"{name[:1]} {label}",
-        "state": "failed" if failed else _state(each),
+        "state": "failed" if failed else f"{'within' if each.feasible else 'beyond'} tolerance",
         "chosen": f"{chosen} {name[:1]} {label}".strip() if chosen else "",
     }
 
@@ -199,10 +189,6 @@ def _point(
 def _above(error: float, frame: ChartFrame) -> float:
     """Return an error that a logarithmic axis can show: at least the lower limit."""
     return max(error, frame.error[0])
-
-
-def _state(each: Configuration) -> str:
-    return "within tolerance" if each.feasible else "beyond tolerance"
 
 
 def _chosen(values: Settings, report: TradeoffReport) -> str:

@@ -79,12 +79,22 @@ def recommended_sweep(
         seeds: number of seeds; none of them is in the store.
     """
     assert report.recommendation is not None
-    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    resolved, metrics = store.manifest.sweep.resolved, store.manifest.sweep.metric_versions
+    sweep = Sweep.model_validate(resolved)
     chosen = report.recommendation.configuration
     first = 1 + max(store.columns.to_pydict(["seed"])["seed"])
     knobs = {name: [value] for name, value in chosen.items() if name not in sweep.effects}
     blocks = _scenarios(store, report.scenarios)
-    measurable = {*store.manifest.sweep.metric_versions, *ERRORS}
+    bounds = {
+        name: {"min": -limit, "max": limit}
+        for name, limit in report.tolerances.items()
+        if name in metrics
+    }
+    expectation = {
+        "label": "stable",
+        **({"metrics": bounds} if bounds else {}),
+        "reason": "the configuration was feasible in every run that recommended it",
+    }
     axes = {name: values for name, values in knobs.items() if values != [None]}
     content: dict[str, object] = {
         "version": 1,
@@ -96,19 +106,16 @@ def recommended_sweep(
         "zip": [blocks] if len(blocks) > 1 else None,
         "effects": sweep.effects,
         "thresholds": sweep.thresholds,
-        "accuracy": _accuracy(store, report),
+        "accuracy": resolved.get("accuracy") if set(ERRORS) & report.tolerances.keys() else None,
         "tolerances": {
-            name: each for name, each in report.tolerances.items() if name in measurable
+            name: each for name, each in report.tolerances.items() if name in {*metrics, *ERRORS}
         },
-        "expect": [_expectation(store, report)],
+        "expect": [expectation],
         "trace": "none",
         "latency_budget": sweep.latency_budget,
     }
-    return "\n".join([_head(report), *_lines(content)]) + "\n"
-
-
-def _head(report: TradeoffReport) -> str:
-    return f"# Chosen among {len(report.configurations)} configurations of {report.store}."
+    head = f"# Chosen among {len(report.configurations)} configurations of {report.store}."
+    return "\n".join([head, *_lines(content)]) + "\n"
 
 
 def _lines(content: Mapping[str, object]) -> Iterator[str]:
@@ -135,26 +142,6 @@ def _scenarios(store: Store, names: Sequence[str]) -> dict[str, object]:
         name: {"values": list(each), "role": "scenario"}
         for name, each in zip(names, values, strict=True)
     }
-
-
-def _expectation(store: Store, report: TradeoffReport) -> dict[str, object]:
-    bounds = {
-        name: {"min": -limit, "max": limit}
-        for name, limit in report.tolerances.items()
-        if name in store.manifest.sweep.metric_versions
-    }
-    return {
-        "label": "stable",
-        **({"metrics": bounds} if bounds else {}),
-        "reason": "the configuration was feasible in every run that recommended it",
-    }
-
-
-def _accuracy(store: Store, report: TradeoffReport) -> object:
-    """Return how errors are measured, if one has a tolerance."""
-    if not set(ERRORS) & report.tolerances.keys():
-        return None
-    return store.manifest.sweep.resolved.get("accuracy")
 
 
 def _scene(store: Store, named: str, folder: Path) -> str:

@@ -288,20 +288,6 @@ def _outcomes(
     )
 
 
-def errors(evaluated: Sequence[Evaluated]) -> np.ndarray:
-    """Return (n,) errors, NaN where unknown."""
-    return np.array([_number(each.summary.error) for each in evaluated])
-
-
-def times(evaluated: Sequence[Evaluated]) -> np.ndarray:
-    """Return (n,) times [CPU s per simulated s], NaN where unknown."""
-    return np.array([_number(each.summary.time) for each in evaluated])
-
-
-def _number(value: float | None) -> float:
-    return np.nan if value is None else value
-
-
 def idle_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
     names = list(evaluated[0].group.values) if evaluated else []

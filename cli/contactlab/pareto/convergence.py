@@ -54,8 +54,10 @@ def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
         return no_order(_too_few(len(timestep), steps, floor))
     for count in range(len(timestep), FEWEST - 1, -1):
         slope, standard_error = _line(timestep[:count], error[:count])
+        if standard_error <= WORST_STANDARD_ERROR and slope < LEAST_SLOPE:
+            return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
         if standard_error <= WORST_STANDARD_ERROR:
-            return _order_of(slope, standard_error, count)
+            return Order(slope=slope, standard_error=standard_error, points=count, reason=None)
     return no_order("the errors of the finest timesteps do not lie on a line")
 
 
@@ -87,12 +89,6 @@ def _too_few(clear: int, steps: TimestepErrors, floor: float) -> str:
         return f"{clear} timesteps, and a line takes {FEWEST}"
     what = "the floor" if floor else "the reference's own error"
     return f"{clear} of {FEWEST} or more timesteps have an error above three times {what}"
-
-
-def _order_of(slope: float, standard_error: float, count: int) -> Order:
-    if slope < LEAST_SLOPE:
-        return no_order(f"the error does not fall with the timestep (slope {slope:.2g})")
-    return Order(slope=slope, standard_error=standard_error, points=count, reason=None)
 
 
 def _line(x: Floats, y: Floats) -> tuple[float, float]:
@@ -127,7 +123,12 @@ def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Metho
     }
     known = _least_floors(floors)
     return [
-        _method(dict(key), differing, each, floors[key], known[key])
+        Method(
+            name=method_name(dict(key), differing),
+            configuration=dict(key),
+            order=_order(each, known[key]),
+            floor=floors[key],
+        )
         for key, each in members.items()
     ]
 
@@ -155,21 +156,6 @@ def _word(name: str, value: Setting) -> str:
 def varying(keys: Sequence[Mapping[str, Setting]]) -> list[str]:
     """Return the knobs that differ between methods."""
     return [name for name in keys[0] if len({key[name] for key in keys}) > 1] if keys else []
-
-
-def _method(
-    values: dict[str, Setting],
-    differing: Sequence[str],
-    members: Sequence[Evaluated],
-    floor: Floor | None,
-    known: float,
-) -> Method:
-    return Method(
-        name=method_name(values, differing),
-        configuration=values,
-        order=_order(members, known),
-        floor=floor,
-    )
 
 
 def _order(members: Sequence[Evaluated], floor: float) -> Order:

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
 
 import numpy as np
 
@@ -79,11 +78,15 @@ def error_measure(
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
     described = store.columns.measured.get(name)
+    metadata = store.columns.schema.field(name).metadata or {}
+    # What the errors measure is the same for all runs of a sweep.
+    kinds = store.columns.strings("error_kind").categories if name in ERRORS else ()
+    modelling = "modelling" if name == MODELLING else "metric"
     return ErrorMeasure(
         name=name,
-        unit=_unit(store, name),
-        kind=_kind(name),
-        against=_against(store) if name in ERRORS else None,
+        unit=metadata.get(b"unit", b"").decode(),
+        kind="discretisation" if name in ERRORS else modelling,
+        against=next(iter(kinds), None),
         resolution=described.resolution if described else 0.0,
     )
 
@@ -110,17 +113,6 @@ def _spread(store: Store) -> float | None:
     return float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
 
 
-def _against(store: Store) -> str | None:
-    """Return what the errors measure; it is the same for all runs of a sweep."""
-    return next(iter(store.columns.strings("error_kind").categories), None)
-
-
-def _kind(name: str) -> Literal["discretisation", "modelling", "metric"]:
-    if name in ERRORS:
-        return "discretisation"
-    return "modelling" if name == MODELLING else "metric"
-
-
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
     candidates = (ERRORS[0], MODELLING, *tolerances)
     measured = next((name for name in candidates if _is_measured(store, name)), None)
@@ -144,8 +136,3 @@ def _check_number(store: Store, name: str) -> None:
 def _is_measured(store: Store, name: str) -> bool:
     columns = store.columns
     return name in columns.schema.names and bool(columns.numbers(name).valid.any())
-
-
-def _unit(store: Store, name: str) -> str:
-    metadata = store.columns.schema.field(name).metadata or {}
-    return metadata.get(b"unit", b"").decode()

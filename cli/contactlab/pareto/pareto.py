@@ -1,11 +1,12 @@
 """Pareto fronts of time and error, and which configuration to use."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.pareto.configurations import Evaluated, errors, times
+from contactlab.pareto.configurations import Evaluated
+from contactlab.schema.tradeoff_report import Configuration
 
 
 def pareto_front(time: Floats, error: Floats) -> list[int]:
@@ -55,43 +56,33 @@ def equally_fast(evaluated: Sequence[Evaluated], least_margin: float = 0.0) -> l
         is feasible.
     """
     feasible = [
-        each for each in evaluated if each.summary.feasible and _is_safe(each, least_margin)
+        (each.summary.time, each)
+        for each in evaluated
+        if each.summary.feasible
+        and each.summary.time is not None
+        and all(m is None or m >= least_margin for m in each.summary.margins.values())
     ]
-    if not feasible:
-        return []
-    limit = EQUALLY_FAST * float(np.min(times(feasible)))
-    near = [each for each in feasible if _time(each) <= limit]
-    return sorted(near, key=_error)
+    limit = EQUALLY_FAST * min((time for time, _ in feasible), default=0.0)
+    return sorted((each for time, each in feasible if time <= limit), key=_error)
 
 
 def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
     """Return the Pareto front of the feasible configurations, the cheapest first."""
-    return front_of([each for each in evaluated if each.summary.feasible])
+    feasible = [each for each in evaluated if each.summary.feasible]
+    return [feasible[index] for index in front_of([each.summary for each in feasible])]
 
 
-def front_of(evaluated: Sequence[Evaluated]) -> list[Evaluated]:
-    """Return the Pareto front of some configurations, the cheapest first."""
-    return [evaluated[index] for index in pareto_front(times(evaluated), errors(evaluated))]
+def front_of(configurations: Sequence[Configuration]) -> list[int]:
+    """Return the indices of the Pareto front of some configurations, the cheapest first."""
+    times = [each.time for each in configurations]
+    errors = [each.error for each in configurations]
+    return pareto_front(np.array(times, dtype=np.float64), np.array(errors, dtype=np.float64))
 
 
 def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
     """Return the cheapest on a front whose error is smaller by a factor of 1.05 at least."""
     limit = _error(chosen) / _MORE_ACCURATE
     return next((each for each in front if _error(each) < limit), None)
-
-
-def _smallest_margin(margins: Mapping[str, float | None]) -> float:
-    """Return the smallest margin; infinity without any."""
-    return min((each for each in margins.values() if each is not None), default=np.inf)
-
-
-def _is_safe(each: Evaluated, least: float) -> bool:
-    return _smallest_margin(each.summary.margins) >= least
-
-
-def _time(each: Evaluated) -> float:
-    assert each.summary.time is not None
-    return each.summary.time
 
 
 def _error(each: Evaluated) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from typing import Any
+from typing import Any, TypeVar
 
 import altair as alt
 
@@ -16,6 +16,7 @@ _SHORT = "datum.label && format(datum.value, datum.value < 1e-3 ? '~e' : '~g')"
 _STATES = ("within tolerance", "beyond tolerance", "failed")
 # More labels than this hide the points; then only the front and the ends of lines have theirs.
 _MOST_LABELS = 24
+_Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 
 def specification(report: TradeoffReport) -> alt.TopLevelMixin:
@@ -37,7 +38,7 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     if limit:
         yield from _tolerance(shown, limit)
     x, y = _axes(report, shown)
-    colour = _colour(shown)
+    colour = _coloured(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
     yield _lines(shown, x, y, colour)
     if shown.floors:
         yield _floors(shown, y, colour)
@@ -60,25 +61,12 @@ def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
     )
 
 
-def _colour(shown: ChartData) -> alt.Color:
+def _coloured(shown: ChartData, channel: type[_Channel], values: list[str]) -> _Channel:
+    """Return a channel that tells methods apart, with a legend of those that occur."""
     names = [*shown.methods, OTHERS]
-    colours = [*COLOURS[: len(shown.methods)], OTHERS_COLOUR]
     used = [name for name in names if any(each["method"] == name for each in shown.points)]
-    colour = alt.Color("method:N").scale(domain=names, range=colours)
-    return colour.legend(title="method", values=used)
-
-
-def _fill(shown: ChartData) -> alt.Fill:
-    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[: len(shown.methods)])
-    return fill.legend(None)
-
-
-def _shape(shown: ChartData) -> alt.Shape:
-    names = [*shown.methods, OTHERS]
-    shapes = [*SHAPES[: len(shown.methods)], "stroke"]
-    used = [name for name in names if any(each["method"] == name for each in shown.points)]
-    shape = alt.Shape("method:N").scale(domain=names, range=shapes)
-    return shape.legend(title="method", values=used)
+    scaled = channel("method:N").scale(domain=names, range=values)
+    return scaled.legend(title="method", values=used)
 
 
 def _lines(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart:
@@ -92,11 +80,13 @@ def _lines(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart
 
 def _points(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart:
     rows = [each for each in shown.points if each["state"] != "failed" and each["method"] != OTHERS]
-    fill = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
+    shape = _coloured(shown, alt.Shape, [*SHAPES[: len(shown.methods)], "stroke"])
+    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[: len(shown.methods)])
+    opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
     return (
         _chart("points", rows)
         .mark_point(size=70, strokeWidth=1.5, opacity=1)
-        .encode(x, y, colour, _shape(shown), _fill(shown), fill)
+        .encode(x, y, colour, shape, fill.legend(None), opacity)
     )
 
 
@@ -110,14 +100,9 @@ def _failures(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Ch
 def _bounds(shown: ChartData, x: alt.X, y: alt.Y) -> alt.Chart:
     """Return downward arrows at upper bounds: errors below the uncertainty of their reference."""
     rows = [each for each in shown.points if each["bound"] and each["state"] != "failed"]
-    marked: dict[str, Any] = {
-        "shape": "arrow",
-        "angle": 180,
-        "size": 260,
-        "yOffset": 14,
-        "color": INK,
-    }
-    arrows = _chart("bounds", rows).mark_point(**marked)
+    arrows = _chart("bounds", rows).mark_point(
+        shape="arrow", angle=180, size=260, yOffset=14, color=INK
+    )
     return arrows.encode(x, y)
 
 
@@ -159,19 +144,14 @@ def _chosen(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
 
 def _beside(row: dict[str, Any], shown: ChartData) -> dict[str, Any]:
     """Return where the name of a ring stands: within the frame, and not on the other name."""
-    right = _is_right(row, shown)
+    least, most = shown.frame.time
+    right = row["time"] > math.sqrt(least * most)
     lower = min(each["error"] for each in shown.points if each["chosen"])
     return {
         "align": "right" if right else "left",
         "dx": -10 if right else 10,
         "dy": 18 if row["error"] == lower else -16,
     }
-
-
-def _is_right(row: dict[str, Any], shown: ChartData) -> bool:
-    """Say whether a point is nearer to the right end of the axis of times."""
-    least, most = shown.frame.time
-    return row["time"] > math.sqrt(least * most)
 
 
 def _labels(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
@@ -185,12 +165,9 @@ def _labels(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
         rows = [each for each in rows if each["labelled"]]
     right = [each for each in rows if shown.methods.index(each["method"]) % 2]
     left = [each for each in rows if each not in right]
-    yield from _written(
-        "labels right", right, "label", x, y, {"align": "left", "dx": 8, "dy": -8, "fontSize": 10}
-    )
-    yield from _written(
-        "labels left", left, "label", x, y, {"align": "right", "dx": -8, "dy": 8, "fontSize": 10}
-    )
+    for side, part, align, dx in (("right", right, "left", 8), ("left", left, "right", -8)):
+        style = {"align": align, "dx": dx, "dy": -dx, "fontSize": 10}
+        yield from _written(f"labels {side}", part, "label", x, y, style)
 
 
 def _written(

@@ -1,10 +1,16 @@
 """The text of a page: what was run, tables, and the recommendation in words."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import islice
 from typing import Any, NamedTuple
 
-from contactlab.pareto.pareto import SAFE_MARGIN
+from contactlab.pareto.recommendation_text import (
+    blocker_texts,
+    next_step_text,
+    robust_text,
+    setting_text,
+    settings_text,
+)
 from contactlab.reporting.knob_changes import KnobChange
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.report_columns import (
@@ -14,21 +20,15 @@ from contactlab.reporting.report_columns import (
     with_unit,
 )
 from contactlab.reporting.report_data import ReportData
-from contactlab.schema.evidence import Setting, StoreManifest
+from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.schema.tradeoff_report import (
-    Configuration,
-    Recommendation,
-    Settings,
-    TradeoffReport,
-)
+from contactlab.schema.tradeoff_report import Configuration, Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
 
 _MOST_UNEXPECTED = 50
 _MOST_CELLS = 400
 _MOST_CONFIGURATIONS = 24
 _MOST_RATIOS = 5
-_UNCHANGED = "as in the sweep"
 
 
 class TextTable(NamedTuple):
@@ -130,36 +130,28 @@ def recommendation_texts(data: ReportData) -> dict[str, Any]:
     if report is None:
         return {}
     chosen = report.recommendation
-    varying = _varying_knobs(report)
-    return {
-        "settings": _settings(data, chosen) if chosen else [],
-        "error": number_with_unit(_number(chosen.error), report.error.unit) if chosen else "",
-        "time": _time(chosen) if chosen else "",
+    texts = {
         "margins": list(_margins(report, chosen)),
-        "mjcf": "\n".join(chosen.mjcf) if chosen else "",
-        "other": _settings_text(chosen.other, chosen.other) if chosen else "",
-        "robust": _robust(report, varying),
-        "next_step": _next_step(report, varying),
+        "robust": robust_text(report),
+        "next_step": next_step_text(report),
         "notes": report.notes,
-        "blockers": [] if chosen else _blockers(report),
         "command": f"contactlab tradeoff {data.store.address}",
     }
-
-
-def _time(chosen: Recommendation) -> str:
-    return f"{chosen.time:.3g} CPU s per simulated s ({chosen.real_time_factor:,.0f} x real time)"
-
-
-def _settings(data: ReportData, chosen: Recommendation) -> list[tuple[str, str]]:
+    if chosen is None:
+        none = dict.fromkeys(("settings", "error", "time", "mjcf", "other"), "")
+        return {**texts, **none, "blockers": blocker_texts(report)}
     titles = {axis.name: axis.title for axis in data.axes}
     settings = chosen.configuration.items()
-    return [(titles.get(name, name), _setting(value)) for name, value in settings]
-
-
-def _varying_knobs(report: TradeoffReport) -> list[str]:
-    """Return the knobs that differ between configurations."""
-    values = [each.configuration for each in report.configurations]
-    return [name for name in report.knobs if len({each[name] for each in values}) > 1]
+    speed = f"{chosen.time:.3g} CPU s per simulated s ({chosen.real_time_factor:,.0f} x real time)"
+    return {
+        **texts,
+        "settings": [(titles.get(name, name), setting_text(value)) for name, value in settings],
+        "error": number_with_unit(_number(chosen.error), report.error.unit),
+        "time": speed,
+        "mjcf": "\n".join(chosen.mjcf),
+        "other": settings_text(chosen.other, chosen.other),
+        "blockers": [],
+    }
 
 
 def _margins(
@@ -173,50 +165,25 @@ def _margins(
         yield name, limit, _number(worst.get(name)), "-" if margin is None else f"x {margin:.3g}"
 
 
-def _robust(report: TradeoffReport, varying: Sequence[str]) -> str:
-    if not report.tolerances or report.recommendation is None:
-        return ""
-    if report.robust is None:
-        return f"No configuration keeps a margin of {SAFE_MARGIN} to every tolerance."
-    if report.robust.run_id == report.recommendation.run_id:
-        return f"It keeps a margin of {SAFE_MARGIN} to every tolerance."
-    ratio = report.robust.time / report.recommendation.time
-    values = _settings_text(report.robust.configuration, varying) or _UNCHANGED
-    return f"A margin of {SAFE_MARGIN} to every tolerance costs {ratio:.3g} x the time: {values}."
-
-
-def _next_step(report: TradeoffReport, varying: Sequence[str]) -> str:
-    after = report.next_step
-    if after is None:
-        return ""
-    gain = "no error" if after.error_ratio is None else f"{after.error_ratio:.3g} x less error"
-    values = _settings_text(after.configuration, varying) or _UNCHANGED
-    return f"{after.time_ratio:.3g} x the time buys {gain}: {values}."
-
-
-def _blockers(report: TradeoffReport) -> list[str]:
-    return [
-        f"{each.kind} {each.name} rules out {each.configurations} configurations"
-        + ("" if each.best is None else f"; the best has {each.best:.3g}")
-        for each in report.blockers
-    ]
-
-
 def front_table(data: ReportData) -> TextTable | None:
     """Return the first configurations, the feasible before others and the cheapest first."""
     report = data.tradeoff
     if report is None:
         return None
-    varying = _varying_knobs(report)
     ordered = sorted(report.configurations, key=lambda each: (not each.feasible, each.time or 0.0))
-    header = (*varying, with_unit(report.error.name, report.error.unit), "CPU s per s", "feasible")
-    rows = [_configuration_row(each, varying) for each in ordered[:_MOST_CONFIGURATIONS]]
+    header = (
+        *report.varying,
+        with_unit(report.error.name, report.error.unit),
+        "CPU s per s",
+        "feasible",
+    )
+    rows = [_configuration_row(each, report.varying) for each in ordered[:_MOST_CONFIGURATIONS]]
     return TextTable(header, rows, max(0, len(ordered) - _MOST_CONFIGURATIONS))
 
 
 def _configuration_row(each: Configuration, varying: Sequence[str]) -> tuple[str, ...]:
     feasible = "yes" if each.feasible else "no: " + "; ".join(each.reasons)
-    values = (_setting(each.configuration[name]) for name in varying)
+    values = (setting_text(each.configuration[name]) for name in varying)
     return (*values, _number(each.error), _number(each.time), feasible)
 
 
@@ -252,16 +219,6 @@ def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str
         if any(each.ratios.get(name) is not None for each in changes)
     ]
     return present[:_MOST_RATIOS]
-
-
-def _settings_text(values: Settings, names: Iterable[str]) -> str:
-    return ", ".join(f"{name} {_setting(values[name])}" for name in names)
-
-
-def _setting(value: Setting) -> str:
-    if value is None:
-        return "as in the scene"
-    return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _number(value: float | None) -> str:

@@ -168,3 +168,9 @@ class TradeoffReport(Model):
     next_step: NextStep | None
     blockers: tuple[Blocker, ...] = Field(description="The most frequent first.")
     notes: tuple[str, ...]
+
+    @property
+    def varying(self) -> list[str]:
+        """Knobs that differ between configurations."""
+        values = [each.configuration for each in self.configurations]
+        return [name for name in self.knobs if len({each[name] for each in values}) > 1]
