@@ -67,6 +67,10 @@ class StoppedError(ContactlabError):
     exit_code = 130
 
 
+class ModelWarning(UserWarning):
+    """What MuJoCo warns of when it compiles a model."""
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the closest known name, or an empty string."""
     close = difflib.get_close_matches(name, list(known), n=1)

@@ -8,6 +8,7 @@ import pytest
 
 from contactlab.engines import Buffers, roll_out
 from contactlab.errors import SceneError
+from contactlab.scene.resolution import RunIdentity
 from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
@@ -22,13 +23,14 @@ MODEL = """
   </worldbody>
   <actuator><intvelocity name="servo" joint="cart" kp="10" actrange="-1 1"/></actuator>
   <keyframe>
-    <key/>
+    <key qpos="-.2"/>
     <key name="near" qpos=".1" qvel=".2" act=".3" ctrl=".4" mpos="1 2 3" mquat="0 1 0 0"/>
     <key name="far" qpos="9"/>
   </keyframe>
 </mujoco>
 """
 STILL = MODEL[: MODEL.index("<keyframe>")] + "</mujoco>"
+KEYED = STILL.replace("</mujoco>", '<keyframe><key qpos=".1"/></keyframe></mujoco>')
 
 
 def spec_of(scene: Scene) -> tuple[str, ...]:
@@ -39,16 +41,28 @@ def spec_of(scene: Scene) -> tuple[str, ...]:
 
 def test_a_bare_model_starts_from_its_first_keyframe(make_scene: Make) -> None:
     scene = make_scene(MODEL)
-    assert spec_of(scene) == ("near", "far", "qpos0")
-    runs = [
-        scene.resolve(each, 0, None)
-        for each in ({}, {"keyframe": "far"}, {"keyframe": "qpos0"}, {"keyframe": "near"})
-    ]
+    assert spec_of(scene) == ("key[0]", "near", "far", "qpos0")
+    starts = ({}, *({"keyframe": each} for each in spec_of(scene)))
+    runs = [scene.resolve(each, 0, None) for each in starts]
     places = scene.starts(runs).qpos[:, 0]
-    assert places == pytest.approx([0.1, 9.0, 0.0, 0.1], abs=1e-4)
+    assert places == pytest.approx([-0.2, -0.2, 0.1, 9.0, 0.0], abs=1e-4)
     ids = [scene.run_id(run) for run in runs]
-    assert ids[0] == ids[3]
-    assert len(set(ids)) == 3
+    assert ids[0] == ids[1]
+    assert len(set(ids)) == 4
+
+
+def test_what_starts_from_no_keyframe_has_the_id_of_a_model_without(make_scene: Make) -> None:
+    """Ids of versions that knew no keyframes without names stay as they were."""
+    manifest = "perturb: {coordinates: [cart], scale: .1}\n"
+    known = make_scene(KEYED.replace("<key ", '<key name="near" '), manifest)
+    unknown, none = make_scene(KEYED, manifest), make_scene(STILL, manifest)
+
+    def settings(scene: Scene) -> RunIdentity:
+        run = scene.resolve({}, 0, None)
+        return RunIdentity(scene.base({}), run, "one scene")
+
+    ids = [settings(each).digests([], [0]) for each in (none, unknown, known)]
+    assert ids[0] == ids[1] != ids[2]
 
 
 def test_a_manifest_says_where_to_start(make_scene: Make) -> None:
@@ -60,7 +74,7 @@ def test_a_manifest_says_where_to_start(make_scene: Make) -> None:
         assert near.qpos.tolist() == [[0.1]]
 
 
-def test_a_model_without_named_keyframes_has_no_such_axis(make_scene: Make) -> None:
+def test_a_model_without_keyframes_has_no_such_axis(make_scene: Make) -> None:
     scene = make_scene(STILL)
     assert scene.catalogue.find("keyframe") is None
     assert "keyframe" not in scene.resolve({}, 0, None).settings
@@ -77,7 +91,7 @@ def test_a_value_of_that_name_is_refused(make_scene: Make) -> None:
         make_scene(MODEL, line)
 
 
-@pytest.mark.parametrize("keyframe", ["near", "far"])
+@pytest.mark.parametrize("keyframe", ["near", "far", "key[0]"])
 def test_a_run_is_a_loop_from_that_keyframe(keyframe: str, make_scene: Make) -> None:
     """Bit for bit, with activation and the places of what is moved by hand."""
     scene = make_scene(MODEL, "pairs: [{geoms: [hand, cart]}]\n")
@@ -86,7 +100,8 @@ def test_a_run_is_a_loop_from_that_keyframe(keyframe: str, make_scene: Make) -> 
     rollout = roll_out([model], scene.starts([run]), 50, Buffers())
     plain = mujoco.MjModel.from_xml_string(MODEL)
     data = mujoco.MjData(plain)
-    mujoco.mj_resetDataKeyframe(plain, data, plain.key(keyframe).id)
+    index = 0 if keyframe == "key[0]" else plain.key(keyframe).id
+    mujoco.mj_resetDataKeyframe(plain, data, index)
     expected = [_state(data)]
     for _ in range(50):
         mujoco.mj_step(plain, data)

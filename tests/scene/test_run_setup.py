@@ -72,7 +72,7 @@ def test_thickness_is_that_of_the_thinnest_geom(shape: str, half: float, make_sc
     thickness = setup(scene).thickness
     names = [pair.name for pair in scene.base({}).pairs]
     assert dict(zip(names, thickness, strict=True)) == pytest.approx(
-        {"geom0-geom1": half, "geom0-geom2": 0.5, "geom1-geom2": half}
+        {"geom[0]-geom[1]": half, "geom[0]-geom[2]": 0.5, "geom[1]-geom[2]": half}
     )
 
 

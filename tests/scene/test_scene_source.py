@@ -2,6 +2,7 @@
 
 import shutil
 import struct
+import warnings
 import zlib
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import Any
 import pytest
 
 from contactlab.engines import Buffers, roll_out, trajectory_hash
-from contactlab.errors import SceneError
+from contactlab.errors import ModelWarning, SceneError
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene, stored_scene
 
@@ -180,6 +181,28 @@ CASES: dict[str, tuple[str, Files]] = {
         "urdf/x.urdf",
         {"urdf/x.urdf": urdf("package://p/m/x.obj"), "m/x.obj": TETRAHEDRON},
     ),
+    "urdf that names its package": (
+        "p/urdf/x.urdf",
+        {"p/urdf/x.urdf": urdf("package://p/m/x.obj"), "p/m/x.obj": TETRAHEDRON},
+    ),
+    "urdf of a package within another folder of it": (
+        "p/robots/r/x.urdf",
+        {"p/robots/r/x.urdf": urdf("package://p/robots/r/x.obj"), "p/robots/r/x.obj": TETRAHEDRON},
+    ),
+    "assets of a package": (
+        "p/scene.xml",
+        {
+            "p/scene.xml": asset(
+                '<mesh name="x" file="package://p/x.obj"/>'
+                '<hfield name="h" file="model://q/h.bin" size="1 1 1 1"/>'
+                '<texture name="t" type="2d" file="package://q/t.png"/>',
+                body=MESH,
+            ),
+            "p/x.obj": TETRAHEDRON,
+            "q/h.bin": HFIELD,
+            "q/t.png": png(),
+        },
+    ),
     "urdf of two packages": (
         "p/urdf/x.urdf",
         {"p/urdf/x.urdf": urdf("model://q/m/x.obj"), "q/m/x.obj": TETRAHEDRON},
@@ -232,7 +255,8 @@ def test_a_copy_is_the_same_scene(case: str, write: Write, tmp_path: Path, diffe
     assert copy.hash == scene.hash
     assert copy.name == scene.name
     # A model remembers where its files lay, and how long that text is.
-    assert differing(copy.base({}).model, scene.base({}).model) <= {"npaths"}
+    places = {"npaths", "mesh_pathadr", "hfield_pathadr", "tex_pathadr"}
+    assert differing(copy.base({}).model, scene.base({}).model) <= places
     assert trajectory(copy) == trajectory(scene)
 
 
@@ -262,3 +286,62 @@ def test_a_missing_file_is_named(files: Files, named: str, write: Write, tmp_pat
     write(tmp_path, files)
     with pytest.raises(SceneError, match=named):
         Scene.open(str(tmp_path / "scene.xml"))
+
+
+ATTACHING = (
+    '<mujoco><asset><model name="r" file="{root}/far/robot.xml"/></asset><worldbody>'
+    '<attach model="r" body="b" prefix="r_"/></worldbody></mujoco>'
+)
+ROBOT = (
+    '<mujoco><compiler meshdir="{root}/far/m"/><asset><mesh name="x" file="x.obj"/>'
+    '<mesh name="y" file="{root}/y.obj"/></asset><worldbody><body name="b"><freejoint/>'
+    '<geom type="mesh" mesh="x"/><geom type="mesh" mesh="y"/></body></worldbody></mujoco>'
+)
+
+
+@pytest.mark.parametrize("model", ["near/scene.xml", "far/robot.xml"])
+def test_absolute_paths_are_found_in_a_copy(model: str, write: Write, tmp_path: Path) -> None:
+    own = tmp_path / "own"
+    files = {"near/scene.xml": ATTACHING, "far/robot.xml": ROBOT}
+    write(own, {name: text.format(root=own) for name, text in files.items()})
+    write(own, {"far/m/x.obj": TETRAHEDRON, "y.obj": TETRAHEDRON.replace(".1", ".2")})
+    scene = Scene.open(str(own / model))
+    scene.source.content.copy_to(tmp_path / "copy")
+    shutil.rmtree(own)
+    copy = Scene(stored_scene(tmp_path / "copy", str(scene.source.content.model), scene.name))
+    assert copy.hash == scene.hash
+    assert trajectory(copy) == trajectory(scene)
+
+
+def test_licences_go_with_a_copy_and_are_no_part_of_the_scene(write: Write, tmp_path: Path) -> None:
+    model, files = CASES["urdf that names its package"]
+    write(tmp_path, files)
+    own = find_scene(str(tmp_path / model)).content
+    kept = ["p/LICENSE", "p/NOTICE.md", "p/m/COPYING.txt", "LICENCE-APACHE"]
+    left = ["p/licensed.xml", "p/other/LICENSE", "../LICENSE"]
+    write(tmp_path, dict.fromkeys([*kept, *left], "terms"))
+    content = find_scene(str(tmp_path / model)).content
+    content.copy_to(tmp_path / "copy")
+    found = {path for path in (tmp_path / "copy").rglob("*") if path.is_file()}
+    assert {str(path.relative_to(tmp_path / "copy")) for path in found} == {*files, *kept}
+    assert content.hash == own.hash == stored_scene(tmp_path / "copy", model, "x").content.hash
+
+
+def test_a_copy_within_a_package_of_that_name_is_found_first(write: Write, tmp_path: Path) -> None:
+    """A store may lie within the package; what it keeps must not change with it."""
+    model, files = CASES["urdf in its package"]
+    write(tmp_path / "p" / "store", files)
+    write(tmp_path / "p", {"m/x.obj": TETRAHEDRON.replace(".1", ".2")})
+    assert find_scene(str(tmp_path / "p" / "store" / model)).content.root == tmp_path
+    copy = stored_scene(tmp_path / "p" / "store", model, "x").content
+    assert copy.root == tmp_path / "p" / "store"
+
+
+def test_what_mujoco_warns_of_is_said_once_and_not_of_a_copy(write: Write, tmp_path: Path) -> None:
+    write(tmp_path, {"scene.xml": f'<mujoco><compiler settotalmass="3"/>{BALL}</mujoco>'})
+    with pytest.warns(ModelWarning, match="scene.xml: .*settotalmass") as caught:
+        scene = Scene.open(str(tmp_path / "scene.xml"))
+    assert len(caught) == 1
+    with warnings.catch_warnings(action="error"):
+        scene.base({}, frozenset({"energy"}))
+        Scene(stored_scene(tmp_path, "scene.xml", "scene"))

@@ -42,24 +42,24 @@ def size(scene: Scene) -> float:
 
 
 @pytest.mark.parametrize(
-    ("mesh", "extra"),
+    ("mesh", "extra", "place"),
     [
-        ("package://arm/meshes/part.obj", ""),
-        ("package:///arm/meshes/part.obj", ""),
-        ("model://arm/meshes/part.obj", ""),
-        ("../meshes/part.obj", ""),
-        ("package://elsewhere/part.obj", STRIP),
+        ("package://arm/meshes/part.obj", "", "arm/"),
+        ("package:///arm/meshes/part.obj", "", "arm/"),
+        ("model://arm/meshes/part.obj", "", "arm/"),
+        ("../meshes/part.obj", "", ""),
+        ("package://elsewhere/part.obj", STRIP, ""),
     ],
 )
 def test_a_mesh_of_the_package_is_found(
-    mesh: str, extra: str, write_files: Write, tmp_path: Path
+    mesh: str, extra: str, place: str, write_files: Write, tmp_path: Path
 ) -> None:
     files = {"arm/urdf/arm.urdf": arm(mesh, extra), "arm/meshes/part.obj": SMALL}
     write_files(tmp_path, files)
     scene = Scene.open("arm/urdf/arm.urdf", tmp_path)
     assert [str(file) for file in scene.source.content.files] == [
-        "meshes/part.obj",
-        "urdf/arm.urdf",
+        f"{place}meshes/part.obj",
+        f"{place}urdf/arm.urdf",
     ]
     assert scene.base({}).model.jnt_range[0].tolist() == [-1, 1]
 
@@ -120,3 +120,9 @@ def test_a_missing_mesh_of_mjcf_is_told_likewise(write_files: Write, tmp_path: P
         Scene.open("robot.xml", tmp_path)
     assert f"expected at {tmp_path / 'x.obj'};" in str(caught.value)
     assert '<compiler meshdir="FOLDER"/>' in str(caught.value)
+
+
+def test_a_mesh_that_mujoco_cannot_read_is_told(write_files: Write, tmp_path: Path) -> None:
+    write_files(tmp_path, {"arm/arm.urdf": arm("part.dae"), "arm/part.dae": "<COLLADA/>"})
+    with pytest.raises(SceneError, match=r"part\.dae'(.|\n)*reads meshes from \.stl, \.obj and"):
+        Scene.open("arm/arm.urdf", tmp_path)

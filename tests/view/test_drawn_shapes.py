@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.addresses import name_by_address
 from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
 
 GEOMS = {
@@ -44,7 +45,9 @@ MODEL = """
 
 
 def compiled(geom: str) -> mujoco.MjModel:
-    return mujoco.MjModel.from_xml_string(MODEL.format(geom=GEOMS[geom]))
+    spec = mujoco.MjSpec.from_string(MODEL.format(geom=GEOMS[geom]))
+    name_by_address(spec)
+    return spec.compile()
 
 
 def rotation(quaternion: Floats) -> Floats:
@@ -133,7 +136,7 @@ def test_what_viewers_hide_is_left_out_unless_a_body_has_nothing_else() -> None:
 
 def test_every_body_has_a_name_of_its_own() -> None:
     model = compiled("box")
-    assert body_names(model) == ("world", "thing", "body2", "body3")
+    assert body_names(model) == ("world", "thing", "body[2]", "body[3]")
     assert moving_bodies(model).tolist() == [False, True, True, True]
 
 

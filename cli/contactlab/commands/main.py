@@ -1,5 +1,6 @@
 """The command line. A command imports what it needs when it runs, so that --help is instant."""
 
+import warnings
 from pathlib import Path
 from typing import Annotated
 
@@ -71,6 +72,7 @@ def contactlab(
 
 def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
+    warnings.formatwarning = lambda message, *_: f"warning: {message}\n"
     try:
         app(prog_name="contactlab")
     except ContactlabError as error:

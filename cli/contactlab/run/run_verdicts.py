@@ -150,7 +150,7 @@ def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
             place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
             steps = np.flatnonzero((place < low) | (place > high))
             if len(steps) and (first is None or steps[0] < first[0]):
-                first = int(steps[0]), model.joint(joint).name or f"joint {joint}"
+                first = int(steps[0]), model.joint(joint).name
     return None if first is None else f"{first[1]} passes its limit from step {first[0]}"
 
 

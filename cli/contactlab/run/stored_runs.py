@@ -32,7 +32,7 @@ from contactlab.engines import (
 from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreError
 from contactlab.plugins import loaded_plugins
 from contactlab.scene.compiled_scene import PreparedModel
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import QPOS0, InitialStates
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
@@ -141,6 +141,9 @@ def _prepared(store: Store, record: EvidenceRecord) -> tuple[Scene, ResolvedRun]
     if (drive := identity.resolved.get("drive")) is not None:
         scene = stored_drive(scene, parse_drive(drive), store.scene_folder.parent)
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
+    if "keyframe" not in record.settings and scene.catalogue.find("keyframe"):
+        # Versions before 0.3 knew no keyframes without names.
+        values["keyframe"] = QPOS0
     resolved = scene.resolve(values, record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:
         raise StoreError(

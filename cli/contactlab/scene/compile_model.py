@@ -4,6 +4,7 @@ The sensors' addresses in `sensordata` are known from here; so is why MuJoCo ref
 """
 
 import re
+import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,20 +17,16 @@ import mujoco
 from mujoco._specs import MjsSensor
 
 from contactlab.contact.trace_arrays import SLOT_WIDTH
-from contactlab.errors import SceneError
+from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
+from contactlab.scene.addresses import name_by_address
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.mujoco_versions import has_contact_sensors
-from contactlab.scene.scene_source import (
-    MODEL_SUFFIXES,
-    SceneSource,
-    find_resource,
-    is_resource,
-    parse,
-    references,
-)
+from contactlab.scene.model_files import name_in_copy, parse, plain_name, references
+from contactlab.scene.mujoco_versions import has_contact_sensors, silence_mujoco
+from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.scene.written_inertia import written_inertia_faults
+from contactlab.schema.scene_manifest import SceneManifest
 
 PREFIX = "contactlab/"
 _ALL_FIELDS = (1 << 9) - 1
@@ -164,38 +161,62 @@ def compile_model(
     Raises:
         SceneError: the model does not compile, or no element takes a structure value.
     """
-    with _model_file(source, structure) as path:
+    with _model_file(source, structure) as path, _said_once(source):
         try:
             spec = mujoco.MjSpec.from_file(str(path))
-            _find_packages(spec, path.parent)
-            _name_geoms(spec)
+            _place_resources(spec, source.content.resources)
+            name_by_address(spec)
             edit(spec)
             return spec.compile()
         except (ValueError, mujoco.FatalError) as error:
             raise compile_error(source.model, path, error) from error
 
 
+_said: set[tuple[Path, str]] = set()
+
+
+@contextmanager
+def _said_once(source: SceneSource) -> Generator[None]:
+    """Say what MuJoCo warns of once for each model, and nothing for a store's copy of it."""
+    silence_mujoco()
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        yield
+    for text in dict.fromkeys(str(each.message) for each in caught):
+        if not source.content.copied and (source.model, text) not in _said:
+            _said.add((source.model, text))
+            warnings.warn(f"{source.model}: {text}", ModelWarning, stacklevel=2)
+
+
 @contextmanager
 def _model_file(source: SceneSource, structure: Mapping[str, object]) -> Generator[Path]:
-    """Yield the model file, in a copy of the scene where structure values are written."""
-    if not structure:
+    """Yield the model file, in a copy of the scene where something is written into it."""
+    content = source.content
+    moved = content.copied and content.absolute
+    if not structure and not moved:
         yield source.model
         return
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        source.content.copy_to(Path(folder))
+        content.copy_to(Path(folder))
+        files = [Path(folder) / file for file in content.files if file.suffix in MODEL_SUFFIXES]
+        roots = {file: parse(file) for file in files}
         with source.named_in_errors():
-            _write_structure(Path(folder), source, structure)
-        yield Path(folder) / source.content.model
+            _write_structure(list(roots.values()), source.manifest, structure)
+        for file, root in roots.items():
+            if moved:
+                name_in_copy(root, Path(folder))
+            ET.ElementTree(root).write(file)
+        yield Path(folder) / content.model
 
 
-def _write_structure(folder: Path, source: SceneSource, structure: Mapping[str, object]) -> None:
-    entries = source.manifest.structure if source.manifest else {}
-    files = [folder / file for file in source.content.files if file.suffix in MODEL_SUFFIXES]
-    roots = {file: parse(file) for file in files}
+def _write_structure(
+    roots: Sequence[ET.Element], manifest: SceneManifest | None, structure: Mapping[str, object]
+) -> None:
+    entries = manifest.structure if manifest else {}
     for name, value in structure.items():
         entry = entries[name]
         try:
-            elements = [each for root in roots.values() for each in root.findall(entry.element)]
+            elements = [each for root in roots for each in root.findall(entry.element)]
         except (SyntaxError, TypeError, KeyError) as error:
             raise SceneError(
                 f"structure '{name}': {entry.element} is not a path of elements: {error}"
@@ -206,8 +227,6 @@ def _write_structure(folder: Path, source: SceneSource, structure: Mapping[str, 
             element.set(
                 entry.attribute, _BRACES.sub(partial(_computed_text, name, value), entry.text)
             )
-    for file, root in roots.items():
-        ET.ElementTree(root).write(file)
 
 
 def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
@@ -220,19 +239,10 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
         raise SceneError(f"structure '{name}': cannot compute {braces[0]}: {error}") from error
 
 
-def _find_packages(spec: mujoco.MjSpec, folder: Path) -> None:
-    for mesh in spec.meshes:
-        if is_resource(mesh.file) and (resource := find_resource(mesh.file, folder)).is_file():
-            mesh.file = str(resource.absolute())
-
-
-def _name_geoms(spec: mujoco.MjSpec) -> None:
-    taken = {geom.name for geom in spec.geoms}
-    for index, geom in enumerate(spec.geoms):
-        name = geom.name or f"geom{index}"
-        while not geom.name and name in taken:
-            name += "_"
-        geom.name = name
+def _place_resources(spec: mujoco.MjSpec, resources: Mapping[str, Path]) -> None:
+    for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
+        if found := resources.get(plain_name(element.file)):
+            element.file = str(found)
 
 
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
@@ -245,6 +255,10 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     """
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
     hints = [*_missing_file(lines[0], model), *_impossible_inertias(lines[0], tried)]
+    if "no decoder found" in lines[0]:
+        hints.append(
+            "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"
+        )
     return SceneError("\n  ".join([f"{model}: does not compile", *lines, *hints]))
 
 
@@ -261,7 +275,7 @@ def _missing_file(message: str, model: Path) -> Iterator[str]:
     """Yield where MuJoCo looked for a file that it cannot open."""
     if "opening file" not in message:
         return
-    for path in references(model):
+    for path in (each.path for each in references(model)):
         if not path.is_file() and f"{path.name}'" in message:
             yield f"it was expected at {path}; put it there, or say where it is:"
             yield _FOLDER_HINT[model.suffix == ".urdf"]

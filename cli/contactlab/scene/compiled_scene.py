@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.addresses import find_id
 from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -193,7 +194,7 @@ def full_structure(
 def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | None:
     """Return the manifest's subject, or the only moving body."""
     if manifest and manifest.subject:
-        index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, manifest.subject)
+        index = find_id(model, "body", manifest.subject)
         if index < 0:
             known = [model.body(each).name for each in range(1, model.nbody)]
             hint = did_you_mean(manifest.subject, known)

@@ -6,7 +6,6 @@ always by sum. No friction is below MuJoCo's minimum, and the override flag repl
 has. Source: MuJoCo's documentation, Modeling > Contact parameters.
 """
 
-import fnmatch
 from collections import Counter
 from dataclasses import dataclass
 from itertools import combinations, pairwise
@@ -15,6 +14,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.addresses import find_id, matching
 from contactlab.scene.initial_states import QPOS0, start_data
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.evidence import PairRecord
@@ -88,11 +88,11 @@ def _entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]
 
 def _expand(model: mujoco.MjModel, patterns: tuple[str, ...]) -> list[str]:
     names = [model.geom(index).name for index in range(model.ngeom)]
-    return [name for pattern in patterns for name in fnmatch.filter(names, pattern) or [pattern]]
+    return [name for pattern in patterns for name in matching(names, pattern) or [pattern]]
 
 
 def _geom_id(model: mujoco.MjModel, name: str) -> int:
-    index = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
+    index = find_id(model, "geom", name)
     if index < 0:
         known = [model.geom(each).name for each in range(model.ngeom)]
         raise SceneError(f"no geom '{name}' in the model{did_you_mean(name, known)}")
@@ -111,7 +111,7 @@ def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None
 
 
 def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
-    body = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name)
+    body = find_id(model, "body", name)
     if body < 0:
         known = [model.body(each).name for each in range(model.nbody)]
         raise SceneError(f"no body '{name}' in the model{did_you_mean(name, known)}")

@@ -27,9 +27,8 @@ QPOS0 = "qpos0"
 
 
 def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names of a model's named keyframes."""
-    names = (model.key(index).name for index in range(model.nkey))
-    return tuple(name for name in names if name)
+    """Return the names or addresses of a model's keyframes."""
+    return tuple(model.key(index).name for index in range(model.nkey))
 
 
 def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT, OPTIONS
+from contactlab.scene.addresses import find_id
 from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.model_options import FLAGS, write_flags, write_option
@@ -16,16 +17,16 @@ from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import Settings, as_number, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
-_NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+)(,(?P<place>\d+))?\]")
+_NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")
 _KINDS = {
-    "body": mujoco.mjtObj.mjOBJ_BODY,
-    "jnt": mujoco.mjtObj.mjOBJ_JOINT,
-    "dof": mujoco.mjtObj.mjOBJ_JOINT,
-    "geom": mujoco.mjtObj.mjOBJ_GEOM,
-    "pair": mujoco.mjtObj.mjOBJ_PAIR,
-    "eq": mujoco.mjtObj.mjOBJ_EQUALITY,
-    "tendon": mujoco.mjtObj.mjOBJ_TENDON,
-    "actuator": mujoco.mjtObj.mjOBJ_ACTUATOR,
+    "body": "body",
+    "jnt": "joint",
+    "dof": "joint",
+    "geom": "geom",
+    "pair": "pair",
+    "eq": "equality",
+    "tendon": "tendon",
+    "actuator": "actuator",
 }
 # Addresses, counts, ids and types are structure, which MuJoCo does not check; bounds, inertia and
 # broad phase are derived from sizes when a model is compiled, and not later; collision bits decide
@@ -87,9 +88,9 @@ def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ..
         raise ValueError(
             f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
         )
-    row = mujoco.mj_name2id(model, kind, item)
+    row = find_id(model, kind, item)
     if row < 0:
-        raise ValueError(f"no {field.partition('_')[0]} named '{item}' in the model")
+        raise ValueError(f"no {kind} named '{item}' in the model")
     if field.startswith("dof_"):
         row = int(model.jnt_dofadr[row])
     index = (row,) if place is None else (row, int(place))

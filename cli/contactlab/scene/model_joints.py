@@ -3,7 +3,6 @@
 Names of coordinates are such as `ball.z`, `box.vx`, `hinge`, `hinge.v`, `box.fx`.
 """
 
-import fnmatch
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
@@ -13,6 +12,7 @@ import numpy as np
 
 from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.addresses import is_address, matching
 
 _FREE_POSITION = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _FREE_VELOCITY = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -34,8 +34,9 @@ def coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
 
     Slides and hinges are JOINT [m or rad] and JOINT.v; free and ball joints have a name for each
     component: positions and linear velocities in the world frame, angular velocities in the body
-    frame. A joint without a name has its body's. BODY.fx to .tz are a constant external force [N]
-    and torque [N m] at the body's centre of mass, world frame; ACTUATOR.ctrl is a constant control.
+    frame. A joint without a name has its body's as well. BODY.fx to .tz are a constant external
+    force [N] and torque [N m] at the body's centre of mass, world frame; ACTUATOR.ctrl is a
+    constant control.
     """
     return dict([*_inputs(model), *_named(model)])
 
@@ -47,10 +48,10 @@ def match_coordinates(model: mujoco.MjModel, pattern: str) -> list[StateCoordina
         SceneError: nothing matches.
     """
     known = coordinates(model)
-    matching = [known[name] for name in known if fnmatch.fnmatchcase(name, pattern)]
-    if not matching:
+    found = dict.fromkeys(known[name] for name in matching(known, pattern))
+    if not found:
         raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")
-    return matching
+    return list(found)
 
 
 def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
@@ -64,12 +65,18 @@ def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
 def _named(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
     for index in range(model.njnt):
         joint = model.joint(index)
-        name = joint.name or model.body(joint.bodyid[0]).name
         positions, velocities = _components(int(joint.type[0]))
-        for offset, part in enumerate(positions):
-            yield name + part, StateCoordinate("qpos", int(joint.qposadr[0]) + offset)
-        for offset, part in enumerate(velocities):
-            yield name + part, StateCoordinate("qvel", int(joint.dofadr[0]) + offset)
+        for name in _names(model, index):
+            for offset, part in enumerate(positions):
+                yield name + part, StateCoordinate("qpos", int(joint.qposadr[0]) + offset)
+            for offset, part in enumerate(velocities):
+                yield name + part, StateCoordinate("qvel", int(joint.dofadr[0]) + offset)
+
+
+def _names(model: mujoco.MjModel, joint: int) -> list[str]:
+    """Return what a joint is called: its name; or its body's, and its address."""
+    name = model.joint(joint).name
+    return [model.body(model.jnt_bodyid[joint]).name, name] if is_address(name) else [name]
 
 
 def _components(joint_type: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -116,7 +123,7 @@ def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
             chain.append(int(model.body_parentid[chain[-1]]))
         if len(chain) > 1 and _is_free(model, chain[-1]):
             limbs.setdefault(chain[-1], set()).add(chain[-2])
-    return {model.body(root).name or f"body{root}": len(each) for root, each in limbs.items()}
+    return {model.body(root).name: len(each) for root, each in limbs.items()}
 
 
 def _is_free(model: mujoco.MjModel, body: int) -> bool:

@@ -12,13 +12,14 @@ from functools import cache
 from typing import Any, cast
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.addresses import is_address
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
 from contactlab.scene.drive.located_drive import DRIVE_AXES, drive_settings, with_values
 from contactlab.scene.effects.effect import EffectRequest, RunState
 from contactlab.scene.effects.effect_choice import left_uncompiled
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.initial_states import QPOS0
+from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.parameters import PARAMETERS, application_order
@@ -281,6 +282,9 @@ def _digest(text: str) -> bytes:
 def id_entry(base: CompiledScene, name: str, value: object) -> str:
     """Return the entry of one setting, after a comma; empty if it equals the model as written."""
     if name not in base.settings and is_as_written(base.model, name, value):
+        return ""
+    # Where no keyframe has a name, ids are those of versions that knew none of them.
+    if name == "keyframe" and value == QPOS0 and all(map(is_address, keyframe_names(base.model))):
         return ""
     return f",{_name(name)}:{_value(value)}"
 

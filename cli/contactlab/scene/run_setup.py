@@ -89,7 +89,7 @@ def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
         body = int(model.jnt_bodyid[joint])
         bodies[body] = FreeBody(
-            name=model.body(body).name or f"body{body}",
+            name=model.body(body).name,
             qpos=int(model.jnt_qposadr[joint]),
             dof=int(model.jnt_dofadr[joint]),
             mass=np.array([each.body_subtreemass[body] for each in models]),

@@ -65,16 +65,8 @@ _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
 
 def body_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return a name for every body, unique in the model; the first is the world."""
-    names: list[str] = []
-    taken = {model.body(index).name for index in range(model.nbody)}
-    for index in range(model.nbody):
-        given = model.body(index).name
-        name = given or f"body{index}"
-        while not given and name in taken:
-            name += "_"
-        names.append(name)
-    return tuple(names)
+    """Return the name or address of every body of a scene; the first is the world."""
+    return tuple(model.body(index).name for index in range(model.nbody))
 
 
 def moving_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
@@ -159,7 +151,7 @@ def _shape(
     if offset is not None:
         mujoco.mju_rotVecQuat(moved, offset, rotation)
     return BodyShape(
-        name=(model.geom(geom).name or f"geom{geom}") + suffix,
+        name=model.geom(geom).name + suffix,
         body=int(model.geom_bodyid[geom]),
         form=form,
         size=size,

@@ -186,7 +186,7 @@ def _exclusion_notes(checked: CheckedModel, nominal: FreeMotionRun) -> Iterator[
     model = checked.prepared.model
     apart = free_flying_bodies(checked)
     if apart:
-        names = ", ".join(f"'{model.body(each).name or each}'" for each in apart)
+        names = ", ".join(f"'{model.body(each).name}'" for each in apart)
         yield f"the energy of {names}, flying by itself, is left out"
     mass = sum(checked.free_masses) - float(model.body_subtreemass[list(apart)].sum())
     if nominal.budget is None or mass <= 0 or model.nv == 6 * len(checked.free_masses):

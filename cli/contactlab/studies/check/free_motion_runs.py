@@ -206,8 +206,6 @@ def why_not_applicable(checked: CheckedModel) -> str:
         return "plugins act on the model, and their work is not known"
     if np.any(checked.start.applied):
         return "the scene pushes its bodies with forces from outside, which do work"
-    if any(not model.body(index).name for index in np.flatnonzero(model.body_gravcomp)):
-        return "gravity is compensated for bodies without a name, which cannot be switched off"
     return ""
 
 

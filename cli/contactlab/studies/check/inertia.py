@@ -188,7 +188,7 @@ def inertia_faults(model: mujoco.MjModel) -> tuple[InertiaFault, ...]:
 
 def _body_faults(model: mujoco.MjModel, index: int) -> Iterator[InertiaFault]:
     body = BodyInertia(
-        model.body(index).name or f"body {index}",
+        model.body(index).name,
         float(model.body_mass[index]),
         np.array(model.body_inertia[index]),
         rotation(model.body_iquat[index]),

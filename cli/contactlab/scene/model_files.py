@@ -1,0 +1,313 @@
+"""The files of a model: what it refers to, where that lies, and a copy that is the same model.
+
+Which files a model refers to follows MuJoCo's XML reference (compiler, include, asset), tried on
+MuJoCo 3.17 and 4.0. MuJoCo takes ROS resource names, `package://NAME/PATH` and `model://NAME/PATH`,
+for plain paths, which never exist; here they are looked up. A store's copy has the models as they
+were written; what they name by absolute paths is looked up within the copy.
+"""
+
+import hashlib
+import re
+import shutil
+import xml.etree.ElementTree as ET
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from contactlab.errors import SceneError
+from contactlab.scene.scene_tree import check_places, check_regular
+
+_ASSET_FOLDERS = {
+    "mesh": "meshdir",
+    "skin": "meshdir",
+    "hfield": "meshdir",
+    "texture": "texturedir",
+    "flexcomp": "meshdir",
+}
+_FILE_KEYS = (
+    "file",
+    "filename",
+    *(f"file{side}" for side in ("right", "left", "up", "down", "front", "back")),
+)
+_FOLDER_KEYS = ("meshdir", "texturedir", "assetdir")
+
+
+@dataclass(frozen=True)
+class Reference:
+    """A file that a model refers to.
+
+    Attributes:
+        path: where it is, or where it is expected.
+        resource: the ROS resource name that refers to it, if one does.
+        absolute: whether the model names it by an absolute path.
+    """
+
+    path: Path
+    resource: str = ""
+    absolute: bool = False
+
+    @property
+    def place(self) -> Path:
+        """What names the file: the folder of its package, if it lies in one, or its own path."""
+        if self.resource:
+            package, rest = _package_and_path(self.resource)
+            folder = self.path.parents[len(Path(rest).parts) - 1]
+            if folder.name == package:
+                return folder
+        return self.path
+
+
+def references(model: Path, copy: Path | None = None) -> Iterator[Reference]:
+    """Yield the files that an MJCF or URDF file refers to, existing or not.
+
+    Args:
+        model: its file.
+        copy: the folder of a store's copy that holds it, if one does.
+
+    Raises:
+        SceneError: the model, or a model that it includes or attaches, is missing or not XML.
+    """
+    return _Search(copy).references(model)
+
+
+@dataclass(frozen=True)
+class _Search:
+    """A search for the files of a model.
+
+    Attributes:
+        copy: the folder of a store's copy that holds it, if one does.
+        seen: models that were read.
+    """
+
+    copy: Path | None
+    seen: set[Path] = field(default_factory=set[Path])
+
+    def references(self, model: Path) -> Iterator[Reference]:
+        elements = list(self._elements(Reference(model), model.parent))
+        compiler: dict[str, str] = {}
+        for element, file in elements:
+            if element.tag == "compiler":
+                compiler.update(element.attrib)
+            if file.path != model:
+                yield file
+        for element, _ in elements:
+            if element.tag == "model" and element.get("file"):
+                attached = self._find(model.parent, element.get("file", ""))
+                yield attached
+                yield from self.references(attached.path)
+            elif element.tag in _ASSET_FOLDERS:
+                yield from self._assets(element, model.parent, compiler)
+
+    def _elements(self, file: Reference, base: Path) -> Iterator[tuple[ET.Element, Reference]]:
+        """Yield every element in document order, includes in their place, with its file."""
+        if file.path.resolve() not in self.seen:
+            self.seen.add(file.path.resolve())
+            for element in parse(file.path).iter():
+                yield element, file
+                if element.tag == "include":
+                    name = element.get("file", "")
+                    found, beside = (self._find(each, name) for each in (base, file.path.parent))
+                    known = found.path.is_file() or not beside.path.is_file()
+                    yield from self._elements(found if known else beside, base)
+
+    def _assets(
+        self, element: ET.Element, base: Path, compiler: Mapping[str, str]
+    ) -> Iterator[Reference]:
+        folder = compiler.get(_ASSET_FOLDERS[element.tag], compiler.get("assetdir", ""))
+        strip = compiler.get("strippath", "").lower() == "true"
+        for key in _FILE_KEYS:
+            if name := element.get(key):
+                if _RESOURCE.fullmatch(name) and not strip:
+                    yield Reference(_find_resource(name, base, self.copy), resource=name)
+                else:
+                    yield self._find(base, Path(folder) / (Path(name).name if strip else name))
+
+    def _find(self, base: Path, name: str | Path) -> Reference:
+        if not Path(name).is_absolute():
+            return Reference(base / name)
+        return Reference(
+            _in_copy(Path(name), self.copy) if self.copy else Path(name), absolute=True
+        )
+
+
+def _in_copy(path: Path, copy: Path) -> Path:
+    """Return where a copy has what a model names by an absolute path; that path if nowhere."""
+    tails = (copy.joinpath(*path.parts[start:]) for start in range(1, len(path.parts) + 1))
+    return next((each for each in tails if each.exists()), path)
+
+
+def name_in_copy(root: ET.Element, copy: Path) -> None:
+    """Have a model of a copy name the copy's files where it names them by absolute paths."""
+    for element in root.iter():
+        for key in (*_FILE_KEYS, *_FOLDER_KEYS):
+            if (path := Path(element.get(key, ""))).is_absolute():
+                element.set(key, str(_in_copy(path, copy)))
+
+
+def parse(path: Path) -> ET.Element:
+    """Return the root element of an XML file.
+
+    Raises:
+        SceneError: it does not exist, or is not XML.
+    """
+    check_regular(path)
+    try:
+        return ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run
+    except FileNotFoundError as error:
+        raise SceneError(f"{path}: no such file") from error
+    except LookupError as error:
+        raise SceneError(f"{path}: {error}; write the model in UTF-8") from error
+    except ET.ParseError as error:
+        line, column = error.position
+        what = str(error).partition(":")[0]
+        raise SceneError(f"{path}:{line}:{column + 1}: not XML: {what}") from error
+
+
+_RESOURCE = re.compile(r"(?:package|model):/+([^/]+)/(.+)")
+
+
+def plain_name(resource: str) -> str:
+    """Return a resource name with single slashes, as MuJoCo has it after some steps."""
+    return re.sub("/+", "/", resource)
+
+
+def _package_and_path(resource: str) -> tuple[str, str]:
+    parts = _RESOURCE.fullmatch(resource)
+    assert parts is not None
+    return parts[1], parts[2]
+
+
+def _find_resource(name: str, folder: Path, copy: Path | None) -> Path:
+    """Return the path of a ROS resource; where it is expected, if it does not exist.
+
+    A package is a folder of that name that holds the model or lies next to a folder that does. So
+    that parts of a package work too, any folder above the model may stand for it.
+
+    Args:
+        name: `package://NAME/PATH`.
+        folder: the model's folder.
+        copy: the folder of a store's copy that holds it, if one does.
+    """
+    above = [each for each in (folder, *folder.parents) if not copy or each.is_relative_to(copy)]
+    places = list(_places(name, above))
+    return next((place for place in places if place.is_file()), places[0])
+
+
+def _places(name: str, above: list[Path]) -> Iterator[Path]:
+    package, rest = _package_and_path(name)
+    named = next((each for each in above if each.name == package), None)
+    if named is not None:
+        yield named / rest
+    for each in above:
+        yield each / package / rest
+        yield each / rest
+
+
+@dataclass(frozen=True)
+class SceneFiles:
+    """The files of a scene.
+
+    Attributes:
+        root: the folder that holds them all, and the folders of the packages that they name.
+        model: the model file, relative to the root.
+        files: every file, relative to the root, sorted.
+        licences: licence files of the folders that hold the files, up to the root.
+        resources: files that models name by ROS resource names, by `plain_name`.
+        copied: whether these are a store's copy.
+        absolute: whether a model names files by absolute paths.
+        hash: SHA-256 over names and bytes of the files, shortened to 16 hex digits.
+    """
+
+    root: Path
+    model: Path
+    files: tuple[Path, ...]
+    licences: tuple[Path, ...]
+    resources: Mapping[str, Path]
+    copied: bool
+    absolute: bool
+    hash: str
+
+    def copy_to(self, folder: Path) -> None:
+        """Copy every file into the folder, licences with them, keeping their places."""
+        for file in (*self.files, *self.licences):
+            target = folder / file
+            target.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(self.root / file, target)
+
+
+def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = None) -> SceneFiles:
+    """Return the model file, its includes and assets, the manifest and what that names, if any.
+
+    Missing assets are left for the compiler to report: it does not need them all.
+
+    Args:
+        model: the model file.
+        beside: the manifest, and the files that it names.
+        copy: the folder of a store's copy that holds them, if one does.
+
+    Raises:
+        SceneError: a file cannot be read, is not XML, or is not the scene's to name.
+    """
+    model, others = _plain(model), set(map(_plain, beside))
+    try:
+        named = list(references(model, copy and _plain(copy)))
+        paths = {model, *others, *(_plain(each.path) for each in named)}
+        check_places(paths, beside[0].parent if beside else model, copy)
+        found = [each for each in named if each.path.is_file()]
+        files = {model, *others, *(_plain(each.path) for each in found)}
+        root = _common_folder({*files, *(_plain(each.place) for each in found)})
+        # What a package is called is no part of the scene: names start where the files do.
+        inner = _common_folder(files)
+        return SceneFiles(
+            root=root,
+            model=model.relative_to(root),
+            files=tuple(sorted(path.relative_to(root) for path in files)),
+            licences=tuple(sorted(path.relative_to(root) for path in _licences(files, root))),
+            resources={
+                plain_name(each.resource): _plain(each.path) for each in found if each.resource
+            },
+            copied=copy is not None,
+            absolute=any(each.absolute for each in found),
+            hash=_digest(inner, sorted(path.relative_to(inner) for path in files)),
+        )
+    except OSError as error:
+        raise SceneError(f"{error.filename or model}: {error.strerror}") from error
+
+
+def _plain(path: Path) -> Path:
+    """Return an absolute path without `..`; links stay, so that a copy keeps their names."""
+    parts: list[str] = []
+    for part in path.absolute().parts:
+        if part == "..":
+            # Above the root is the root.
+            parts = parts[:-1] or parts
+        else:
+            parts.append(part)
+    return Path(*parts)
+
+
+def _common_folder(paths: Iterable[Path]) -> Path:
+    folder = min(paths).parent
+    while not all(folder in path.parents for path in paths):
+        folder = folder.parent
+    return folder
+
+
+_LICENCE = re.compile(r"(LICEN[SC]E|COPYING|NOTICE)\b.*", re.IGNORECASE)
+
+
+def _licences(files: Iterable[Path], root: Path) -> Iterator[Path]:
+    """Yield the licence files of the folders that hold files, up to the root."""
+    folders = {folder for file in files for folder in file.parents if folder.is_relative_to(root)}
+    for folder in folders:
+        for path in folder.iterdir():
+            if _LICENCE.fullmatch(path.name) and path.is_file() and not path.is_symlink():
+                yield path
+
+
+def _digest(root: Path, names: Iterable[Path]) -> str:
+    digest = hashlib.sha256()
+    for name in names:
+        data = (root / name).read_bytes()
+        digest.update(f"{name.as_posix()}\0{len(data)}\0".encode() + data)
+    return digest.hexdigest()[:16]
