@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
+from contactlab.printable import visible
 from contactlab.schema.judged_check import JudgedCheck
 
 _MOST_ANNOTATIONS = 9
@@ -43,7 +44,7 @@ class JUnitCase:
         outcome = self.check.outcome
         message = _clean(f"{self.verdict}: {self.check.full_message}")
         if outcome == "failed":
-            failure = ET.SubElement(case, "failure", message=message, type=self.verdict)
+            failure = ET.SubElement(case, "failure", message=message, type=_clean(self.verdict))
             failure.text = _clean("\n".join([message, *self.details]))
         elif outcome == "skipped":
             ET.SubElement(case, "skipped", message=message)
@@ -73,7 +74,7 @@ def junit(title: str, cases: Sequence[JUnitCase]) -> str:
 
 
 def _clean(text: str) -> str:
-    return _FORBIDDEN.sub("?", text)
+    return _FORBIDDEN.sub("?", visible(text))
 
 
 def annotations(title: str, errors: Sequence[str], warnings: Sequence[str]) -> str:
@@ -91,7 +92,7 @@ def _annotations(command: str, title: str, messages: Sequence[str]) -> Iterator[
 
 
 def _data(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+    return visible(text).replace("%", "%25").replace("\n", "%0A")
 
 
 def _property(text: str) -> str:

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import print_json
+from contactlab.commands.terminal import echo, print_json
 
 app = typer.Typer(help="Keep stores to compare with.", no_args_is_help=True)
 
@@ -33,8 +33,8 @@ def update(
     if output == "json":
         print_json({"baseline": str(dest), "runs": manifest.runs, "bytes": size})
         return
-    typer.echo(f"{dest} holds the {manifest.runs} runs of {store} without traces: {_size(size)}")
-    typer.echo(f"compare with it: contactlab compare {dest} STORE")
+    echo(f"{dest} holds the {manifest.runs} runs of {store} without traces: {_size(size)}")
+    echo(f"compare with it: contactlab compare {dest} STORE")
 
 
 def _size(size: int) -> str:

@@ -8,7 +8,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import print_table
+from contactlab.commands.terminal import echo, print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def check(
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
     if output == "json":
-        typer.echo(report.model_dump_json(indent=2))
+        echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)
     if failed := [each.name for each in report.checks if each.verdict == "fail"]:
@@ -64,18 +64,18 @@ def check(
 
 def _print(report: "CheckReport", folder: Path) -> None:
     start = f"keyframe {report.keyframe}" if report.keyframe else "its default pose"
-    typer.echo(f"{report.scene}, from {start}, for {report.kind} ({report.kind_reason})")
+    echo(f"{report.scene}, from {start}, for {report.kind} ({report.kind_reason})")
     print_table(
         ("check", "verdict", "result"),
         [(each.name, each.verdict, each.reason) for each in report.checks],
     )
     for each in report.checks:
         for note in each.notes:
-            typer.echo(f"{each.name}: {note}")
+            echo(f"{each.name}: {note}")
         for change in each.changes:
-            typer.echo("\n".join(_change(each.name, change)))
+            echo("\n".join(_change(each.name, change)))
     verdict = "passes" if report.passed else "fails"
-    typer.echo(f"{report.model} {verdict}; all numbers and evidence are in {folder / 'check.md'}")
+    echo(f"{report.model} {verdict}; all numbers and evidence are in {folder / 'check.md'}")
 
 
 def _change(check: str, change: "Change") -> Iterator[str]:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from contactlab.commands.options import Address, store_argument
+from contactlab.commands.terminal import echo, echo_commands
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
@@ -93,7 +94,7 @@ def compare(
         _publish(unreadable_report(error, rules), targets)
         raise
     _publish(report, targets)
-    typer.echo(_rendered(report, output), nl=False)
+    _print(report, output)
     if report.exit_code == ExpectationError.exit_code:
         raise ExpectationError(report.headline)
     if report.exit_code:
@@ -161,7 +162,12 @@ def _publish(report: "ComparisonReport", targets: Sequence[tuple[Path, ReportFor
     except OSError as error:
         raise write_error(Path(error.filename), error) from error
     if os.environ.get("GITHUB_ACTIONS") == "true":
-        typer.echo(_rendered(report, "github"), err=True, nl=False)
+        _print(report, "github", err=True)
+
+
+def _print(report: "ComparisonReport", format_: ReportFormat, *, err: bool = False) -> None:
+    show = echo_commands if format_ == "github" else echo
+    show(_rendered(report, format_).removesuffix("\n"), err=err)
 
 
 def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:

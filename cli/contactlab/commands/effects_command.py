@@ -7,7 +7,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import print_table, say
+from contactlab.commands.terminal import echo, print_table, say
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def effects(
         draw(report, figure)
         say(f"drew {figure}")
     if output == "json":
-        typer.echo(report.model_dump_json(indent=2))
+        echo(report.model_dump_json(indent=2))
     else:
         _print(report, target)
     if not report.verification.holds:
@@ -58,20 +58,18 @@ def effects(
 
 def _print(report: "EffectsReport", target: Path) -> None:
     count = len(report.scenarios) * len(report.seeds)
-    typer.echo(
-        f"{report.scene}: each effect changed alone, over {count} runs of {report.duration:g} s"
-    )
+    echo(f"{report.scene}: each effect changed alone, over {count} runs of {report.duration:g} s")
     used = [each for each in report.effects if each.need != "unused"]
     header = ("effect", "in base", "verdict", "time when changed", "why")
     print_table(header, [_row(each) for each in used])
     unused = [each for each in report.effects if each.need == "unused"]
     for reason in dict.fromkeys(each.reason for each in unused):
         names = ", ".join(each.effect for each in unused if each.reason == reason)
-        typer.echo(f"provably unused: {names} ({reason})")
+        echo(f"provably unused: {names} ({reason})")
     for each in (each for each in report.interactions if each.free):
-        typer.echo(f"needed one by one, free together: {' and '.join(each.effects)}")
+        echo(f"needed one by one, free together: {' and '.join(each.effects)}")
     _print_set(report)
-    typer.echo(f"evidence and effects.json in {target}")
+    echo(f"evidence and effects.json in {target}")
 
 
 def _row(finding: "EffectFinding") -> tuple[object, ...]:
@@ -91,16 +89,16 @@ def _ratio(cost: "Ratio | None") -> str:
 
 def _print_set(report: "EffectsReport") -> None:
     smallest, verification = report.smallest_set, report.verification
-    typer.echo(f"smallest set: {', '.join(smallest.on)}")
+    echo(f"smallest set: {', '.join(smallest.on)}")
     if report.saving is not None:
-        typer.echo(f"time of the smallest set: {_ratio(report.saving)}")
+        echo(f"time of the smallest set: {_ratio(report.saving)}")
     if verification.runs:
         held = "holds" if verification.holds else "DOES NOT HOLD"
-        typer.echo(
+        echo(
             f"{held} in {verification.runs} fresh runs, {_ratio(verification.cost)}: "
             f"{verification.reason}"
         )
     for title, lines in (("MJCF", smallest.mjcf), ("sweep", smallest.sweep)):
-        typer.echo(f"{title}:")
+        echo(f"{title}:")
         for line in lines:
-            typer.echo(f"  {line}")
+            echo(f"  {line}")

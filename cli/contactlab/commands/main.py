@@ -19,10 +19,11 @@ from contactlab.commands.schema_command import schema
 from contactlab.commands.show_command import show
 from contactlab.commands.stability_command import stability
 from contactlab.commands.sweep_command import sweep
-from contactlab.commands.terminal import say
+from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
 from contactlab.commands.verify_command import verify
 from contactlab.errors import ContactlabError
+from contactlab.printable import printable
 
 app = typer.Typer(
     name="contactlab",
@@ -43,7 +44,7 @@ def _print_version(wanted: bool) -> None:
     if wanted:
         from importlib.metadata import version
 
-        typer.echo(f"contactlab {version('contactlab')}")
+        echo(f"contactlab {version('contactlab')}")
         raise typer.Exit
 
 
@@ -72,7 +73,7 @@ def contactlab(
 
 def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
-    warnings.formatwarning = lambda message, *_: f"warning: {message}\n"
+    warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
         app(prog_name="contactlab")
     except ContactlabError as error:

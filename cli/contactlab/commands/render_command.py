@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from contactlab.commands.options import RunArgument, StoreArgument
-from contactlab.commands.terminal import say
+from contactlab.commands.terminal import echo, say
 from contactlab.errors import OutputError
 
 
@@ -45,7 +45,7 @@ def render(
             f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
             f"at most {motion.longest:.3g} m"
         )
-    typer.echo(target)
+    echo(target)
 
 
 def _size(text: str | None) -> tuple[int, int] | None:

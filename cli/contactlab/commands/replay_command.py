@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import print_json
+from contactlab.commands.terminal import echo, print_json
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ def replay(
         print_json(asdict(result))
     else:
         for line in _lines(result):
-            typer.echo(line)
+            echo(line)
     if not result.equal:
         raise ExpectationError("the trajectory is not the stored one")
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.terminal import say
+from contactlab.commands.terminal import echo, say
 from contactlab.errors import OutputError
 
 _ALL = 1_000_000
@@ -57,7 +57,7 @@ def report(
     criteria = opt.accuracy_criteria(error, tolerance)
     if figures is not None:
         for path in write_figures(Store.open(store), figures, formats.split(","), criteria):
-            typer.echo(path)
+            echo(path)
         return
     against = Store.open(baseline) if baseline else None
     request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
@@ -68,7 +68,7 @@ def report(
     for note in written.notes:
         say(f"note: {note}")
     say(f"{written.bytes / 1e6:.2g} MB")
-    typer.echo(page)
+    echo(page)
 
 
 def _beside(store: opt.Address) -> Path:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.terminal import print_json, say
+from contactlab.commands.terminal import echo, print_json, say
 from contactlab.errors import ExpectationError, SweepFileError, did_you_mean
 
 _SUFFIX = ".schema.json"
@@ -32,7 +32,7 @@ def schema(
         _check(check)
     elif name is None:
         for each in json_schemas():
-            typer.echo(each)
+            echo(each)
     else:
         known = json_schemas()
         found = known.get(name) or known.get(name + _SUFFIX)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from contactlab.commands.options import Format, FormatOption, StoreArgument
-from contactlab.commands.terminal import print_json, print_table
+from contactlab.commands.terminal import echo, print_json, print_table
+from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
     from contactlab.schema.evidence import EvidenceRecord, StoreManifest
@@ -42,7 +43,7 @@ def show(
 
 
 def _print_record(store: "Address", record: "EvidenceRecord") -> None:
-    typer.echo("\n".join(_identity(store, record)))
+    echo("\n".join(map(in_one_line, _identity(store, record))))
     print_table(
         ("label", "first step", "reason"),
         [(entry.label, entry.step, entry.reason) for entry in record.labels],
@@ -108,12 +109,12 @@ def print_summary(path: "Address", manifest: "StoreManifest", output: Format) ->
     else:
         _print_values(columns)
     print_table(("label", "runs"), Counter(manifest.labels).most_common())
-    typer.echo(_expectations(manifest))
+    echo(_expectations(manifest))
     _print_missing_effects(columns)
-    typer.echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
+    echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     runs = columns.to_pydict(["label", "run_id"])
     flagged = next((row for row, label in enumerate(runs["label"]) if label != "stable"), 0)
-    typer.echo(f"look closer: contactlab show {path} {_short_id(runs['run_id'][flagged])}")
+    echo(f"look closer: contactlab show {path} {_short_id(runs['run_id'][flagged])}")
 
 
 def _print_missing_effects(columns: "RunColumns") -> None:
@@ -122,7 +123,7 @@ def _print_missing_effects(columns: "RunColumns") -> None:
     for text, count in Counter(columns.to_pydict(["effects_missed"])["effects_missed"]).items():
         missing.update(dict.fromkeys(json.loads(text), count))
     for name, count in missing.most_common():
-        typer.echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
+        echo(f"{name} is off, but {count:,} of {columns.runs:,} runs need it")
 
 
 def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> None:

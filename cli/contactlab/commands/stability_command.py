@@ -7,7 +7,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import print_json, print_table
+from contactlab.commands.terminal import echo, print_json, print_table
 from contactlab.errors import ExpectationError
 
 if TYPE_CHECKING:
@@ -65,9 +65,9 @@ def _print(done: "Sequence[StabilityResult]") -> None:
     )
     for each in done:
         for miss in each.misses[:_MOST_MISSES]:
-            typer.echo(f"{each.name} {miss}")
+            echo(f"{each.name} {miss}")
         if len(each.misses) > _MOST_MISSES:
-            typer.echo(f"{each.name} and {len(each.misses) - _MOST_MISSES} more in {each.store}")
+            echo(f"{each.name} and {len(each.misses) - _MOST_MISSES} more in {each.store}")
     seconds = sum(each.seconds for each in done)
     met = sum(each.passed for each in done)
-    typer.echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")
+    echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")

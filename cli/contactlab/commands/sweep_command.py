@@ -10,7 +10,7 @@ import typer
 from contactlab.commands import options as opt
 from contactlab.commands.show_command import format_value, print_summary
 from contactlab.commands.stopping import resumable
-from contactlab.commands.terminal import print_json, print_table, progress_display, say
+from contactlab.commands.terminal import echo, print_json, print_table, progress_display, say
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
@@ -142,17 +142,17 @@ def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:
         print_json({"axes": listed, "seeds": len(plan.sweep.seed_values), **vars(forecast)})
         return
     print_table(("axis", "role", "values", "range"), axes)
-    typer.echo(f"runs   {forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
-    typer.echo(f"steps  {forecast.steps:,}")
-    typer.echo(f"time   {_seconds(forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
+    echo(f"runs   {forecast.runs:,} (seeds {len(plan.sweep.seed_values)})")
+    echo(f"steps  {forecast.steps:,}")
+    echo(f"time   {_seconds(forecast.seconds[0])} to {_seconds(forecast.seconds[1])}")
     passes = {"accuracy": forecast.accuracy_seconds, "timing": forecast.timing_seconds}
     for name, seconds in passes.items():
         if seconds:
-            typer.echo(f"       {_seconds(seconds)} of it for {name}")
+            echo(f"       {_seconds(seconds)} of it for {name}")
     least, most = (size / 1e6 for size in forecast.bytes)
-    typer.echo(f"disk   {least:.3g} to {most:.3g} MB of traces")
+    echo(f"disk   {least:.3g} to {most:.3g} MB of traces")
     for warning in forecast.warnings:
-        typer.echo(f"warning: {warning}")
+        echo(f"warning: {warning}")
 
 
 def _range(values: tuple[object, ...]) -> str:

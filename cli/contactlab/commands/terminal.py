@@ -19,6 +19,8 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
+from contactlab.printable import in_one_line, printable
+
 if TYPE_CHECKING:
     from contactlab.run.tasks import Finished
 
@@ -30,9 +32,19 @@ _BAR = 24
 _MOST_LABELS = 6
 
 
+def echo(text: object, *, err: bool = False) -> None:
+    """Print lines to stdout, or to stderr; what they hold of data is shown, never obeyed."""
+    echo_commands(printable(str(text)), err=err)
+
+
+def echo_commands(text: str, *, err: bool = False) -> None:
+    """Print lines that a CI job may take for commands, as annotations are."""
+    typer.echo(text, err=err)  # noqa: TID251 - where others get it from
+
+
 def print_json(data: object) -> None:
     """Print data as JSON to stdout."""
-    typer.echo(json.dumps(data, indent=2, allow_nan=False))
+    echo(json.dumps(data, indent=2, allow_nan=False))
 
 
 def print_rows(keys: Sequence[str], rows: Sequence[Sequence[object]], *, as_json: bool) -> None:
@@ -52,7 +64,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None
     for index, name in enumerate(header):
         numeric = all(isinstance(row[index], (int, float)) for row in rows)
         table.add_column(
-            Text(name), justify="right" if numeric else "left", no_wrap=len(header) > 3
+            Text(in_one_line(name)), justify="right" if numeric else "left", no_wrap=len(header) > 3
         )
     for row in rows:
         cells = zip(header, row, strict=True)
@@ -78,7 +90,7 @@ def stdout() -> Console:
 
 def say(message: str) -> None:
     """Print a message for people to stderr."""
-    Console(stderr=True).print(message, markup=False, highlight=False, soft_wrap=True)
+    Console(stderr=True).print(Text(printable(message)), soft_wrap=True)
 
 
 def write_text(path: Path, text: str) -> None:
@@ -100,7 +112,7 @@ def _cell(value: object, *, is_label: bool) -> Text:
         return Text("-")
     if isinstance(value, bool):
         return Text("yes" if value else "no")
-    text = f"{value:.4g}" if isinstance(value, float) else str(value)
+    text = f"{value:.4g}" if isinstance(value, float) else in_one_line(str(value))
     return Text(text, label_style(text) if is_label else "")
 
 
@@ -146,7 +158,7 @@ class ProgressDisplay:
             line.append(f"  {_format_rate(rate)}  {left} left")
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
-            line.append("  ").append(label, label_style(label)).append(f" {count:,}")
+            line.append("  ").append(in_one_line(label), label_style(label)).append(f" {count:,}")
         return line
 
     def _rate(self) -> float:

@@ -8,7 +8,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import print_json, print_table, say, write_text
+from contactlab.commands.terminal import echo, print_json, print_table, say, write_text
 from contactlab.errors import ExpectationError, OutputError
 
 if TYPE_CHECKING:
@@ -115,16 +115,16 @@ def _write(path: Path, report: "TradeoffReport") -> None:
 
 def _print(report: "TradeoffReport") -> None:
     """Print a report: Pareto front, convergence, and the recommendation."""
-    typer.echo("\n".join(_head(report)))
+    echo("\n".join(_head(report)))
     _print_front(report)
     if len(report.methods) < len(report.configurations):
         _print_methods(report.methods)
     if report.chaotic:
         _print_rates(report)
     for line in _answer(report):
-        typer.echo(line)
+        echo(line)
     for note in report.notes:
-        typer.echo(f"note: {note}")
+        echo(f"note: {note}")
 
 
 def _head(report: "TradeoffReport") -> Iterator[str]:
@@ -146,7 +146,7 @@ def _print_front(report: "TradeoffReport") -> None:
     line, what = report.front, "Pareto front of the feasible configurations"
     if not line:
         line, what = report.unconstrained_front, "Pareto front; no configuration is feasible"
-    typer.echo(f"\n{what}")
+    echo(f"\n{what}")
     header = [*report.varying, "error", "CPU s per s", "x real time"]
     print_table(header, [_front_row(each, report.varying) for each in line])
 
@@ -159,7 +159,7 @@ def _front_row(each: "FrontPoint", varying: Sequence[str]) -> list[object]:
 def _print_methods(methods: "Sequence[Method]") -> None:
     ordered = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
     rows = [(each.name, _order(each), _floor(each)) for each in ordered]
-    typer.echo("\nconvergence of the error with the timestep")
+    echo("\nconvergence of the error with the timestep")
     _print_first(("method", "order", "floor"), rows, _MOST_METHODS)
 
 
@@ -177,7 +177,7 @@ def _floor(method: "Method") -> str:
 
 
 def _print_rates(report: "TradeoffReport") -> None:
-    typer.echo("\nchaotic: fraction of runs as expected, with its 95 % confidence interval")
+    echo("\nchaotic: fraction of runs as expected, with its 95 % confidence interval")
     rows = [
         (
             *(each.configuration[name] for name in report.varying),
@@ -192,7 +192,7 @@ def _print_rates(report: "TradeoffReport") -> None:
 def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: int) -> None:
     print_table(header, rows[:most])
     if len(rows) > most:
-        typer.echo(f"and {len(rows) - most} more, see --format json")
+        echo(f"and {len(rows) - most} more, see --format json")
 
 
 def _answer(report: "TradeoffReport") -> Iterator[str]:

@@ -1,10 +1,9 @@
 """`contactlab verify`: whether a store is complete and unchanged."""
 
-import typer
-
 from contactlab.commands.options import FormatOption, StoreArgument, mention_plugins
-from contactlab.commands.terminal import print_json
+from contactlab.commands.terminal import echo, print_json
 from contactlab.errors import StoreError
+from contactlab.printable import in_one_line
 
 
 def verify(
@@ -22,10 +21,10 @@ def verify(
         print_json({"sound": not problems, "problems": problems, "runs": manifest.runs})
     elif not problems:
         left_out = " left out" if manifest.traces_left_out else ""
-        typer.echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")
+        echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")
     else:
         for problem in problems:
-            typer.echo(problem)
+            echo(in_one_line(problem))
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
         raise StoreError(f"{store} is not sound: {count}")

@@ -14,6 +14,7 @@ from contactlab.comparison.report_lines import (
     run_summary,
     store_summary,
 )
+from contactlab.printable import in_markdown, in_one_line
 from contactlab.schema.comparison_report import Check, ComparisonReport
 
 MOST_BYTES = 900_000
@@ -40,15 +41,15 @@ def as_markdown(report: ComparisonReport) -> str:
 
 def _lines(report: ComparisonReport) -> Iterator[str]:
     sign = _SIGNS["passed" if report.exit_code == 0 else "failed"]
-    yield f"### {sign} {_escaped(report.headline)}"
+    yield f"### {sign} {in_markdown(report.headline)}"
     if report.baseline is None or report.candidate is None:
         return
     yield ""
-    yield f"- baseline {_escaped(store_summary(report.baseline))}"
-    yield f"- candidate {_escaped(store_summary(report.candidate))}"
-    yield f"- runs: {_escaped(run_summary(report))}"
+    yield f"- baseline {in_markdown(store_summary(report.baseline))}"
+    yield f"- candidate {in_markdown(store_summary(report.candidate))}"
+    yield f"- runs: {in_markdown(run_summary(report))}"
     if label_changes(report):
-        yield f"- labels: {_escaped(', '.join(label_changes(report)))}"
+        yield f"- labels: {in_markdown(', '.join(label_changes(report)))}"
     shown = report_lines(report)
     urgent = [line for line in shown if line.urgent]
     first = urgent[:_MOST_FIRST]
@@ -67,7 +68,7 @@ def _table(lines: Sequence[ReportLine]) -> Iterator[str]:
     yield ""
     yield from _HEAD
     for line in lines[:_MOST_LINES]:
-        cells = (_SIGNS[line.outcome], *(_escaped(cell) for cell in line[1:5]))
+        cells = (_SIGNS[line.outcome], *(in_markdown(cell) for cell in line[1:5]))
         yield f"| {' | '.join(cells)} |"
     if len(lines) > _MOST_LINES:
         yield f"| | and {len(lines) - _MOST_LINES:,} more | | | |"
@@ -84,16 +85,8 @@ def _folded(title: str, lines: Sequence[str]) -> Iterator[str]:
 def _commands(advice: Sequence[str]) -> Iterator[str]:
     for each in advice:
         what, _, command = each.partition(": ")
-        yield f"# {what}"
-        yield command
-
-
-def _escaped(text: str) -> str:
-    """Return text that Markdown shows as it is, in one cell of a table."""
-    plain = " ".join(text.split()).replace("\\", "\\\\")
-    for sign in "|`*_<>[]#~$":
-        plain = plain.replace(sign, f"\\{sign}")
-    return plain
+        yield in_one_line(f"# {what}")
+        yield in_one_line(command)
 
 
 def as_annotations(report: ComparisonReport) -> str:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from contactlab.comparison.policies import REMEASURED
 from contactlab.comparison.wording import format_number, format_settings, plural, value_change
+from contactlab.printable import in_one_line
 from contactlab.schema.comparison_report import (
     Check,
     ComparedStore,
@@ -148,7 +149,7 @@ def _value(value: float | str | None) -> str:
 
 def as_text(report: ComparisonReport) -> str:
     """Return a comparison as plain text, the worst first."""
-    return "\n".join(line.rstrip() for line in _lines(report)) + "\n"
+    return "\n".join(in_one_line(line).rstrip() for line in _lines(report)) + "\n"
 
 
 def _lines(report: ComparisonReport) -> Iterator[str]:

@@ -1,0 +1,44 @@
+"""Text from data as an output may hold it: what a store or a model says is shown, never obeyed.
+
+Names, labels and reasons may hold anything: escape sequences, which terminals obey; marks that turn
+the direction of reading; commands of a CI job, which are lines of its log; markup, and mentions.
+"""
+
+import re
+
+# All control characters but tabs and line ends, marks of direction, other line ends, surrogates.
+_CONTROL = re.compile(
+    "[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff]"
+)
+# GitHub takes commands from lines that start with two colons, older ones from anywhere in a line.
+_COMMAND = re.compile(r"^(?P<start>[^\S\n]*):(?=:)|#(?=#\[)", re.MULTILINE)
+_MARKUP = "\\|`*_<>[]~$"
+# GitHub looks for these in the text that is left when the markup is gone.
+_REFERENCE = re.compile(r"[@#]|:(?=//)|\bwww(?=\.)|\bGH(?=-)", re.IGNORECASE)
+
+
+def visible(text: str) -> str:
+    r"""Return text whose control characters are written out, as in JSON: `\u001b`."""
+    return _CONTROL.sub(_written, text)
+
+
+def printable(text: str) -> str:
+    """Return lines that neither a terminal nor a CI job takes for a command."""
+    return _COMMAND.sub(lambda found: (found["start"] or "") + _written(found), visible(text))
+
+
+def in_one_line(text: str) -> str:
+    """Return text that is printable and has no line ends."""
+    return printable(text.replace("\n", "\\u000a"))
+
+
+def in_markdown(text: str) -> str:
+    """Return text that Markdown shows as it is, in a cell of a table, and GitHub links nowhere."""
+    plain = " ".join(visible(text).split()).replace("&", "&amp;")
+    for sign in _MARKUP:
+        plain = plain.replace(sign, f"\\{sign}")
+    return _REFERENCE.sub(r"\g<0><!-- -->", plain)
+
+
+def _written(found: re.Match[str]) -> str:
+    return f"\\u{ord(found[0][-1]):04x}"
