@@ -83,7 +83,16 @@ class HeldPose:
 
 _ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _BY_STATE = ("time", "qpos", "qvel")
-_BY_STEP = (*_ENERGIES, "contacts", "least_distance", "iterations", "iterations_most")
+_BY_STEP = (
+    *_ENERGIES,
+    "contacts",
+    "least_distance",
+    "iterations",
+    "iterations_most",
+    "forces",
+    "lengths",
+)
+_OF_WHOLE_RUN = ("control_ranges", "equality_loads")
 
 
 @dataclass(frozen=True)
@@ -107,6 +116,10 @@ class Trace:
         pairs: the monitored contact pairs.
         warnings: for each run, engine warnings by name with their counts.
         held: pose of the subject relative to its holder, or None where nothing should be held.
+        forces: (n, N, nu) force of each actuator, or None if not recorded, like the next three.
+        lengths: (n, N, ntendon) length of each tendon.
+        control_ranges: (n, nu, 2) least and greatest control of each actuator.
+        equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
     """
 
     timestep: Floats
@@ -125,6 +138,10 @@ class Trace:
     pairs: tuple[PairTrace, ...]
     warnings: tuple[dict[str, int], ...]
     held: HeldPose | None = None
+    forces: Floats | None = None
+    lengths: Floats | None = None
+    control_ranges: Floats | None = None
+    equality_loads: Floats | None = None
 
     @property
     def runs(self) -> int:
@@ -148,6 +165,7 @@ class Trace:
         steps = self.steps if steps is None else steps
         states = {name: getattr(self, name)[index, : steps + 1] for name in _BY_STATE}
         recorded = {name: getattr(self, name) for name in _BY_STEP}
+        summed = {name: getattr(self, name) for name in _OF_WHOLE_RUN}
         return replace(
             self,
             timestep=self.timestep[index],
@@ -162,6 +180,7 @@ class Trace:
                 name: None if each is None else each[index, :steps]
                 for name, each in recorded.items()
             },
+            **{name: None if each is None else each[index] for name, each in summed.items()},
         )
 
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 
 SlipMode = Literal["stick", "slide"]
+PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,50 @@ class HoldWindow:
 
 
 @dataclass(frozen=True)
+class Part:
+    """A joint, tendon or actuator: something that goes through a range.
+
+    Attributes:
+        name: its name, or what it belongs to.
+        kind: what it is.
+        place: where it starts: a joint in qpos, a tendon or an actuator among its like.
+        low: least position, length or control [m or rad, or as its control is]; -inf without.
+        high: the greatest; inf without.
+        margin: how far from an end a joint's or a tendon's limit begins to act.
+    """
+
+    name: str
+    kind: PartKind
+    place: int
+    low: float = -np.inf
+    high: float = np.inf
+    margin: float = 0.0
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """The parts of a model that move and hold.
+
+    Attributes:
+        joints: every joint; of a ball joint, `high` is the greatest angle.
+        tendons: every tendon.
+        actuators: every actuator.
+        slack: (tendons, 2) lengths between which a tendon's spring is slack; NaN without a spring.
+        forces: (actuators, 2) least and greatest force of each; infinite without.
+        equalities: names of the equality constraints.
+        weight: of the whole model at 9.81 m/s^2 [N].
+    """
+
+    joints: tuple[Part, ...]
+    tendons: tuple[Part, ...]
+    actuators: tuple[Part, ...]
+    slack: Floats
+    forces: Floats
+    equalities: tuple[str, ...]
+    weight: float
+
+
+@dataclass(frozen=True)
 class Setup:
     """What is known of n runs in addition to their trace.
 
@@ -85,6 +130,7 @@ class Setup:
         speculative: (n,) whether the engine makes contacts ahead of touch, whose distance is then
             no depth; None where no run does.
         hold: when the subject should be held; None where nothing should.
+        mechanism: what of the model can move and hold; None where that is not asked about.
     """
 
     settings: Mapping[str, Sequence[object]]
@@ -105,6 +151,7 @@ class Setup:
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
     speculative: NDArray[np.bool_] | None = None
     hold: HoldWindow | None = None
+    mechanism: Mechanism | None = None
 
     def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""

@@ -70,6 +70,8 @@ class Rollout:
         warnings: engine warnings of each run by name, with their counts.
         errors: the error of the engine or of the policy in each run, or None.
         controls: what policies did in each run, None where one failed; empty without policies.
+        control_ranges: (n, nu, 2) least and greatest control of each actuator; None if not known.
+        equality_loads: (n, neq) largest force of each equality at sampled steps; None likewise.
     """
 
     state: Floats
@@ -80,6 +82,8 @@ class Rollout:
     warnings: tuple[dict[str, int], ...]
     errors: tuple[str | None, ...]
     controls: tuple[RecordedControls | None, ...] = ()
+    control_ranges: Floats | None = None
+    equality_loads: Floats | None = None
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":

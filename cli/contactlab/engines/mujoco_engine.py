@@ -20,6 +20,7 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.integration import integrate_to
 from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.run_loads import with_loads
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.step_timing import count_work, time_segments, time_steps
 from contactlab.scene.model_options import MODEL_ENGINE
@@ -50,8 +51,9 @@ class MujocoEngine(SimulationEngine):
         Runs with a policy advance together, and have no cost of their own.
         """
         if runs.policy is not None:
-            return fly(runs, buffers, watch, proceed)
-        return roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
+            return with_loads(runs, fly(runs, buffers, watch, proceed))
+        rollout = roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
+        return with_loads(runs, rollout)
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
         """Return how long a step takes [s], without what a batch takes around its steps."""

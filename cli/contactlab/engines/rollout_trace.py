@@ -37,6 +37,10 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
         warnings=rollout.warnings,
         held=_held(sensors, layout.held),
+        forces=sensors[:, :, layout.forces : layout.forces + model.nu],
+        lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
+        control_ranges=rollout.control_ranges,
+        equality_loads=rollout.equality_loads,
     )
 
 

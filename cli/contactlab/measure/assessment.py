@@ -9,8 +9,10 @@ from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trac
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, context_of
+from contactlab.measure.coverage import coverages
 from contactlab.measure.entries import LABELS, METRICS, Findings, Label, MeasuredRuns, Metric
 from contactlab.measure.run_integrity import STABLE, invalid
+from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]
 """Why metrics and labels fail, by run."""
@@ -32,11 +34,13 @@ class Assessment:
         metrics: every metric by name, (n,) each; NaN where it does not apply.
         labels: for each run the labels that apply, worst first; `stable` if none does.
         series: net quantities of each monitored pair over time.
+        coverage: what each run exercised; None where the setup does not ask.
     """
 
     metrics: dict[str, Floats]
     labels: tuple[tuple[AppliedLabel, ...], ...]
     series: tuple[PairSeries, ...]
+    coverage: tuple[Coverage, ...] | None = None
 
 
 def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
@@ -50,7 +54,7 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
     metrics = {name: _values(metric, context, failures) for name, metric in METRICS.items()}
     with np.errstate(all="ignore"):
         labels = _labels(MeasuredRuns(context, metrics), failures)
-    return Assessment(metrics, labels, context.series)
+    return Assessment(metrics, labels, context.series, coverages(context))
 
 
 def _values(metric: Metric, context: Context, failures: Failures) -> Floats:

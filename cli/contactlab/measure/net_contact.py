@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
+    ANGULAR_VELOCITY,
     DISTANCE,
     FORCE,
     LINEAR_VELOCITY,
@@ -44,6 +45,8 @@ class NetContact:
         found: (n, N) contacts that matched, recorded or not.
         grip: (n, N) share of the bound that the contacts use, each by itself; at least the usage
             of their sum.
+        rolling: (n, N) relative angular speed of the first contact about its tangents [rad/s].
+        spinning: (n, N) the same about its normal.
         excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
         detached: (n,) most that one contact's normal force times its positive distance is [J].
     """
@@ -51,6 +54,8 @@ class NetContact:
     series: PairSeries
     found: NDArray[np.int32]
     grip: Floats
+    rolling: Floats
+    spinning: Floats
     excess: Floats
     detached: Floats
 
@@ -84,13 +89,14 @@ class _SlotColumns:
 
     `force` [N] and `velocity` [m/s] are along the first and the second tangent. `frame` (3, S, N)
     is the normal's and the first tangent's coordinates, two by two; None for a single slot, whose
-    frame is the only one.
+    frame is the only one. `turning` (3, N) is the first slot's angular velocity, normal first.
     """
 
     normal: Floats
     distance: Floats
     force: Complexes
     velocity: Complexes
+    turning: Floats
     frame: Complexes | None
 
 
@@ -117,11 +123,12 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     runs, steps, slots, _ = pair.slots.shape
     found = pair.found.astype(np.int32)
     contacts = np.minimum(found, slots)
-    series, worst = np.empty((6, runs, steps)), np.empty((2, runs))
+    series, worst = np.empty((8, runs, steps)), np.empty((2, runs))
     for run, cone in enumerate(_cones(pair, elliptic)):
         columns = _gather(pair.slots[run, :, : max(contacts[run].max(initial=0), 1)])
         net = _sum_slots(columns, cone)
         bound = cone.friction * net.normal
+        spin, along, across = columns.turning
         series[:, run] = (
             net.normal,
             net.tangential,
@@ -129,13 +136,15 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
             net.slip,
             _least(columns.distance, contacts[run]),
             _ratio(net.each, bound),
+            np.sqrt(along * along + across * across),
+            np.abs(spin),
         )
         apart = (columns.normal * np.maximum(columns.distance, 0)).max(initial=0)
         worst[:, run] = _excess(columns, cone), apart
-    normal, tangential, usage, slip, distance, grip = series
+    normal, tangential, usage, slip, distance, grip, rolling, spinning = series
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
-    return NetContact(shown, found, grip, *worst)
+    return NetContact(shown, found, grip, rolling, spinning, *worst)
 
 
 def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
@@ -155,6 +164,7 @@ def _gather(slots: Floats) -> _SlotColumns:
         distance=np.ascontiguousarray(slots[:, :, DISTANCE].T),
         force=_by_twos(slots, _TANGENTIAL_FORCE)[0],
         velocity=_by_twos(slots, _SLIP)[0],
+        turning=np.ascontiguousarray(slots[:, 0, ANGULAR_VELOCITY].T),
         frame=_by_twos(slots, _FRAME) if slots.shape[1] > 1 else None,
     )
 

@@ -126,6 +126,7 @@ class RecordMaker:
             warnings=dict(outcome.warnings),
             trajectory_hash=outcome.trajectory_hash,
             knife_edge=_is_knife_edge(outcome),
+            coverage=outcome.assessment.coverage and outcome.assessment.coverage[outcome.row],
         )
 
     def crashed(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:

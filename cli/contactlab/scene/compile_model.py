@@ -6,7 +6,7 @@ The sensors' addresses in `sensordata` are known from here; so is why MuJoCo ref
 import re
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -29,6 +29,7 @@ from contactlab.scene.written_inertia import written_inertia_faults
 from contactlab.schema.scene_manifest import SceneManifest
 
 PREFIX = "contactlab/"
+_FORCE, _LENGTH = "force/", "length/"
 _ALL_FIELDS = (1 << 9) - 1
 _FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
 _FIRST = 0
@@ -49,6 +50,8 @@ class SensorLayout:
         angular_momentum: address of the angular momentum, or None.
         held: address of the held body's position relative to its holder, followed by the holder's
             orientation, or None.
+        forces: address of the first actuator's force, which those of the others follow.
+        lengths: address of the first tendon's length, likewise.
     """
 
     size: int
@@ -59,6 +62,8 @@ class SensorLayout:
     momentum: int | None
     angular_momentum: int | None
     held: int | None
+    forces: int
+    lengths: int
 
 
 def add_sensors(
@@ -69,7 +74,7 @@ def add_sensors(
     free: bool,
     energy: bool,
 ) -> None:
-    """Add what a run records: contacts of each monitored pair, all contacts, energies, momenta."""
+    """Add what a run records: contacts, energies, momenta, actuator forces, tendon lengths."""
     for pair in pairs:
         kind = mujoco.mjtObj.mjOBJ_BODY if pair.bodies else mujoco.mjtObj.mjOBJ_GEOM
         sensor = _add_contacts(spec, pair.name, (_ALL_FIELDS, _FIRST, pair.slots), SLOT_WIDTH)
@@ -88,6 +93,12 @@ def add_sensors(
             sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_BODY, "world"
     if holding:
         _add_holding(spec, holding)
+    for actuator in spec.actuators:
+        sensor = _add(spec, f"{_FORCE}{actuator.name}", mujoco.mjtSensor.mjSENS_ACTUATORFRC)
+        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_ACTUATOR, actuator.name
+    for tendon in spec.tendons:
+        sensor = _add(spec, f"{_LENGTH}{tendon.name}", mujoco.mjtSensor.mjSENS_TENDONPOS)
+        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, tendon.name
 
 
 def _add_contacts(
@@ -127,6 +138,9 @@ def find_layout(
     def address(name: str) -> int:
         return int(model.sensor(PREFIX + name).adr[0])
 
+    def first(prefix: str, names: Iterable[str]) -> int:
+        return next((address(prefix + name) for name in names), model.nsensordata)
+
     for pair in pairs:
         assert int(model.sensor(PREFIX + pair.name).dim[0]) == pair.slots * SLOT_WIDTH
     return SensorLayout(
@@ -138,6 +152,8 @@ def find_layout(
         momentum=address("momentum") if free else None,
         angular_momentum=address("angular_momentum") if free else None,
         held=address("held") if holding else None,
+        forces=first(_FORCE, (model.actuator(index).name for index in range(model.nu))),
+        lengths=first(_LENGTH, (model.tendon(index).name for index in range(model.ntendon))),
     )
 
 

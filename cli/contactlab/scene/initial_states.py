@@ -137,6 +137,20 @@ class InitialStates(NamedTuple):
             inputs[:, place] = np.interp(steps * timestep, knots, levels)
         return inputs
 
+    def control_ranges(self, end: float) -> Floats:
+        """Return (nu, 2) the least and greatest value of each control until `end` [s], n being 1.
+
+        A level counts that a jump leaves between two steps.
+        """
+        ranges = np.stack([self.ctrl[0]] * 2, axis=1)
+        profiles = zip(self.driven[0], self.knots[0], self.levels[0], strict=True)
+        for place, knots, levels in profiles:
+            if place < len(ranges):
+                passed = levels[(knots >= 0) & (knots <= end)]
+                ends = np.interp([0.0, end], knots, levels)
+                ranges[place] = (min(*ends, *passed), max(*ends, *passed))
+        return ranges
+
 
 def _padded(knots: Floats, count: int) -> Floats:
     """Return (..., count) knots, the last one repeated."""

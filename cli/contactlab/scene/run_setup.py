@@ -10,6 +10,7 @@ from contactlab.contact.trace_setup import Barrier, FreeBody, HoldWindow, Setup
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding
 from contactlab.scene.initial_states import quaternions
+from contactlab.scene.mechanism import find_mechanism
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.scene_manifest import SceneManifest
@@ -57,6 +58,7 @@ def make_setup(
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=base.holding and _hold(base.holding, runs),
+        mechanism=find_mechanism(base.model),
     )
 
 

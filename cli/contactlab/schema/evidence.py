@@ -4,6 +4,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from contactlab.schema.coverage import Coverage
 from contactlab.schema.drive import Drive
 from contactlab.schema.strict_model import Hash, InnerName, Model, Sha256
 
@@ -224,6 +225,9 @@ class EvidenceRecord(Model):
     expectation_met: bool | None
     expectation_reason: str | None
     tolerances_met: bool | None
+    coverage: Coverage | None = Field(
+        default=None, description="What the run exercised; null where it is not known."
+    )
     trajectory_hash: Hash | None = Field(
         description="SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
     )

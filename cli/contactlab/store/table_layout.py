@@ -105,6 +105,7 @@ FIXED_COLUMNS = (
     Column("initial_applied", pa.list_(_REAL), "", "constant force and torque on each body"),
     Column("pairs", _TEXT, "", "effective contact parameters of each pair, as JSON"),
     Column("edited_geoms", pa.list_(_TEXT), "", "geoms whose contact parameters were set"),
+    Column("coverage", _TEXT, "", "what moved, was loaded and touched, as JSON"),
     Column("warnings", _TEXT, "", "engine warnings by name, as JSON"),
     Column("engine_name", _TEXT, "", "what computed the trajectory"),
     Column("engine_version", _TEXT, "", "its version"),
@@ -197,7 +198,7 @@ SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
 # Mappings of any keys, stored as JSON text, which every reader of Parquet can show.
 _JSON_TEXT = ("drive", "pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
 # Columns of their own for each entry; named after the entry, or with the field's name before it.
-_NESTED = ("axes", "metrics", "labels", "accuracy", "timing", "plugins")
+_NESTED = ("axes", "metrics", "labels", "accuracy", "timing", "plugins", "coverage")
 _PREFIXED = ("engine", "initial", "cost", "trace")
 _PLAIN = tuple(
     name
@@ -227,6 +228,8 @@ def record_to_row(record: EvidenceRecord) -> Row:
     row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
     row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
     row["axis_names"] = tuple(record.axes)
+    covered = record.coverage
+    row["coverage"] = None if covered is None else covered.model_dump_json(exclude_defaults=True)
     if record.plugins:
         row["plugins"] = _encoded(record.plugins)
     return row | record.axes | record.metrics
@@ -257,6 +260,8 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     if row["trace_file"] is not None:
         data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
         data["trace"]["messages"] = json.loads(row["trace_messages"])
+    if row.get("coverage") is not None:
+        data["coverage"] = json.loads(row["coverage"])
     if PLUGINS_COLUMN.name in row:
         data["plugins"] = json.loads(row["plugins"])
     data["axes"] = {name: row[name] for name in row["axis_names"]}

@@ -20,7 +20,6 @@ from contactlab.scene.initial_states import InitialStates
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
-_OBJECT = mujoco.mjtObj
 # Of more geoms, which can touch is not determined: the table of all pairs would be too large.
 _MAX_GEOMS = 2000
 
@@ -140,12 +139,7 @@ def _are_idle(model: mujoco.MjModel) -> bool:
         return True
     driven = (np.asarray(model.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON).any()
     tied = (np.asarray(model.eq_type) == mujoco.mjtEq.mjEQ_TENDON).any()
-    spare = set(spare_sensors(model))
-    measured = any(
-        index not in spare and kind == _OBJECT.mjOBJ_TENDON
-        for index, kind in enumerate(model.sensor_objtype)
-    )
-    return not (tendons_act(model) or driven or tied or measured or model.nplugin)
+    return not (tendons_act(model) or driven or tied or model.nplugin)
 
 
 _COMPILED = ("sensor", "tendon", "energy")

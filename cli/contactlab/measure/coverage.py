@@ -1,0 +1,176 @@
+"""What runs exercised: what moved, which limits acted, what was loaded, touched, slid and rolled.
+
+A limit of a joint or a tendon acts exactly where the engine has a constraint for it: nearer to its
+end than its margin. Nothing stops the motion before, so that no timestep hides that it was reached.
+"""
+
+from collections.abc import Iterable, Mapping, Sequence
+from math import isnan
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import (
+    SLIDE,
+    STICK,
+    Floats,
+    PairSeries,
+    PairTrace,
+    Trace,
+)
+from contactlab.contact.trace_setup import Mechanism, Part
+from contactlab.measure.context import Context
+from contactlab.measure.net_contact import NetContact
+from contactlab.schema.coverage import ActuatorUse, Coverage, End, PairUse, Travel
+
+TURNING = 0.1
+"""Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
+_ROUNDING = 1e-6
+"""Share of the model's weight below which the force of an equality is rounding."""
+_AT_LIMIT = 1e-9
+"""Share of its range by which a force at its limit may miss it by rounding."""
+_RANGE = ("low", "high", "margin")
+_ENDS: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
+
+Use = TypeVar("Use", Travel, ActuatorUse, PairUse)
+Fields = Mapping[str, NDArray[Any]]
+"""What parts did, (n, parts) for each field of the record; NaN where it does not apply."""
+
+
+def coverages(context: Context) -> tuple[Coverage, ...] | None:
+    """Return what each run of a context exercised; None if its setup names no mechanism."""
+    trace, mechanism = context.trace, context.setup.mechanism
+    n = trace.runs
+    if mechanism is None:
+        return None
+    if not trace.steps:
+        return tuple(Coverage() for _ in range(n))
+    with np.errstate(all="ignore"):
+        joints = _records(Travel, mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
+        tendons = _records(Travel, mechanism.tendons, _tendons(mechanism, trace.lengths), n)
+        actuators = _records(ActuatorUse, mechanism.actuators, _actuators(mechanism, trace), n)
+        pairs = _records(PairUse, trace.pairs, _pairs(context), n)
+    loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
+    loads = np.where(loads < _ROUNDING * mechanism.weight, 0, loads)
+    touched = _share(trace.contacts > 0)
+    return tuple(
+        Coverage(
+            joints=joints[run],
+            tendons=tendons[run],
+            actuators=actuators[run],
+            equalities=dict(zip(mechanism.equalities, loads[run].tolist(), strict=False)),
+            pairs={name: use for name, use in pairs[run].items() if use.touched},
+            touched=touched[run],
+        )
+        for run in range(n)
+    )
+
+
+def _records(
+    kind: type[Use], parts: Sequence[Part | PairTrace], fields: Fields, runs: int
+) -> list[dict[str, Use]]:
+    """Return what each part did in each run, by name; infinities become the largest numbers."""
+    values = np.stack([*fields.values()], axis=-1) if parts else np.zeros((runs, 0, 0))
+    return [
+        {part.name: _record(kind, fields, row) for part, row in zip(parts, rows, strict=True)}
+        for rows in np.nan_to_num(values, nan=np.nan).tolist()
+    ]
+
+
+def _record(kind: type[Use], names: Iterable[str], row: Sequence[float]) -> Use:
+    given = {name: value for name, value in zip(names, row, strict=True) if not isnan(value)}
+    ends = {"ends": _ENDS[int(given["ends"])]} if "ends" in given else {}
+    return kind.model_validate({**given, **ends})
+
+
+def _joints(joints: Sequence[Part], qpos: Floats) -> Fields:
+    first, last = qpos.min(axis=1), qpos.max(axis=1)
+    places = [each.place for each in joints]
+    least, greatest = first[:, places], last[:, places]
+    moved, turned = greatest - least, np.full(least.shape, np.nan)
+    for index, joint in enumerate(joints):
+        if joint.kind == "free":
+            span = slice(joint.place, joint.place + 3)
+            moved[:, index] = np.linalg.norm(last[:, span] - first[:, span], axis=1)
+            turned[:, index] = _turned(qpos, joint.place + 3)
+        if joint.kind == "ball":
+            angle = 2 * np.arccos(np.abs(qpos[:, :, joint.place]).min(axis=1))
+            least[:, index] = greatest[:, index] = angle
+            moved[:, index] = _turned(qpos, joint.place)
+    return {**_travel(joints, least, greatest, moved), "turned": turned}
+
+
+def _turned(qpos: Floats, place: int) -> Floats:
+    """Return (n,) the largest angle [rad] of the quaternion at a place of qpos from its first."""
+    first = np.zeros((len(qpos), qpos.shape[2], 1))
+    first[:, place : place + 4, 0] = qpos[:, 0, place : place + 4]
+    # As a product of whole rows, which is faster than gathering four columns of them.
+    cosine = np.abs(qpos @ first).min(axis=(1, 2))
+    return 2 * np.arccos(np.minimum(cosine, 1))
+
+
+def _travel(parts: Sequence[Part], least: Floats, greatest: Floats, moved: Floats) -> Fields:
+    """Return travels from the least and greatest place of each part in each run, (n, parts)."""
+    low, high, margin = (np.array([getattr(each, name) for each in parts]) for name in _RANGE)
+    balls = np.array([each.kind == "ball" for each in parts])
+    span = high - np.where(balls, 0, low)
+    return {
+        "moved": moved,
+        "share": np.where((span > 0) & np.isfinite(span), moved / span, np.nan),
+        "ends": 2.0 * (least < low + margin) + (greatest > high - margin),
+    }
+
+
+def _tendons(mechanism: Mechanism, lengths: Floats | None) -> Fields:
+    if lengths is None or not mechanism.tendons:
+        return {}
+    least, greatest = lengths.min(axis=1), lengths.max(axis=1)
+    short, long = mechanism.slack.T
+    stretched = np.maximum(np.maximum(short - least, greatest - long), 0)
+    travel = _travel(mechanism.tendons, least, greatest, greatest - least)
+    return {**travel, "stretched": stretched}
+
+
+def _actuators(mechanism: Mechanism, trace: Trace) -> Fields:
+    shape = (trace.runs, trace.steps, len(mechanism.actuators))
+    forces = np.zeros(shape) if trace.forces is None else trace.forces
+    ranges = trace.control_ranges
+    controls = np.zeros((trace.runs, shape[2], 2)) if ranges is None else ranges
+    low, high = mechanism.forces.T
+    slack = np.where(np.isfinite(high - low), _AT_LIMIT * (high - low), 0)
+    at_limit = (forces <= low + slack) | (forces >= high - slack)
+    least, greatest = controls[:, :, 0], controls[:, :, 1]
+    return {
+        **_travel(mechanism.actuators, least, greatest, greatest - least),
+        "force": np.abs(forces).max(axis=1),
+        "saturated": at_limit.mean(axis=1),
+    }
+
+
+def _pairs(context: Context) -> Fields:
+    each = [_pair(net, net.series) for net in context.net]
+    return {name: np.array([one[name] for one in each]).T for name in PairUse.model_fields}
+
+
+def _pair(net: NetContact, series: PairSeries) -> dict[str, Floats]:
+    """Return what a pair did in each run; all of its contacts turn as its first one does."""
+    bearing, sticks = series.normal > 0, series.mode == STICK
+    largest = series.normal.max(axis=1)
+    shares = {
+        "touched": bearing,
+        "stuck": sticks,
+        "slid": series.mode == SLIDE,
+        "rolled": bearing & sticks & (net.rolling > TURNING),
+        "spun": bearing & (net.spinning > TURNING),
+    }
+    return {
+        **{name: _share(each) for name, each in shares.items()},
+        "friction": series.tangential.max(axis=1) / np.where(largest > 0, largest, np.inf),
+    }
+
+
+def _share(holds: NDArray[np.bool_]) -> Floats:
+    """Return (n,) the share of the steps (n, N) at which something holds."""
+    # Row by row: NumPy counts whole arrays many times faster than along an axis.
+    return np.array([np.count_nonzero(row) for row in holds]) / holds.shape[1]

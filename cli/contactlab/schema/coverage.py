@@ -1,0 +1,101 @@
+"""What a run exercised: the joints, actuators, tendons, equalities and pairs of its model."""
+
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from contactlab.schema.strict_model import Model
+
+
+def _short(value: float) -> float:
+    """Return a number to four digits, which is as much as coverage is read for."""
+    return float(f"{value:.4g}")
+
+
+Short = Annotated[float, AfterValidator(_short)]
+End = Literal["lower", "upper"]
+
+_MOVED = 0.01
+"""Least motion that counts: 1 % of a range, or 0.01 m or rad; holding still takes less."""
+_RUBBED = 1e-3
+"""Least ratio of a tangential force that counts to the normal force; rounding takes less."""
+
+
+class Travel(Model):
+    """How far a joint, a tendon or a control went through its range."""
+
+    moved: Short = Field(
+        default=0.0,
+        description="Greatest less least value; of free joints the largest distance from the "
+        "start [m], of ball joints the largest angle from it [rad].",
+    )
+    share: Short | None = Field(default=None, description="The same over its range, if limited.")
+    ends: tuple[End, ...] = Field(
+        default=(), description="Limits that acted, or that a control went beyond."
+    )
+    turned: Short | None = Field(
+        default=None, description="Largest angle of a free joint from its start [rad]."
+    )
+    stretched: Short | None = Field(
+        default=None, description="How far a tendon's spring left the lengths at which it is slack."
+    )
+
+    @property
+    def counts(self) -> bool:
+        """Whether it moved by more than what holding still takes."""
+        share = self.moved if self.share is None else self.share
+        return max(share, self.turned or 0.0) >= _MOVED
+
+
+class ActuatorUse(Travel):
+    """How far an actuator's control went through its range, and its force."""
+
+    force: Short = Field(default=0.0, description="Largest force, as the actuator has it.")
+    saturated: Short = Field(default=0.0, description="Share of time at a limit of its force.")
+
+
+class PairUse(Model):
+    """What a monitored pair did, each as the share of time."""
+
+    touched: Short = Field(default=0.0, description="It bore a force.")
+    stuck: Short = Field(default=0.0, description="It touched, or hopped, without sliding.")
+    slid: Short = Field(default=0.0, description="It slid.")
+    rolled: Short = Field(default=0.0, description="It stuck, and turned about a tangent.")
+    spun: Short = Field(default=0.0, description="It turned about the normal.")
+    friction: Short = Field(
+        default=0.0, description="Largest tangential over the largest normal force."
+    )
+
+
+class Coverage(Model):
+    """What a run exercised: what moved, was loaded, and touched."""
+
+    joints: dict[str, Travel] = Field(default_factory=dict, description="Every joint.")
+    tendons: dict[str, Travel] = Field(default_factory=dict, description="Every tendon.")
+    actuators: dict[str, ActuatorUse] = Field(default_factory=dict, description="Every actuator.")
+    equalities: dict[str, Short] = Field(
+        default_factory=dict,
+        description="Largest force of each equality at sampled steps [N or N m]; 0 below 1e-6 of "
+        "the model's weight.",
+    )
+    pairs: dict[str, PairUse] = Field(
+        default_factory=dict, description="The monitored pairs that touched; no others did."
+    )
+    touched: Short = Field(default=0.0, description="Share of time with any contact in the model.")
+
+    @property
+    def moving(self) -> bool:
+        """Whether any joint moved."""
+        return any(each.counts for each in self.joints.values())
+
+    @property
+    def limited(self) -> bool:
+        """Whether a joint or a tendon moved into its limit, and did not just start there."""
+        parts = (*self.joints.values(), *self.tendons.values())
+        return any(each.ends and each.counts for each in parts)
+
+    @property
+    def rubbed(self) -> bool:
+        """Whether friction in a contact had work to do, or could have where nothing is known."""
+        known = any(each.slid or each.friction >= _RUBBED for each in self.pairs.values())
+        return known or (self.touched > 0 and not self.pairs)
