@@ -13,6 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.run.stored_runs import PreparedReplay
+from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 
 Run = Callable[..., Any]
@@ -138,6 +139,11 @@ def test_replay_of_a_changed_hash(contactlab: Run, store: Path, run_id: str) -> 
     index = table.schema.get_field_index("trajectory_hash")
     changed = table.set_column(index, table.schema.field(index), pa.array(hashes))
     pq.write_table(changed, store / "runs.parquet")
+    code, _, err = contactlab("replay", str(store), run_id)
+    assert (code, "runs.parquet was changed since it was written" in err) == (3, True)
+    manifest = json.loads((store / "manifest.json").read_text())
+    manifest["files"]["runs.parquet"] = sha256_of(store / "runs.parquet")
+    (store / "manifest.json").write_text(json.dumps(manifest))
     code, out, _ = contactlab("replay", str(store), run_id)
     assert code == 1
     assert "first after step" not in out

@@ -181,9 +181,10 @@ def edit(store: Path, name: str, row: int, value: object) -> None:
     field = table.schema.field(name)
     changed = table.set_column(place, field, pa.array(values, field.type, from_pandas=False))
     if name == "trace_file":
-        sizes = pa.array([1, *[None] * (len(values) - 1)], pa.int64())
-        place = table.schema.get_field_index("trace_bytes")
-        changed = changed.set_column(place, table.schema.field("trace_bytes"), sizes)
+        for other, first in (("trace_bytes", 1), ("trace_sha256", "0" * 64)):
+            place = table.schema.get_field_index(other)
+            known = pa.array([first, *[None] * (len(values) - 1)], table.schema.field(other).type)
+            changed = changed.set_column(place, table.schema.field(other), known)
         substitute(store / "manifest.json", '"traces": 0', '"traces": 1')
     rewrite(store, changed)
 

@@ -9,6 +9,7 @@ import subprocess
 import sysconfig
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -85,10 +86,12 @@ class Sweeper:
         name: str = "store",
         workers: int = 0,
         progress: Callable[[Sequence[Finished]], None] = lambda _: None,
+        *,
+        repair: bool = False,
     ) -> StoreManifest:
         self.began: list[tuple[int, int]] = []
         return run_sweep(
-            self.ask(text, name, workers),
+            replace(self.ask(text, name, workers), repair=repair),
             begin=lambda total, done: self.began.append((total, done)),
             progress=progress,
         )

@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from contactlab.run.tasks import Finished
+from contactlab.store.row_journal import sealed
 from contactlab.store.verify_store import verify
 
 SWEEP = """
@@ -75,7 +76,7 @@ class Quiet:
         self.traces = taken((store / "traces").rglob("*.mcap"))
 
     def _count(self, finished: Sequence[Finished]) -> None:
-        self.journal += sum(len(each.row) + 1 for each in finished)
+        self.journal += sum(len(sealed(each.row)) for each in finished)
 
 
 def text_of(rule: str) -> str:

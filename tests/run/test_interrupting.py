@@ -1,6 +1,5 @@
 """Told to stop once, a sweep ends the runs in flight; told twice, it does not wait for them."""
 
-import json
 import os
 import shutil
 import signal
@@ -15,6 +14,7 @@ import pytest
 from contactlab.errors import StoppedError
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
+from contactlab.store.row_journal import read_lines
 from contactlab.store.verify_store import verify
 
 Until = Callable[[Callable[[], bool]], None]
@@ -88,8 +88,7 @@ class Slow:
     @property
     def rows(self) -> list[dict[str, Any]]:
         """What is stored of an unfinished sweep."""
-        lines = (self.folder / "store" / "journal.jsonl").read_text().splitlines()
-        return [json.loads(line) for line in lines]
+        return list(read_lines(self.folder / "store" / "journal.jsonl"))
 
     def start(self, workers: int, wait: str, *asked: str) -> subprocess.Popen[str]:
         """Start a command, or the sweep; each run begins with what Python is to `wait` with."""

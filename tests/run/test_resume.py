@@ -1,6 +1,5 @@
 """A sweep that was stopped anywhere goes on, and ends as one that was not."""
 
-import json
 import multiprocessing
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -8,9 +7,11 @@ from typing import Any
 
 import pytest
 
+from contactlab.errors import StoreError
 from contactlab.run import planned_runs
 from contactlab.run.tasks import Finished
 from contactlab.store import folder_backend
+from contactlab.store.row_journal import parsed
 from contactlab.store.verify_store import verify
 
 RUNS = 18
@@ -92,13 +93,15 @@ def test_a_torn_line_of_the_journal_is_run_again(
     assert sweeper.outcome() == whole
 
 
-def test_a_garbled_line_of_the_journal_is_run_again(
+def test_a_garbled_line_of_the_journal_is_named_and_repaired(
     sweeper: Any, ball: str, whole: Any, half: Path
 ) -> None:
     journal = half / "journal.jsonl"
     lines = journal.read_bytes().splitlines(keepends=True)
     journal.write_bytes(b"".join([*lines[:3], bytes(400) + b"\n", *lines[4:]]))
-    sweeper.run(ball)
+    with pytest.raises(StoreError, match=r"journal\.jsonl, line 4 is not JSON; add --repair"):
+        sweeper.run(ball)
+    sweeper.run(ball, repair=True)
     assert sweeper.began == [(RUNS, 7)]
     assert sweeper.outcome() == whole
 
@@ -174,7 +177,7 @@ def test_traces_without_a_row_are_written_again(
     journal = half / "journal.jsonl"
     first = journal.read_bytes().splitlines(keepends=True)[0]
     journal.write_bytes(first)
-    (half / json.loads(first)["trace_file"]).with_suffix(".tmp").write_bytes(b"")
+    (half / parsed(first)["trace_file"]).with_suffix(".tmp").write_bytes(b"")
     sweeper.run(ball)
     assert sweeper.began == [(RUNS, 1)]
     assert sweeper.outcome() == whole

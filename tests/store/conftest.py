@@ -1,6 +1,7 @@
 """Records made by hand, and stores of them with small traces, in folders and in a bucket."""
 
 import contextlib
+import hashlib
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from contactlab.contact.trace_arrays import Trace
+from contactlab.contact.trace_arrays import Trace, hash_of_states
 from contactlab.schema.evidence import (
     Cost,
     Engine,
@@ -39,6 +40,9 @@ if TYPE_CHECKING:
     from contactlab.store.object_client import ObjectClient
 
 STEPS = 4
+SCENE = "<mujoco/>"
+SCENE_HASH = hashlib.sha256(f"scene.xml\0{len(SCENE)}\0{SCENE}".encode()).hexdigest()[:16]
+TIMES = np.linspace(0, STEPS * 1e-3, STEPS + 1)
 PROVENANCE = Provenance(
     contactlab="0.1.0",
     git_revision=None,
@@ -54,7 +58,7 @@ UNITS = {"depth": "m", "gain": "1"}
 class SceneFile:
     """A scene of one file."""
 
-    text: str = "<mujoco/>"
+    text: str = SCENE
 
     def copy_to(self, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -68,7 +72,7 @@ def make_record(index: int = 0, **changes: Any) -> EvidenceRecord:
         index=index,
         sweep="tried",
         scene="ball",
-        scene_hash="abc",
+        scene_hash=SCENE_HASH,
         engine=ENGINE,
         axes={"timestep": 1e-3 * (index + 1)},
         settings={"timestep": 1e-3 * (index + 1), "cone": "elliptic", "solref": (0.02, 1.0)},
@@ -101,7 +105,7 @@ def make_record(index: int = 0, **changes: Any) -> EvidenceRecord:
         expectation_met=None,
         expectation_reason=None,
         tolerances_met=None,
-        trajectory_hash="0" * 32,
+        trajectory_hash=hash_of_states(np.stack([TIMES, 0 * TIMES, 0 * TIMES], axis=1)),
         provenance=PROVENANCE,
         cost=Cost(cpu_s=1.0, cpu_per_sim_s=2.0, latency_budget_s=None, latency_used=None),
         started="2026-01-01T00:00:00.000+00:00",
@@ -140,12 +144,14 @@ def identity(runs: int, **changes: Any) -> SweepIdentity:
         overrides=(),
         resolved={},
         scene="ball",
-        scene_hash="abc",
+        scene_hash=SCENE_HASH,
         scene_model="scene.xml",
         engine=ENGINE,
         metric_versions={"depth": 1, "gain": 1},
         runs_asked=runs,
-        plan_hash="b",
+        plan_hash=hashlib.sha256("".join(f"{i:016x}" for i in range(runs)).encode()).hexdigest()[
+            :32
+        ],
     )
     return plain.model_copy(update=changes)
 
@@ -157,7 +163,7 @@ def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
     trace = Trace(
         timestep=np.full(1, 1e-3),
         steps_asked=STEPS,
-        time=np.linspace(0, STEPS * 1e-3, STEPS + 1)[None],
+        time=TIMES[None],
         qpos=np.zeros((1, STEPS + 1, 1)),
         qvel=np.zeros((1, STEPS + 1, 1)),
         kinetic=zeros,
@@ -174,7 +180,12 @@ def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
     file = f"traces/{record.run_id[-2:]}/{record.run_id}.mcap"
     path = store / file
     path.parent.mkdir(parents=True, exist_ok=True)
-    extras = TraceExtras(record.model_dump_json().encode(), b'{"type":"object"}', {}, b"<mujoco/>")
+    extras = TraceExtras(
+        record.model_dump_json().encode(),
+        b'{"type":"object"}',
+        {"activations": "0"},
+        SCENE.encode(),
+    )
     summary = write_trace(path, trace, 0, [], extras)
     stored = TraceFile(
         file=file, sha256=summary.sha256, bytes=summary.size, messages=dict(summary.messages)

@@ -19,7 +19,12 @@ def test_a_baseline_has_all_but_the_traces(store: Path, tmp_path: Path) -> None:
     target = tmp_path / "deep" / "baseline"
     manifest = write_baseline(store, target)
     assert manifest.traces_left_out
-    assert files(target) == {"manifest.json", "sweep.json", "runs.parquet", "scenes/abc/scene.xml"}
+    assert files(target) == {
+        "manifest.json",
+        "sweep.json",
+        "runs.parquet",
+        "scenes/35472800cb1450b5/scene.xml",
+    }
     assert verify(target) == []
     assert verify(target, thorough=False) == []
     assert list(Store.open(target).records()) == list(Store.open(store).records())
@@ -52,10 +57,10 @@ def test_a_trace_in_a_baseline_belongs_to_no_run(store: Path, tmp_path: Path) ->
 def test_an_earlier_baseline_is_replaced_whole(store: Path, tmp_path: Path) -> None:
     target = tmp_path / "baseline"
     write_baseline(store, target)
-    (target / "scenes" / "abc" / "old.xml").write_text("left from before")
+    (target / "scenes/35472800cb1450b5/old.xml").write_text("left from before")
     write_baseline(store, target)
     assert verify(target) == []
-    assert "scenes/abc/old.xml" not in files(target)
+    assert "scenes/35472800cb1450b5/old.xml" not in files(target)
     assert {path.name for path in tmp_path.iterdir()} == {"store", "baseline"}
 
 

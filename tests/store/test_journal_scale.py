@@ -14,9 +14,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store import runs_table
-from contactlab.store.row_journal import JOURNAL, mend_journal
+from contactlab.store.row_journal import JOURNAL, mend_journal, parsed, sealed
 from contactlab.store.runs_table import write_table
 from contactlab.store.table_layout import record_to_row, table_schema
 
@@ -67,7 +68,7 @@ def test_a_table_in_parts_is_the_table(
     block: int,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(runs_table, "_GROUP", group)
+    monkeypatch.setattr(runs_table, "GROUP", group)
     monkeypatch.setattr(runs_table, "_BLOCK", block)
     path = write(0)
     schema = table_schema(columns_of([record_of(index) for index in range(RUNS)]))
@@ -88,54 +89,89 @@ def test_nor_on_how_much_is_read_at_once(write: Write, monkeypatch: pytest.Monke
     assert write(0).read_bytes() == whole
 
 
-def line(run: int, tail: bytes = b"\n") -> bytes:
-    row = {"run_id": f"{run:016x}", "index": run, "trace_file": None}
-    return json.dumps(row).encode() + tail
+def line(run: int, *, is_sealed: bool = True) -> bytes:
+    row = json.dumps({"run_id": f"{run:016x}", "index": run, "trace_file": None}).encode()
+    return sealed(row) if is_sealed else row + b"\n"
 
 
-PIECES = st.one_of(
-    st.integers(0, 20).map(line),
-    st.integers(0, 20).map(lambda run: line(run)[:-5] + b"\n"),
-    st.just(b"\x00" * 9 + b"\n"),
+def accept(row: Mapping[str, Any], is_sealed: bool) -> None:
+    del row, is_sealed
+
+
+RUN = st.integers(0, 20)
+SOUND = st.one_of(RUN.map(line), RUN.map(lambda run: line(run, is_sealed=False)))
+DAMAGED = st.one_of(
+    RUN.map(lambda run: line(run)[:-5] + b"\n"),
+    RUN.map(lambda run: line(run).replace(b"null", b"nu1l")),
+    RUN.map(lambda run: line(run).replace(b'"index": ', b'"index": 1')),
+    st.sampled_from([b"\x00" * 9 + b"\n", b"5\n", b"null\n", b"[" * 5000 + b"\n", b"\n"]),
 )
+TORN = st.sampled_from([b"", line(99)[:-1], b'{"ru', b"\x00" * 40])
 
 
-def slowly_mended(text: bytes, is_whole: Callable[[Mapping[str, Any]], bool]) -> list[bytes]:
-    """Return the lines that stay: whole ones of whole runs, the first of each."""
+def slowly_mended(lines: list[bytes], is_whole: Callable[[Mapping[str, Any]], bool]) -> list[bytes]:
+    """Return the lines that stay: those of whole runs, the first of each."""
     stay: dict[str, bytes] = {}
-    for each in text.splitlines(keepends=True):
-        try:
-            row = json.loads(each)
-        except ValueError:
-            continue
-        if each.endswith(b"\n") and is_whole(row):
+    for each in lines:
+        row = json.loads(each.partition(b"\t")[0])
+        if is_whole(row):
             stay.setdefault(row["run_id"], each)
     return list(stay.values())
 
 
+def is_whole(row: Mapping[str, Any]) -> bool:
+    return row["index"] % 5 != 0
+
+
 @settings(deadline=None)
-@given(pieces=st.lists(PIECES, max_size=12), torn=st.sampled_from([b"", line(99, b""), b'{"ru']))
+@given(pieces=st.lists(SOUND, max_size=12), torn=TORN)
 def test_a_mended_journal_has_each_whole_run_once(
     pieces: list[bytes], torn: bytes, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     store = tmp_path_factory.mktemp("store")
-    text = b"".join(pieces) + torn
-    (store / JOURNAL).write_bytes(text)
-
-    def is_whole(row: Mapping[str, Any]) -> bool:
-        return row["index"] % 5 != 0
-
-    stay = slowly_mended(text, is_whole)
-    assert mend_journal(store, is_whole) == {json.loads(each)["run_id"] for each in stay}
+    (store / JOURNAL).write_bytes(b"".join(pieces) + torn)
+    stay = slowly_mended(pieces, is_whole)
+    mended = mend_journal(store, accept, is_whole)
+    assert mended.runs == {json.loads(each.partition(b"\t")[0])["run_id"] for each in stay}
+    assert mended.unsealed == sum(b"\t" not in each for each in stay)
     assert (store / JOURNAL).read_bytes() == b"".join(stay)
 
 
+@settings(deadline=None)
+@given(before=st.lists(SOUND, max_size=5), damaged=DAMAGED, after=st.lists(SOUND, max_size=5))
+def test_a_damaged_line_is_named_and_repair_drops_it_alone(
+    before: list[bytes],
+    damaged: bytes,
+    after: list[bytes],
+    tmp_path_factory: pytest.TempPathFactory,
+) -> None:
+    store = tmp_path_factory.mktemp("store")
+    text = b"".join([*before, damaged, *after])
+    (store / JOURNAL).write_bytes(text)
+    number = len(before) + 1
+    with pytest.raises(StoreError, match=rf"journal\.jsonl, line {number} .*; add --repair to"):
+        mend_journal(store, accept, is_whole)
+    assert (store / JOURNAL).read_bytes() == text
+    mend_journal(store, accept, is_whole, repair=True)
+    assert (store / JOURNAL).read_bytes() == b"".join(slowly_mended([*before, *after], is_whole))
+
+
+@given(data=st.data())
+def test_any_flipped_bit_of_a_line_shows(data: st.DataObject, lines: list[bytes]) -> None:
+    whole = sealed(data.draw(st.sampled_from(lines))[:-1])
+    bit = data.draw(st.integers(0, 8 * (len(whole) - 1) - 1))
+    changed = bytearray(whole)
+    changed[bit // 8] ^= 1 << bit % 8
+    with pytest.raises(ValueError, match=r"checksum|not JSON"):
+        parsed(bytes(changed))
+
+
 def test_mending_holds_ids_and_no_rows(tmp_path: Path, lines: list[bytes]) -> None:
-    rest = lines[0].partition(b",")[2]
+    rest = lines[0].strip().partition(b",")[2]
     with (tmp_path / JOURNAL).open("wb") as journal:
-        journal.writelines(b'{"run_id":"%016x",' % run + rest for run in range(3000))
+        journal.writelines(sealed(b'{"run_id":"%016x",' % run + rest) for run in range(3000))
     tracemalloc.start()
-    kept = mend_journal(tmp_path, lambda _: True)
+    kept = mend_journal(tmp_path, accept, lambda _: True).runs
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(kept) == 3000

@@ -15,6 +15,7 @@ from contactlab.store.store_access import local_scene
 from contactlab.store.store_address import parse_address
 from contactlab.store.verify_store import verify
 
+SCENE = "scenes/35472800cb1450b5/scene.xml"
 TRACE = "traces/01/0000000000000001.mcap"
 
 
@@ -26,7 +27,7 @@ TRACE = "traces/01/0000000000000001.mcap"
         ("traces/ff/ff.mcap", b"whose", "traces/ff/ff.mcap: belongs to no run"),
         ("sweep.json", None, "sweep.json: missing"),
         ("runs.parquet", None, "runs.parquet: missing"),
-        ("scenes/abc/scene.xml", b"<b/>", "scenes/abc/scene.xml: changed since it was written"),
+        (SCENE, b"<b/>", f"{SCENE}: changed since it was written"),
         ("notes/x.jsonl", b"{}\n", "notes/x.jsonl: left over from an interrupted write"),
     ],
 )
@@ -89,7 +90,7 @@ def test_messages_name_the_address(kit: Any) -> None:
 
 def test_a_scene_for_a_worker_elsewhere(kit: Any, tmp_path: Path) -> None:
     """Fetched once, where there is none; asked of a store that is gone, it says so."""
-    nowhere = tmp_path / "scenes" / "abc"
+    nowhere = tmp_path / Path(SCENE).parent
     with pytest.raises(OutputError, match=f"{kit.address}/scenes is missing"):
         local_scene(kit.address, nowhere)
     kit.interrupt()

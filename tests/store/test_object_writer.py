@@ -26,7 +26,7 @@ def test_a_whole_store(kit: Any) -> None:
         ".lock",
         "manifest.json",
         "runs.parquet",
-        "scenes/abc/scene.xml",
+        "scenes/35472800cb1450b5/scene.xml",
         "sweep.json",
         *(each.trace.file for each in kit.records if each.trace),
     }

@@ -99,7 +99,14 @@ def test_a_record_names_only_traces_of_the_store(file: str, store: Path) -> None
 
 @pytest.mark.parametrize(
     "name",
-    ["runs.parquet", "manifest.json", "sweep.json", "scenes/abc/scene.xml", "scenes", TRACE],
+    [
+        "runs.parquet",
+        "manifest.json",
+        "sweep.json",
+        "scenes/35472800cb1450b5/scene.xml",
+        "scenes",
+        TRACE,
+    ],
 )
 def test_links_out_of_a_store_are_not_followed(store: Path, tmp_path: Path, name: str) -> None:
     outside = tmp_path / "outside"

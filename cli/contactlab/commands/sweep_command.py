@@ -57,6 +57,10 @@ def sweep(
     retry_failed: Annotated[
         bool, typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed.")
     ] = False,
+    repair: Annotated[
+        bool,
+        typer.Option("--repair", help="Keep the sound runs of a damaged store, repeat the others."),
+    ] = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
@@ -81,6 +85,7 @@ def sweep(
         overrides=Overrides(assign or (), only or (), limit),
         fresh=fresh,
         retry_failed=retry_failed,
+        repair=repair,
     )
     for warning in request.plan.warnings:
         say(str(warning))

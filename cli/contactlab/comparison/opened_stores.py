@@ -65,7 +65,7 @@ def _open(role: str, address: Address, *, thorough: bool) -> Store:
         raise StoreError(
             f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
         )
-    opened = Store.open(address)
+    opened = Store.unchecked(address)
     if opened.manifest.runs == 0:
         raise StoreError(f"the {role} {address} is empty: it holds no runs")
     return opened

@@ -5,6 +5,7 @@ during step k. So with N steps there are N + 1 state rows and N sensor rows, and
 ``qvel[:, k + 1] - qvel[:, k]`` is the work of the forces in row k.
 """
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
@@ -25,6 +26,15 @@ TANGENT = slice(14, 17)
 LINEAR_VELOCITY = slice(17, 20)
 ANGULAR_VELOCITY = slice(20, 23)
 SLOT_WIDTH = 23
+
+
+def hash_of_states(rows: Floats) -> str:
+    """Return the trajectory hash of a run: SHA-256 of its state rows' bytes, 32 hex digits of it.
+
+    Args:
+        rows: (N + 1, 1 + nq + nv + na) time, qpos, qvel and act of each state.
+    """
+    return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,17 @@
 """From what an engine recorded to a Trace, and its hash."""
 
-import hashlib
 from collections.abc import Sequence
 
 import numpy as np
 
-from contactlab.contact.trace_arrays import SLOT_WIDTH, Floats, HeldPose, PairTrace, Trace
+from contactlab.contact.trace_arrays import (
+    SLOT_WIDTH,
+    Floats,
+    HeldPose,
+    PairTrace,
+    Trace,
+    hash_of_states,
+)
 from contactlab.engines.engine import Rollout
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 
@@ -45,9 +51,8 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
 
 
 def trajectory_hash(rollout: Rollout, run: int) -> str:
-    """Return the SHA-256 of a run's valid state rows as float64 bytes, 32 hex digits of it."""
-    rows = rollout.state[run, : rollout.steps[run] + 1]
-    return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
+    """Return the hash of a run's valid state rows."""
+    return hash_of_states(rollout.state[run, : rollout.steps[run] + 1])
 
 
 def _number(sensors: Floats, address: int | None) -> Floats:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from contactlab.engines import ENGINES, Proceed, bytes_of_run, engine_of, proceed_always
-from contactlab.errors import SceneError, SweepFileError
+from contactlab.errors import SceneError, StoreError, SweepFileError
 from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.tasks import Job, PlannedRun, Task
@@ -87,6 +87,14 @@ class RunIndex:
         """Return how many of the runs are among those that are done."""
         text = self._text() if done else ""
         return sum(text[at : at + _DIGITS] in done for at in range(0, len(text), _DIGITS))
+
+    def has(self, run_id: str, index: int) -> bool:
+        """Return whether a run of this id is at this place of the plan."""
+        return (
+            index < len(self._distinct)
+            and bool(self._distinct[index])
+            and self._ids[ID_BYTES * index : ID_BYTES * (index + 1)].hex() == run_id
+        )
 
     def runs(self, done: Collection[str] = ()) -> Iterator[tuple[PlannedRun, ResolvedRun]]:
         """Yield every run that is not done, with its settings."""
@@ -218,6 +226,8 @@ class Preparer:
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
         scene = Scene(stored_scene(folder, task.scene_model, task.scene), ENGINES)
+        if scene.hash != task.scene_folder.name:
+            raise StoreError(f"{folder} was changed: its files have the hash {scene.hash}")
         scene = scene.with_effects(effects_base(task.sweep.effects))
         self.scene = stored_drive(scene, task.sweep.drive, folder.parent)
         self._marker = marker

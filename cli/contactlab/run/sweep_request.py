@@ -36,6 +36,7 @@ class SweepRequest:
         left_out: why runs that only newer engines support are left out of the plan.
         cluster: what runs the jobs, if not worker processes of this machine.
         retry_failed: whether stored runs that failed are run again.
+        repair: whether stored runs that are damaged are run again.
     """
 
     plan: Plan
@@ -49,6 +50,7 @@ class SweepRequest:
     left_out: tuple[str, ...] = ()
     cluster: Executor | None = None
     retry_failed: bool = False
+    repair: bool = False
 
 
 def read_request(  # noqa: PLR0913 - one argument an option
@@ -62,6 +64,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     fresh: bool = False,
     partly: bool = False,
     retry_failed: bool = False,
+    repair: bool = False,
 ) -> SweepRequest:
     """Read a sweep.
 
@@ -75,6 +78,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         fresh: whether to replace an existing store.
         partly: whether to leave out runs that only newer engines support, instead of refusing them.
         retry_failed: whether stored runs that failed are run again.
+        repair: whether stored runs that are damaged are run again.
 
     Raises:
         SweepFileError: the file or the overrides have mistakes; all are listed.
@@ -96,6 +100,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         fresh=fresh,
         left_out=supported.reasons,
         retry_failed=retry_failed,
+        repair=repair,
     )
 
 

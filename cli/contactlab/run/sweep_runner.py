@@ -1,5 +1,6 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
+import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -44,6 +45,8 @@ from contactlab.store.table_layout import (
     struct_column,
 )
 
+_LOG = logging.getLogger(__name__)
+
 
 def run_sweep(
     request: SweepRequest,
@@ -76,12 +79,20 @@ def run_sweep(
         request.scene.source.content,
         fresh=request.fresh,
         retry_failed=request.retry_failed,
+        repair=request.repair,
+        is_planned=index.has,
         beside=_drive_folder(request),
     )
     with writer as store:
         if isinstance(store, StoreManifest):
             begin(len(index), len(index))
             return store
+        if store.unsealed:
+            _LOG.warning(
+                "%s runs were stored by an older version, without checksums; they are taken as "
+                "they are",
+                f"{store.unsealed:,}",
+            )
         session = SweepSession(
             task=_task(request, store, len(index)),
             scene=request.scene,

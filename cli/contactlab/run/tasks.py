@@ -206,4 +206,4 @@ def note(purpose: Purpose, run_id: str, result: Note) -> Finished:
 
 def noted(notes: Iterable[Note], purpose: Purpose) -> dict[str, Note]:
     """Return what a pass found, by run id."""
-    return {each["run_id"]: each["found"] for each in notes if each["pass"] == purpose}
+    return {each["run_id"]: each["found"] for each in notes if each.get("pass") == purpose}

@@ -33,6 +33,7 @@ from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
+from contactlab.store.bound_trace import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.store.store_access import TraceSink
 from contactlab.store.table_layout import record_to_row
@@ -253,7 +254,7 @@ class Worker:
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),
             record_schema=_RECORD_SCHEMA,
-            metadata=_metadata(record),
+            metadata=_metadata(record, outcome.plan.prepared.model.na),
             model_xml=self._model_xml,
         )
         series = outcome.assessment.series
@@ -287,7 +288,7 @@ def _finished(record: EvidenceRecord) -> Finished:
     )
 
 
-def _metadata(record: EvidenceRecord) -> dict[str, str]:
+def _metadata(record: EvidenceRecord, activations: int) -> dict[str, str]:
     return {
         "run_id": record.run_id,
         "sweep": record.sweep,
@@ -297,4 +298,5 @@ def _metadata(record: EvidenceRecord) -> dict[str, str]:
         "label": record.label,
         "engine": f"{record.engine.name} {record.engine.version}",
         "contactlab": record.provenance.contactlab,
+        ACTIVATIONS: str(activations),
     }

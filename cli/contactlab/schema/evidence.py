@@ -287,5 +287,10 @@ class StoreManifest(Model):
     files: dict[InnerName, Sha256] = Field(
         description="SHA-256 of every file but traces and this one."
     )
+    records: Sha256 | None = Field(
+        default=None,
+        description="Digest of every record in plan order, whatever the table's encoding; null in "
+        "stores of older versions.",
+    )
     started: str
     finished: str

@@ -61,6 +61,14 @@ class Backend(Protocol):
         """Return the size of a trace [bytes]; None if there is none."""
         ...
 
+    def holds_trace(self, name: str, size: int, sha256: str) -> bool:
+        """Return whether there is a trace of this size and content.
+
+        Object storage, which stores an object as a whole and with checksums, is asked for the size
+        alone.
+        """
+        ...
+
     def trace_names(self) -> list[str]:
         """Return the names of all traces, sorted."""
         ...
@@ -135,7 +143,7 @@ class WriteSession(Protocol):
         return
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
-        """Store lines that were appended to the local JOURNAL or NOTES."""
+        """Store sealed lines that were appended to the local JOURNAL or NOTES."""
         del name, lines
 
     def flush(self) -> None:

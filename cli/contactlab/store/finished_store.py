@@ -12,11 +12,12 @@ import pyarrow.compute as pc
 
 from contactlab.errors import StoreError, did_you_mean
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
+from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import read_table, shared_fields
+from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, read_table, shared_fields
 from contactlab.store.runs_view import Runs, store_line, store_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
@@ -45,12 +46,34 @@ class Store:
     def open(cls, address: str | Address) -> "Store":
         """Open a store; all but its traces is fetched from object storage.
 
+        The table is as it was written: it has the hash and the counts that the manifest states.
+
         Args:
             address: its folder, or its address in object storage: `s3://bucket/prefix`.
 
         Raises:
             StoreError: there is none, it is unfinished, damaged or of another version.
         """
+        store = cls.unchecked(address)
+        table, manifest = stored_file(store.path, TABLE), store.manifest
+        if table is not None and sha256_of(table) != manifest.files.get(TABLE):
+            raise StoreError(
+                f"{store.address / TABLE} was changed since it was written; "
+                f"`contactlab verify {store.address}` says more"
+            )
+        counted = count_outcomes(
+            read_table(store.path / TABLE, OUTCOME_COLUMNS, shown_path=store.address / TABLE)
+        )
+        for name in (name for name in counted if counted[name] != getattr(manifest, name)):
+            raise StoreError(
+                f"{store.address / MANIFEST} is damaged: {name} is {getattr(manifest, name)}, but "
+                f"{TABLE} has {counted[name]}"
+            )
+        return store
+
+    @classmethod
+    def unchecked(cls, address: str | Address) -> "Store":
+        """Open a store without a look at its table; see `open`."""
         address = parse_address(address)
         backend = backend_at(address, StoreError)
         data = backend.read(MANIFEST)
@@ -156,6 +179,11 @@ class Store:
                 f"{self.address} is a baseline without traces; its sweep's store has them"
             )
         with self.trace_file(record.trace) as path:
+            if sha256_of(path) != record.trace.sha256:
+                raise StoreError(
+                    f"{self.address / record.trace.file}: changed since it was written; the run "
+                    "has to be repeated"
+                )
             return read_trace(path, self.address / record.trace.file)
 
     @contextmanager

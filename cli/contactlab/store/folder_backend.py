@@ -2,7 +2,7 @@
 
 import fcntl
 import shutil
-from collections.abc import Collection, Generator, Iterable
+from collections.abc import Collection, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -10,7 +10,9 @@ from contactlab.errors import ContactlabError, OutputError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import (
     TEMPORARY_SUFFIX,
+    GroupCommit,
     atomic_write,
+    sha256_of,
     sync_filesystem,
     write_error,
 )
@@ -91,6 +93,10 @@ class FolderBackend:
         """Return the size of a trace [bytes]; None if there is none."""
         return stored_size(self.address, name)
 
+    def holds_trace(self, name: str, size: int, sha256: str) -> bool:
+        """Return whether there is a trace of this size and content."""
+        return self.trace_size(name) == size and sha256_of(self.address / name) == sha256
+
     def trace_names(self) -> list[str]:
         """Return the names of all traces, sorted."""
         return self._relative((self.address / TRACES).rglob("*.mcap"))
@@ -131,6 +137,7 @@ class FolderSession(WriteSession):
     def __init__(self, backend: FolderBackend) -> None:
         self.folder = backend.address
         self._backend = backend
+        self._commit: GroupCommit | None = None
 
     def foreign_names(self) -> list[str]:
         """Return the names of what does not belong to a store, sorted."""
@@ -139,8 +146,9 @@ class FolderSession(WriteSession):
 
     def clear(self) -> None:
         """Remove the whole store."""
-        # The manifest goes first: a half-removed store must not look finished.
-        self._backend.delete(_FILES)
+        # The manifest goes first and the identity last: a half-removed store must not look
+        # finished, nor have runs of no sweep.
+        self._backend.delete([MANIFEST, JOURNAL, NOTES, TABLE, IDENTITY])
         for name in (SCENES, TRACES):
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
@@ -149,6 +157,18 @@ class FolderSession(WriteSession):
         (self.folder / TRACES).mkdir(exist_ok=True)
         with atomic_write(self.folder / IDENTITY) as temporary:
             temporary.write_text(document_json(identity), encoding="utf-8")
+
+    def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
+        """Have the lines on the disk within a second, with all that was written before them."""
+        del name, lines
+        self._commit = self._commit or GroupCommit(self.folder)
+        self._commit.changed()
+
+    def flush(self) -> None:
+        """Have all lines on the disk."""
+        commit, self._commit = self._commit, None
+        if commit is not None:
+            commit.close()
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
         """Write the manifest once everything else is on the disk."""

@@ -98,6 +98,11 @@ class ObjectBackend:
         """Return the size of a trace [bytes], by a listing made once; None if there is none."""
         return self._trace_sizes.get(name)
 
+    def holds_trace(self, name: str, size: int, sha256: str) -> bool:
+        """Return whether there is a trace of this size."""
+        del sha256
+        return self.trace_size(name) == size
+
     def trace_names(self) -> list[str]:
         """Return the names of all traces, sorted."""
         return sorted(self._trace_sizes)
@@ -161,10 +166,12 @@ class ObjectSession(WriteSession):
 
     def clear(self) -> None:
         """Remove all objects but the lock."""
-        # The manifest goes first: a half-removed store must not look finished.
-        for name in (MANIFEST, IDENTITY):
-            self._client.delete([name])
-        self._client.delete([name for name, _ in self._client.sizes() if name != LOCK])
+        # The manifest goes first and the identity last: a half-removed store must not look
+        # finished, nor have runs of no sweep.
+        self._client.delete([MANIFEST])
+        kept = {LOCK, IDENTITY}
+        self._client.delete([name for name, _ in self._client.sizes() if name not in kept])
+        self._client.delete([IDENTITY])
 
     def begin(self, identity: SweepIdentity) -> None:
         """Store the scene and, last, the identity."""
@@ -193,7 +200,7 @@ class ObjectSession(WriteSession):
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         """Upload lines in the background, as a batch of their own."""
         self._lease.check()
-        self._queue.put(_BATCHES[name], b"".join(line + b"\n" for line in lines))
+        self._queue.put(_BATCHES[name], b"".join(lines))
 
     def flush(self) -> None:
         """Wait until all lines are uploaded."""

@@ -1,24 +1,65 @@
 """The journal of an unfinished store: one row a line, appended as runs finish.
 
-A process killed in mid-write leaves a torn line, which is dropped on resuming. Results of later
-passes go to notes beside the journal until the store is finished.
+Each line ends with a checksum of its own, as each frame of a write-ahead log does. A process killed
+in mid-write leaves a torn last line, which is dropped on resuming; any other damage is named.
+Results of later passes go to notes beside the journal until the store is finished.
 """
 
 import itertools
 import json
+import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic_core import from_json
 
+from contactlab.errors import StoreError
 from contactlab.store.atomic_files import atomic_write, write_error
 from contactlab.store.backend_protocol import JOURNAL, NOTES
 
 FAILED_STATUSES = frozenset({"crashed", "error", "timeout"})
 
 Row = Mapping[str, Any]
+
+_SEAL = b"\t%08x\n"
+_SEAL_SIZE = 10
+"""Bytes that a sealed line has after its row."""
+
+
+def sealed(row: bytes) -> bytes:
+    """Return a row as a line: its JSON, a tab, its CRC-32 as 8 hex digits, the line end."""
+    return row + _SEAL % zlib.crc32(row)
+
+
+def is_sealed(line: bytes) -> bool:
+    """Return whether a line has a checksum; those of older versions have none."""
+    return line[-_SEAL_SIZE : 1 - _SEAL_SIZE] == b"\t"
+
+
+def row_size(line: bytes) -> int:
+    """Return how many bytes of a whole line are its row."""
+    return len(line) - (_SEAL_SIZE if is_sealed(line) else 1)
+
+
+def parsed(line: bytes) -> dict[str, Any]:
+    """Return the row of a whole line.
+
+    Raises:
+        ValueError: the line is damaged; the message says how.
+    """
+    row = line[: row_size(line)]
+    if is_sealed(line) and line != sealed(row):
+        raise ValueError("does not match its checksum")
+    try:
+        content = from_json(row)
+    except ValueError as error:
+        raise ValueError("is not JSON") from error
+    if not isinstance(content, dict):
+        raise ValueError("is not a JSON object")
+    return cast("dict[str, Any]", content)
 
 
 class Journal:
@@ -29,13 +70,13 @@ class Journal:
         self._file = path.open("ab")
 
     def append(self, lines: Iterable[bytes]) -> None:
-        """Append lines of JSON, given without line ends, and hand them to the operating system.
+        """Append sealed lines, and hand them to the operating system.
 
         Raises:
             OutputError: they cannot be written.
         """
         try:
-            self._file.write(b"".join(line + b"\n" for line in lines))
+            self._file.write(b"".join(lines))
             self._file.flush()
         except OSError as error:
             raise write_error(self._path, error) from error
@@ -48,46 +89,80 @@ class Journal:
             raise write_error(self._path, error) from error
 
 
-def mend_journal(folder: Path, is_complete: Callable[[Row], bool]) -> set[str]:
+@dataclass(frozen=True)
+class Mended:
+    """What a journal holds once it is mended.
+
+    Attributes:
+        runs: the ids of its runs.
+        unsealed: how many lines have no checksum, since an older version wrote them.
+    """
+
+    runs: frozenset[str] = frozenset()
+    unsealed: int = 0
+
+
+def mend_journal(
+    folder: Path,
+    check: Callable[[Row, bool], None],
+    is_complete: Callable[[Row], bool],
+    *,
+    repair: bool = False,
+    shown_path: object = None,
+) -> Mended:
     """Drop lines that are torn or repeated, and those of runs that are not stored completely.
 
     Args:
         folder: the journal's folder; without a journal there are no runs.
+        check: raises a ValueError, whose message says why, on a row that does not belong there;
+            its second argument is whether the row has a checksum.
         is_complete: whether all that a row names is in the store.
-
-    Returns:
-        The ids of the remaining runs.
+        repair: whether damaged lines are dropped too.
+        shown_path: the journal's path for error messages, if that is another one.
 
     Raises:
+        StoreError: a line is damaged, and it is not the last, which a kill leaves torn.
         OutputError: the journal cannot be rewritten.
     """
     path = folder / JOURNAL
     if not path.is_file():
-        return set()
+        return Mended()
     kept: set[str] = set()
     good = bytearray()
+    unsealed = 0
     with path.open("rb") as lines:
-        for line in lines:
-            run_id = _complete_run(line, is_complete)
-            good.append(bool(run_id) and run_id not in kept)
-            if run_id:
-                kept.add(run_id)
+        for number, line in enumerate(lines, 1):
+            good.append(False)
+            if not line.endswith(b"\n"):
+                break
+            try:
+                row = parsed(line)
+                check(row, is_sealed(line))
+            except ValueError as error:
+                if repair:
+                    continue
+                raise StoreError(
+                    f"{shown_path or path}, line {number} {error}; add --repair to keep the sound "
+                    "runs and run the others again"
+                ) from error
+            if row["run_id"] not in kept and is_complete(row):
+                kept.add(row["run_id"])
+                good[-1] = True
+                unsealed += not is_sealed(line)
     if not all(good):
         with (
             path.open("rb") as lines,
-            atomic_write(path) as temporary,
+            atomic_write(path, durable=True) as temporary,
             temporary.open("wb") as mended,
         ):
             mended.writelines(itertools.compress(lines, good))
-    return kept
+    return Mended(frozenset(kept), unsealed)
 
 
-def _complete_run(line: bytes, is_complete: Callable[[Row], bool]) -> str | None:
-    try:
-        row = from_json(line)
-    except ValueError:
-        return None
-    return row["run_id"] if line.endswith(b"\n") and is_complete(row) else None
+def has_lines(folder: Path) -> bool:
+    """Return whether a folder has a journal that is not empty."""
+    path = folder / JOURNAL
+    return path.is_file() and path.stat().st_size > 0
 
 
 def mend_notes(folder: Path) -> None:
@@ -99,13 +174,13 @@ def mend_notes(folder: Path) -> None:
 
 
 def read_lines(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield the complete lines of a journal or of notes; none if there is no such file."""
+    """Yield the sound lines of a journal or of notes; none if there is no such file."""
     if not path.is_file():
         return
     with path.open("rb") as lines:
         for line in lines:
             with suppress(ValueError):
-                yield json.loads(line)
+                yield parsed(line)
 
 
 def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
@@ -121,31 +196,14 @@ def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
     if amendments:
         path = folder / JOURNAL
         rows = (row | dict(amendments.get(row["run_id"], {})) for row in read_lines(path))
-        _rewrite(path, rows)
+        write_journal(path, rows)
 
 
-def failed_traces(folder: Path) -> list[str]:
-    """Return the names of the traces of failed runs in a journal."""
-    rows = read_lines(folder / JOURNAL)
-    return [row["trace_file"] for row in rows if _has_failed(row) and row["trace_file"]]
-
-
-def drop_failed_rows(folder: Path) -> None:
-    """Remove the rows of failed runs from a journal.
+def write_journal(path: Path, rows: Iterable[Row]) -> None:
+    """Replace a journal's rows, all or none; the new ones may be read from the journal itself.
 
     Raises:
-        OutputError: the journal cannot be rewritten.
+        OutputError: the journal cannot be written.
     """
-    path = folder / JOURNAL
-    if any(map(_has_failed, read_lines(path))):
-        _rewrite(path, (row for row in read_lines(path) if not _has_failed(row)))
-
-
-def _has_failed(row: Row) -> bool:
-    return row["status"] in FAILED_STATUSES
-
-
-def _rewrite(path: Path, rows: Iterable[Row]) -> None:
-    """Replace a journal's rows, all or none; the new ones may be read from the journal itself."""
-    with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as lines:
-        lines.writelines(json.dumps(row) + "\n" for row in rows)
+    with atomic_write(path, durable=True) as temporary, temporary.open("wb") as lines:
+        lines.writelines(sealed(json.dumps(row).encode()) for row in rows)

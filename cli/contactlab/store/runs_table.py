@@ -20,12 +20,13 @@ from pydantic_core import from_json
 
 from contactlab.errors import StoreError
 from contactlab.store.atomic_files import atomic_write
+from contactlab.store.row_journal import row_size
 from contactlab.store.table_layout import Column, table_schema
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
-_GROUP = 1 << 14
+GROUP = 1 << 14
 """Rows of a row group, which are written at once, and read at once where one is needed."""
 _BLOCK = 8 << 20
 """Bytes of the journal that are parsed at once."""
@@ -38,10 +39,13 @@ def write_table(
     """Turn a journal into the table.
 
     Args:
-        journal: one row a line, as JSON, in any order.
+        journal: one row a line, in any order.
         target: the Parquet file, replaced in one step.
         own: columns of axes, metrics, settings and effects.
         shared: fields that all runs share, stored in the file's metadata.
+
+    Raises:
+        StoreError: a row has another column, or a value of another type.
     """
     schema, rows = table_schema(own), OrderedLines(journal)
     described = {
@@ -60,10 +64,16 @@ def write_table(
             column_encoding=dict.fromkeys(_reals(schema), "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
-        for first in range(0, len(rows), _GROUP):
-            parts = [_parsed(block, schema) for block in rows.blocks(first, first + _GROUP)]
+        for first in range(0, len(rows), GROUP):
+            try:
+                parts = [_parsed(block, schema) for block in rows.blocks(first, first + GROUP)]
+            except pa.ArrowException as error:
+                raise StoreError(
+                    f"{journal} has a row that does not fit the table: {error}; add --repair to "
+                    "run it again"
+                ) from error
             table = pa.concat_tables(parts).replace_schema_metadata(meta)
-            writer.write_table(table, row_group_size=_GROUP)
+            writer.write_table(table, row_group_size=GROUP)
 
 
 def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
@@ -81,7 +91,7 @@ class OrderedLines:
     """The lines of a journal in plan order; of each only index, offset and size are in memory.
 
     Args:
-        journal: one row a line, as JSON, in any order, none of them torn.
+        journal: one row a line, in any order, none of them torn.
     """
 
     def __init__(self, journal: Path) -> None:
@@ -112,19 +122,20 @@ def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int]]:
     start = 0
     for line in lines:
         head = _LINE_START.match(line)
-        yield int(head[1]) if head else int(from_json(line)["index"]), start, len(line)
+        size = row_size(line)
+        yield int(head[1]) if head else int(from_json(line[:size])["index"]), start, size
         start += len(line)
 
 
 def _read_lines(file: BinaryIO, spans: NDArray[np.void]) -> bytes:
     where = zip(spans["start"].tolist(), spans["size"].tolist(), strict=True)
-    return b"".join([os.pread(file.fileno(), size, start) for start, size in where])
+    return b"\n".join([*(os.pread(file.fileno(), size, start) for start, size in where), b""])
 
 
 def write_compact_table(source: Path, target: Path) -> None:
     """Write a table without descriptions and column statistics, which only explain."""
     table = read_table(source)
-    fields = [field.with_metadata(_essential(field)) for field in table.schema]
+    fields = [field.with_metadata(essential(field)) for field in table.schema]
     meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
     pq.write_table(
         pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta)),
@@ -136,7 +147,8 @@ def write_compact_table(source: Path, target: Path) -> None:
     )
 
 
-def _essential(field: pa.Field) -> dict[bytes, bytes]:
+def essential(field: pa.Field) -> dict[bytes, bytes]:
+    """Return the metadata of a column without its description, which only explains."""
     return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
 
 

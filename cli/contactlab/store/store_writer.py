@@ -3,17 +3,18 @@
 Rows go to a journal as runs finish; the table follows at the end, and the manifest comes last.
 """
 
-import json
-from collections.abc import Collection, Generator, Iterator, Mapping, Sequence
+import shutil
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import MappingProxyType
 from typing import Any, Protocol
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import Provenance, StoreManifest, SweepIdentity
-from contactlab.store.atomic_files import atomic_write, sha256_of, write_error
+from contactlab.store.atomic_files import hashes_below, sha256_of, write_error
 from contactlab.store.backend_protocol import (
     IDENTITY,
     JOURNAL,
@@ -24,16 +25,21 @@ from contactlab.store.backend_protocol import (
     Backend,
     WriteSession,
 )
+from contactlab.store.resumed_rows import IsPlanned, ResumedRows
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
     Journal,
+    Mended,
+    Row,
     amend_journal,
-    drop_failed_rows,
-    failed_traces,
+    has_lines,
     mend_journal,
     mend_notes,
     read_lines,
+    sealed,
+    write_journal,
 )
+from contactlab.store.rows_digest import rows_digest
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
     count_outcomes,
@@ -45,6 +51,7 @@ from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_manifest import check_same_sweep, parse_identity, parse_manifest
 from contactlab.store.table_layout import Column
+from contactlab.store.verify_store import verify
 
 _NO_AMENDMENTS: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
 
@@ -67,15 +74,14 @@ class StoreWriter:
         path: local folder of its journal, table and scene; the store itself if that is local.
         identity: the sweep that it belongs to.
         done: ids of the runs that it held when it was opened.
+        unsealed: how many of them an older version wrote, without checksums.
         started: when it was opened.
     """
 
-    def __init__(
-        self, session: WriteSession, identity: SweepIdentity, done: Collection[str]
-    ) -> None:
+    def __init__(self, session: WriteSession, identity: SweepIdentity, mended: Mended) -> None:
         self.path = session.folder
         self.identity = identity
-        self.done = frozenset(done)
+        self.done, self.unsealed = mended.runs, mended.unsealed
         self.started = _now()
         self._session = session
         self._journal = Journal(self.path / JOURNAL)
@@ -88,14 +94,17 @@ class StoreWriter:
 
     def append(self, rows: Sequence[bytes]) -> None:
         """Add finished runs, each a row as JSON; their traces must be stored already."""
-        self._journal.append(rows)
-        self._session.add_lines(JOURNAL, rows)
+        self._add(self._journal, JOURNAL, rows)
 
     def note(self, notes: Sequence[bytes]) -> None:
         """Keep results of a later pass, each as JSON, in case of an interruption."""
         self._notes = self._notes or Journal(self.path / NOTES)
-        self._notes.append(notes)
-        self._session.add_lines(NOTES, notes)
+        self._add(self._notes, NOTES, notes)
+
+    def _add(self, journal: Journal, name: str, rows: Sequence[bytes]) -> None:
+        lines = [sealed(row) for row in rows]
+        journal.append(lines)
+        self._session.add_lines(name, lines)
 
     def notes(self) -> Iterator[dict[str, Any]]:
         """Yield all notes, also those from before an interruption."""
@@ -145,6 +154,7 @@ class StoreWriter:
             provenance=provenance,
             **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
             files={file.as_posix(): sha256_of(self.path / file) for file in self._files()},
+            records=rows_digest(self.path / TABLE),
             started=self.started,
             finished=_now(),
         )
@@ -156,13 +166,15 @@ class StoreWriter:
 
 
 @contextmanager
-def open_writer(
+def open_writer(  # noqa: PLR0913 - one argument an option of the command
     address: Address,
     identity: SweepIdentity,
     scene: CopyableFiles,
     *,
     fresh: bool,
     retry_failed: bool = False,
+    repair: bool = False,
+    is_planned: IsPlanned = lambda _run_id, _index: True,
     beside: Mapping[str, CopyableFiles] = _NOTHING,
 ) -> Generator[StoreWriter | StoreManifest]:
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
@@ -173,11 +185,13 @@ def open_writer(
         scene: the scene's files.
         fresh: whether to remove an existing store.
         retry_failed: whether to remove failed runs, so that they are run again.
+        repair: whether to remove damaged runs, so that they are run again.
+        is_planned: whether a run of this id is at this place of the plan.
         beside: other files, by the name of their folder beside the scene's.
 
     Raises:
         OutputError: the place cannot be written, holds something else, or is in use.
-        StoreError: it holds a store of another sweep.
+        StoreError: it holds a store of another sweep, or a damaged one.
     """
     backend = backend_at(address, OutputError)
     try:
@@ -185,16 +199,19 @@ def open_writer(
             if fresh:
                 _refuse_foreign(backend, session, "not removed")
                 session.clear()
-            manifest = _find_manifest(backend)
+            manifest = _find_manifest(backend, identity, repair=repair)
             if manifest is not None:
                 check_same_sweep(address, manifest.sweep, identity)
                 session.remove_journal()
-                if not (retry_failed and _reopen(session, manifest)):
+                is_reopened = (repair and _reopen_damaged(session, manifest, address)) or (
+                    retry_failed and _reopen_failed(session, manifest)
+                )
+                if not is_reopened:
                     yield manifest
                     return
             folders = {identity.scene_hash: scene, **beside}
-            done = _prepare(backend, session, identity, folders, retry_failed=retry_failed)
-            writer = StoreWriter(session, identity, done)
+            rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)
+            writer = StoreWriter(session, identity, _prepare(backend, session, folders, rows))
             try:
                 yield writer
             except BaseException:
@@ -207,66 +224,97 @@ def open_writer(
         raise write_error(error.filename or address, error) from error
 
 
-def _find_manifest(backend: Backend) -> StoreManifest | None:
+def _find_manifest(
+    backend: Backend, identity: SweepIdentity, *, repair: bool
+) -> StoreManifest | None:
     """Return the manifest of a store; None if it is unfinished or not there.
+
+    To repair a store of this sweep, a damaged manifest is removed.
 
     Raises:
         StoreError: the manifest is damaged or of another version.
     """
     data = backend.read(MANIFEST)
-    return None if data is None else parse_manifest(data, backend.address)
+    try:
+        return None if data is None else parse_manifest(data, backend.address)
+    except StoreError:
+        stored = backend.read(IDENTITY)
+        if not repair or stored is None:
+            raise
+        check_same_sweep(backend.address, parse_identity(stored, backend.address), identity)
+        backend.delete([MANIFEST])
+        return None
 
 
 def _prepare(
     backend: Backend,
     session: WriteSession,
-    identity: SweepIdentity,
     folders: Mapping[str, CopyableFiles],
-    *,
-    retry_failed: bool,
-) -> set[str]:
-    """Make a new store, or mend an interrupted one; return the ids of the runs it holds."""
+    rows: ResumedRows,
+) -> Mended:
+    """Make a new store, or mend an interrupted one; return what it holds.
+
+    Raises:
+        StoreError: it holds another sweep, or is damaged.
+    """
+    identity, address = rows.identity, backend.address
     stored = backend.read(IDENTITY)
     if stored is None:
         _refuse_foreign(backend, session, "choose another place with -o")
-        session.remove_temporaries()
-        _copy(folders, session.folder / SCENES)
-        session.begin(identity)
-        return set()
-    check_same_sweep(backend.address, parse_identity(stored, backend.address), identity)
+    elif not rows.repair:
+        check_same_sweep(address, parse_identity(stored, address), identity)
     session.remove_temporaries()
-    _copy(folders, session.folder / SCENES)
-    return _resume(backend, session, retry_failed=retry_failed)
-
-
-def _copy(folders: Mapping[str, CopyableFiles], folder: Path) -> None:
-    """Copy files into folders that do not exist."""
-    for name, files in folders.items():
-        if not (folder / name).is_dir():
-            files.copy_to(folder / name)
-
-
-def _resume(backend: Backend, session: WriteSession, *, retry_failed: bool) -> set[str]:
     session.fetch_journal()
+    if stored is None and not rows.repair and has_lines(session.folder):
+        raise StoreError(
+            f"{address} has runs but no {IDENTITY}, so nothing says of which sweep; add --repair "
+            "to keep those that this sweep plans, or --fresh to start over"
+        )
+    is_begun = stored is not None and not rows.repair
+    for name, files in folders.items():
+        _copy(files, session.folder / SCENES / name, is_begun=is_begun)
+    if not is_begun:
+        session.begin(identity)
+    return _resume(backend, session, rows)
+
+
+def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
+    """Copy files into a folder, unless they are there already.
+
+    Raises:
+        StoreError: it holds others, although runs have used it.
+    """
+    if folder.is_dir():
+        with TemporaryDirectory() as again:
+            files.copy_to(Path(again))
+            if hashes_below(folder) == hashes_below(Path(again)):
+                return
+        if is_begun:
+            raise StoreError(
+                f"{folder} was changed since its runs began; add --repair to copy it anew"
+            )
+        shutil.rmtree(folder)
+    files.copy_to(folder)
+
+
+def _resume(backend: Backend, session: WriteSession, rows: ResumedRows) -> Mended:
     mend_notes(session.folder)
-    if retry_failed:
-        backend.delete(failed_traces(session.folder))
-        drop_failed_rows(session.folder)
-
-    def is_complete(row: Mapping[str, Any]) -> bool:
-        name = row["trace_file"]
-        return name is None or backend.trace_size(name) == row["trace_bytes"]
-
-    done = mend_journal(session.folder, is_complete)
+    mended = mend_journal(
+        session.folder,
+        rows.check,
+        rows.keeps,
+        repair=rows.repair,
+        shown_path=backend.address / JOURNAL,
+    )
+    if rows.repair:
+        named = {row["trace_file"] for row in read_lines(session.folder / JOURNAL)}
+        backend.delete(name for name in backend.trace_names() if name not in named)
     session.replace_journal()
-    return done
+    return mended
 
 
-def _reopen(session: WriteSession, manifest: StoreManifest) -> bool:
+def _reopen_failed(session: WriteSession, manifest: StoreManifest) -> bool:
     """Make a finished store with failed runs an unfinished one; return whether it has any.
-
-    The rows are in the journal before the manifest goes, so that the store is one or the other at
-    any time.
 
     Raises:
         StoreError: its table is damaged, or it has no traces.
@@ -277,14 +325,40 @@ def _reopen(session: WriteSession, manifest: StoreManifest) -> bool:
     statuses = read_table(table, ["status"])["status"].unique().to_pylist()
     if FAILED_STATUSES.isdisjoint(statuses):
         return False
+    _reopen(session, manifest, iterate_rows(table))
+    return True
+
+
+def _reopen_damaged(session: WriteSession, manifest: StoreManifest, address: Address) -> bool:
+    """Make a damaged finished store an unfinished one; return whether it is damaged.
+
+    Of a table that is not as it was written, no row can be told to be sound.
+
+    Raises:
+        StoreError: it has no traces.
+        OutputError: the journal cannot be written.
+    """
+    if not verify(address):
+        return False
+    session.fetch_table()
+    table = session.folder / TABLE
+    is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)
+    _reopen(session, manifest, iterate_rows(table) if is_sound else ())
+    return True
+
+
+def _reopen(session: WriteSession, manifest: StoreManifest, rows: Iterable[Row]) -> None:
+    """Make a finished store an unfinished one with these rows.
+
+    They are in the journal before the manifest goes, so that the store is one or the other at any
+    time.
+    """
     if manifest.traces_left_out:
         raise StoreError(
             f"{session.folder} is a baseline without traces; sweep again elsewhere with -o"
         )
-    with atomic_write(session.folder / JOURNAL, durable=True) as path, path.open("wb") as journal:
-        journal.writelines(json.dumps(row).encode() + b"\n" for row in iterate_rows(table))
+    write_journal(session.folder / JOURNAL, rows)
     session.unpublish()
-    return True
 
 
 def _refuse_foreign(backend: Backend, session: WriteSession, remedy: str) -> None:

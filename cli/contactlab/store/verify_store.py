@@ -1,44 +1,120 @@
-"""Check a store: every file against its hash, every record against its schema, every trace."""
+"""Check a store: its files against their hashes, its content against what is recomputed from it."""
 
+import hashlib
 from collections.abc import Iterator
-from pathlib import Path
+from itertools import islice, tee
 
 import numpy as np
-import pyarrow as pa
-from pydantic import ValidationError
+import pyarrow.parquet as pq
 
 from contactlab.errors import StoreError
-from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, TraceFile
+from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
 from contactlab.store.atomic_files import sha256_of
-from contactlab.store.backend_protocol import IDENTITY, MANIFEST, TABLE, Backend
+from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
+from contactlab.store.bound_trace import trace_problems
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.mcap_check import check_trace
-from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, read_table
+from contactlab.store.rows_digest import RowsDigest
+from contactlab.store.runs_table import (
+    OUTCOME_COLUMNS,
+    count_outcomes,
+    read_table,
+    shared_fields,
+    table_errors,
+)
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import stored_file
 from contactlab.store.store_manifest import parse_identity
+from contactlab.store.table_layout import row_to_record
+
+MOST_PROBLEMS = 1000
+_BATCH = 1024
+_READ_BYTES = 256 << 20
+"""Traces up to this size in all are read where only a glance is asked for; of others, the size."""
+_MOST_NAMED = 3
 
 
 def verify(address: Address, *, thorough: bool = True) -> list[str]:
-    """Return the defects of a store; none if it is sound.
+    """Return the defects of a store, the first thousand of them; none if it is sound.
+
+    Memory does not grow with the number of runs but for their ids.
 
     Args:
         address: the store's address.
-        thorough: whether to check every record against its schema and every trace's bytes; if
-            not, only that traces exist and have their size.
+        thorough: whether to recompute what can be from every record and trace; if not, files have
+            their hashes, counts are right, and traces are there.
 
     Raises:
         StoreError: it cannot be opened at all.
     """
-    store = Store.open(address)
+    store = Store.unchecked(address)
     backend = backend_at(address, StoreError)
-    check = _check_records if thorough else _check_columns
-    return [*_check_files(store, backend), *_check_identity(store), *check(store, backend)]
+    return list(islice(_problems(store, backend, thorough=thorough), MOST_PROBLEMS))
+
+
+def _problems(store: Store, backend: Backend, *, thorough: bool) -> Iterator[str]:
+    changed = list(_check_files(store, backend))
+    yield from changed
+    yield from _check_identity(store)
+    model = None
+    if not any(problem.startswith(SCENES) for problem in changed):
+        model = _model(store)
+    try:
+        yield from _check_columns(store)
+        if thorough:
+            yield from _check_scene(store)
+            yield from _check_plan(store)
+            yield from _check_records(store, backend, model)
+        else:
+            yield from damaged_traces(store)
+    except (StoreError, LookupError, ValueError, OSError) as error:
+        yield f"{TABLE}: {error}"
+
+
+def unverified(store: Store) -> list[str]:
+    """Return what of a store its own content cannot show to be true, and why."""
+    manifest = store.manifest
+    found: list[str] = []
+    if manifest.records is None:
+        found.append("the digest of all records: an older version wrote the store")
+    if manifest.traces_left_out:
+        found.append("trajectories, metrics and labels: the traces were left out")
+    elif without := manifest.runs - manifest.traces:
+        found.append(f"trajectories, metrics and labels of {without:,} runs: they kept no trace")
+    return found
+
+
+def damaged_traces(store: Store) -> Iterator[str]:
+    """Yield which traces are missing or changed: all by their size, the first also by content."""
+    if store.manifest.traces_left_out:
+        return
+    backend, left = backend_at(store.address, StoreError), _READ_BYTES
+    names = ("trace_file", "trace_bytes", "trace_sha256")
+    table = read_table(store.path / TABLE, list(names))
+    table = table.filter(table["trace_file"].is_valid())
+    columns = (table[name].to_pylist() for name in names)
+    for file, expected, sha256 in zip(*columns, strict=True):
+        left -= expected or 0
+        size = backend.trace_size(file)
+        if size is None:
+            yield f"{file}: missing"
+        elif size != expected or (left >= 0 and not backend.holds_trace(file, size, sha256)):
+            yield f"{file}: changed since it was written"
+
+
+def trace_warning(store: Store) -> str | None:
+    """Return a line that names damaged traces; None if a glance finds none."""
+    damaged = list(damaged_traces(store))
+    if not damaged:
+        return None
+    named = "; ".join(damaged[:_MOST_NAMED])
+    more = f"; and {len(damaged) - _MOST_NAMED:,} more" if len(damaged) > _MOST_NAMED else ""
+    return f"{named}{more} (see `contactlab verify {store.address}`)"
 
 
 def _check_files(store: Store, backend: Backend) -> Iterator[str]:
-    for name, expected in store.manifest.files.items():
+    files = store.manifest.files
+    for name, expected in files.items():
         try:
             path = stored_file(store.path, name)
         except StoreError as error:
@@ -48,6 +124,10 @@ def _check_files(store: Store, backend: Backend) -> Iterator[str]:
             yield f"{name}: missing"
         elif sha256_of(path) != expected:
             yield f"{name}: changed since it was written"
+    scene = (path for path in sorted((store.path / SCENES).rglob("*")) if path.is_file())
+    for name in (IDENTITY, TABLE, *(path.relative_to(store.path).as_posix() for path in scene)):
+        if name not in files:
+            yield f"{name}: {MANIFEST} does not name it"
     for name in backend.leftovers():
         yield f"{name}: left over from an interrupted write"
 
@@ -62,73 +142,80 @@ def _check_identity(store: Store) -> Iterator[str]:
         yield f"{IDENTITY}: names another sweep than {MANIFEST}"
 
 
-def _check_records(store: Store, backend: Backend) -> Iterator[str]:
-    try:
-        records = list(store.records())
-    except (StoreError, ValidationError, KeyError, ValueError) as error:
-        yield f"{TABLE}: a record does not fit its schema: {error}"
-        return
-    yield from _check_counts(store, store.table)
-    kept = not store.manifest.traces_left_out
-    traced = [(each, each.trace) for each in records if each.trace is not None and kept]
-    files = backend.trace_files(trace.file for _, trace in traced)
-    for (record, trace), path in zip(traced, files, strict=True):
-        yield from _check_trace_of(path, record, trace)
-    named = {trace.file for _, trace in traced}
-    for name in backend.trace_names():
-        if name not in named:
-            yield f"{name}: belongs to no run"
-
-
-def _check_columns(store: Store, backend: Backend) -> Iterator[str]:
-    try:
-        table = read_table(store.file(TABLE), [*OUTCOME_COLUMNS, "run_id", "trace_bytes"])
-        version = store.columns.shared["schema_version"]
-    except (StoreError, KeyError, ValueError) as error:
-        yield f"{TABLE}: {error}"
-        return
+def _check_columns(store: Store) -> Iterator[str]:
+    version = store.columns.shared["schema_version"]
     if version != RECORD_VERSION:
         yield (
             f"{TABLE}: its records are of version {version}; "
             f"this contactlab reads version {RECORD_VERSION}"
         )
-    yield from _check_counts(store, table)
-    if not store.manifest.traces_left_out:
-        yield from _check_trace_sizes(backend, table)
-
-
-def _check_trace_sizes(backend: Backend, table: pa.Table) -> Iterator[str]:
-    files, sizes = (table[name].drop_null().to_pylist() for name in ("trace_file", "trace_bytes"))
-    for file, expected in zip(files, sizes, strict=True):
-        size = backend.trace_size(file)
-        if size is None:
-            yield f"{file}: missing"
-        elif size != expected:
-            yield f"{file}: changed since it was written"
-
-
-def _check_counts(store: Store, table: pa.Table) -> Iterator[str]:
     manifest = store.manifest
-    for name, counted in count_outcomes(table).items():
+    for name, counted in count_outcomes(read_table(store.path / TABLE, OUTCOME_COLUMNS)).items():
         stated = getattr(manifest, name)
         if stated != counted:
             yield f"{MANIFEST}: {name} is {stated}, but {TABLE} has {counted}"
     if manifest.runs != manifest.sweep.runs_asked:
         planned = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
-    counts = table["run_id"].value_counts()
-    repeated = np.flatnonzero(np.asarray(counts.field("counts")) > 1)
-    for each in counts.take(pa.array(repeated)).to_pylist():
-        yield f"{TABLE}: run {each['values']} occurs {each['counts']} times"
+    ids, counts = np.unique(store.columns.byte_strings("run_id"), return_counts=True)
+    for run, count in zip(ids[counts > 1].tolist(), counts[counts > 1].tolist(), strict=True):
+        yield f"{TABLE}: run {run.decode()} occurs {count} times"
 
 
-def _check_trace_of(path: Path | None, record: EvidenceRecord, trace: TraceFile) -> Iterator[str]:
-    if path is None:
-        yield f"{trace.file}: missing"
-    elif sha256_of(path) != trace.sha256:
-        yield f"{trace.file}: changed since it was written"
-    else:
-        yield from (f"{trace.file}: {problem}" for problem in check_trace(path))
-        states = trace.messages.get("/state", 0)
-        if states != record.steps + 1:
-            yield f"{trace.file}: {states} states for {record.steps} steps"
+def _check_scene(store: Store) -> Iterator[str]:
+    stated = store.manifest.sweep.scene_hash
+    if others := {*store.columns.strings("scene_hash").categories} - {stated}:
+        yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
+
+
+def _check_plan(store: Store) -> Iterator[str]:
+    ids = store.columns.byte_strings("run_id")
+    if hashlib.sha256(ids.tobytes()).hexdigest()[:32] != store.manifest.sweep.plan_hash:
+        yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
+
+
+def _model(store: Store) -> bytes | None:
+    path = store.scene_folder / store.manifest.sweep.scene_model
+    return path.read_bytes() if path.is_file() else None
+
+
+def _check_records(store: Store, backend: Backend, model: bytes | None) -> Iterator[str]:
+    """Yield what is wrong with records and traces, a batch of rows at a time."""
+    problems: list[str] = []
+    named: set[str] = set()
+    digest = RowsDigest(store.columns.schema)
+    records, ahead = tee(_traced_records(store, digest, problems))
+    files = backend.trace_files(record.trace.file for record in ahead if record.trace)
+    for record, path in zip(records, files, strict=True):
+        assert record.trace is not None
+        named.add(record.trace.file)
+        found = ("missing",) if path is None else trace_problems(path, record, model)
+        yield from (f"{record.trace.file}: {problem}" for problem in found)
+        yield from problems
+        problems.clear()
+    yield from problems
+    for name in backend.trace_names():
+        if name not in named:
+            yield f"{name}: belongs to no run"
+    if store.manifest.records not in {None, digest.hexdigest}:
+        yield f"{TABLE}: its records are not those of the manifest's digest"
+
+
+def _traced_records(
+    store: Store, digest: RowsDigest, problems: list[str]
+) -> Iterator[EvidenceRecord]:
+    """Yield the records that have a trace; take all into a digest, and note which are damaged."""
+    shared, kept = shared_fields(store.columns.schema), not store.manifest.traces_left_out
+    with table_errors(store.path / TABLE), pq.ParquetFile(store.path / TABLE) as file:
+        for batch in file.iter_batches(_BATCH):
+            digest.add(batch)
+            for row in batch.to_pylist():
+                try:
+                    record = row_to_record(row, shared)
+                except (LookupError, TypeError, ValueError) as error:
+                    problems.append(
+                        f"{TABLE}: run {row['run_id']} does not fit its schema: {error}"
+                    )
+                    continue
+                if kept and record.trace is not None:
+                    yield record
