@@ -7,6 +7,9 @@ from pathlib import Path
 
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
 
+RESULTS = Path("results")
+"""Where results go unless a place is named."""
+
 _INSTALLED = Path(__file__).parent / "_data"
 _CHECKOUT = Path(__file__).resolve().parents[2]
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT

@@ -39,7 +39,6 @@ def contactlab(
 ) -> Run:
     """Run a command in an empty folder."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("PYTHONSAFEPATH", "1")
 
     def run(*arguments: str) -> Result:
         monkeypatch.setattr(sys, "argv", ["contactlab", *arguments])

@@ -13,7 +13,7 @@ from contactlab.engines import Watch
 from contactlab.measure import Discrepancy
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
-from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
+from contactlab.schema.evidence import Accuracy, ErrorKind
 from contactlab.schema.sweep_schema import AccuracyRequest
 
 Note = Mapping[str, Any]
@@ -30,6 +30,7 @@ _EXTENT = 1e-3
 _ERROR = 0.1
 _ESTIMATE = 10.0
 _NOTHING: Note = {}
+_ERRORS = ("final", "mean", "peak", "estimate", "final_estimate", "mean_estimate")
 # RK4 evaluates the forces four times a step.
 _EVALUATIONS = 4
 
@@ -154,12 +155,8 @@ def _compare_locally(
 
 
 def _error(error: Discrepancy, own: Discrepancy) -> dict[str, float]:
-    return {
-        **error._asdict(),
-        "estimate": own.peak,
-        "final_estimate": own.final,
-        "mean_estimate": own.mean,
-    }
+    own_errors = {"estimate": own.peak, "final_estimate": own.final, "mean_estimate": own.mean}
+    return error._asdict() | own_errors
 
 
 def _is_chaotic(
@@ -183,12 +180,22 @@ def accuracies(
     """Return the accuracy of every run, by run id, from what the pass found of most."""
     kind = _kind(request, notes)
     rules = solref_rules(runs)
-    return {
-        run_id: _accuracy(
-            notes.get(run_id, _NOTHING), kind, rules[run_id], clamped=_clamped(scene, resolved)
+    found: dict[str, Accuracy] = {}
+    for run_id, resolved in runs.items():
+        note = notes.get(run_id, _NOTHING)
+        error = note.get(kind, _NOTHING)
+        pairs = scene.base_of(resolved).prepare(resolved.edits()).pairs
+        found[run_id] = Accuracy(
+            **{f"error_{name}": error.get(name) for name in _ERRORS},
+            error_kind=kind,
+            chaotic=note.get("chaotic"),
+            reference_integrator=note.get("integrator"),
+            reference_timestep=note.get("timestep"),
+            impacts=note.get("impacts"),
+            solref_rule=rules[run_id],
+            solref_clamped=is_clamped(resolved, [pair.solref for pair in pairs.values()]),
         )
-        for run_id, resolved in runs.items()
-    }
+    return found
 
 
 def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
@@ -197,27 +204,3 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
         return request.error
     known = [each["chaotic"] for each in notes.values() if each.get("chaotic") is not None]
     return "invariants" if sum(known) > len(known) / 2 else "trajectory"
-
-
-def _accuracy(note: Note, kind: ErrorKind, rule: SolrefRule | None, *, clamped: bool) -> Accuracy:
-    error = note.get(kind, _NOTHING)
-    return Accuracy(
-        error_final=error.get("final"),
-        error_mean=error.get("mean"),
-        error_peak=error.get("peak"),
-        error_estimate=error.get("estimate"),
-        error_final_estimate=error.get("final_estimate"),
-        error_mean_estimate=error.get("mean_estimate"),
-        error_kind=kind,
-        chaotic=note.get("chaotic"),
-        reference_integrator=note.get("integrator"),
-        reference_timestep=note.get("timestep"),
-        impacts=note.get("impacts"),
-        solref_rule=rule,
-        solref_clamped=clamped,
-    )
-
-
-def _clamped(scene: Scene, run: ResolvedRun) -> bool:
-    pairs = scene.base_of(run).prepare(run.edits()).pairs
-    return is_clamped(run, [pair.solref for pair in pairs.values()])

@@ -31,26 +31,22 @@ def solref_rules(runs: Mapping[str, ResolvedRun]) -> dict[str, SolrefRule | None
     """
     groups: dict[str, list[str]] = {}
     for run_id, run in runs.items():
-        groups.setdefault(_all_but_step_and_solref(run), []).append(run_id)
+        values = {name: run.values[name] for name in run.values.keys() - {"timestep", "solref"}}
+        shared = (sorted(values.items()), sorted(run.flags.items()), run.seed, run.duration)
+        groups.setdefault(repr(shared), []).append(run_id)
     found: dict[str, SolrefRule | None] = {}
     for run_ids in groups.values():
         found |= dict.fromkeys(run_ids, _rule([runs[run_id] for run_id in run_ids]))
     return found
 
 
-def _all_but_step_and_solref(run: ResolvedRun) -> str:
-    values = {name: each for name, each in run.values.items() if name not in ("timestep", "solref")}
-    return repr((sorted(values.items()), sorted(run.flags.items()), run.seed, run.duration))
-
-
 def _rule(runs: Sequence[ResolvedRun]) -> SolrefRule | None:
     if len({run.timestep for run in runs}) == 1:
         return None
-    multiples = [_time_constant(run) / run.timestep for run in runs]
+    solrefs = [run.settings.get("solref") for run in runs]
+    multiples = [
+        float(solref[0]) / run.timestep if isinstance(solref, tuple) else 0.0
+        for run, solref in zip(runs, solrefs, strict=True)
+    ]
     least, most = min(multiples), max(multiples)
     return "tied" if least > 0 and most - least <= _EQUAL * most else "absolute"
-
-
-def _time_constant(run: ResolvedRun) -> float:
-    solref = run.settings.get("solref")
-    return float(solref[0]) if isinstance(solref, tuple) else 0.0

@@ -10,7 +10,6 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from statistics import median
-from typing import Any, NamedTuple
 
 import mujoco
 import numpy as np
@@ -44,18 +43,14 @@ def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> It
     for run in runs:
         model = prepare_without_sensors(scene, run.resolved, run.start, compiled)
         work = engine.count_work(model, run.start, run.resolved.steps, watch)
-        yield _note_of(work) if work else {}
+        states = base64.b64encode(work.states.astype("<f8").tobytes()).decode() if work else ""
+        yield {**work._asdict(), "states": states} if work else {}
 
 
 def _timing_engine(run: ResolvedRun) -> TimesSteps:
     engine = engine_of(run)
     assert isinstance(engine, TimesSteps)
     return engine
-
-
-def _note_of(work: Work) -> dict[str, Any]:
-    states = base64.b64encode(work.states.astype("<f8").tobytes()).decode()
-    return {**work._asdict(), "states": states}
 
 
 def _work_of(note: Note) -> Work:
@@ -84,20 +79,6 @@ class _Portion:
     most: int
     repeats: int
     single: int
-
-
-class _RoundTimes(NamedTuple):
-    """What a run took in one round.
-
-    Attributes:
-        time: CPU seconds per simulated second.
-        step_p50: CPU time of a single step, median [s].
-        step_p99: the same, 99th percentile [s].
-    """
-
-    time: float
-    step_p50: float
-    step_p99: float
 
 
 @dataclass
@@ -133,14 +114,27 @@ class InterleavedTimer:
                 for _ in range(self.rounds)
             ]
         for (run_id, resolved), taken in zip(runs.items(), zip(*rounds, strict=True), strict=True):
-            yield run_id, _summary(taken, self._model(resolved)[1])
+            times, p50, p99 = zip(*taken, strict=True)
+            yield (
+                run_id,
+                {
+                    "time_min": min(times),
+                    "time_median": median(times),
+                    "step_p50": median(p50),
+                    "step_p99": median(p99),
+                    "compile_time": self._model(resolved)[1],
+                },
+            )
 
-    def _time(self, resolved: ResolvedRun, work: Work, portion: _Portion) -> _RoundTimes:
+    def _time(
+        self, resolved: ResolvedRun, work: Work, portion: _Portion
+    ) -> tuple[float, float, float]:
+        """Return the CPU time per simulated time, and of a step [s]: median, 99th percentile."""
         engine, segments = _timing_engine(resolved), self._segments(resolved, work)
         seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
         single = engine.time_steps(segments, portion.single)
         p50, p99 = np.quantile(single, (0.5, 0.99)).tolist()
-        return _RoundTimes(seconds / (steps * resolved.timestep), p50, p99)
+        return seconds / (steps * resolved.timestep), p50, p99
 
     def _segments(self, resolved: ResolvedRun, work: Work) -> Segments:
         """Return what is timed of a run; made anew each time, so that memory does not grow."""
@@ -162,17 +156,6 @@ def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjMode
     begin = time.process_time()
     compiled = compile_without_sensors(scene, resolved)
     return compiled, time.process_time() - begin
-
-
-def _summary(rounds: Sequence[_RoundTimes], compile_time: float) -> Note:
-    times, p50, p99 = zip(*rounds, strict=True)
-    return {
-        "time_min": min(times),
-        "time_median": median(times),
-        "step_p50": median(p50),
-        "step_p99": median(p99),
-        "compile_time": compile_time,
-    }
 
 
 def _portion(engine: TimesSteps, segments: Segments) -> _Portion:
@@ -205,20 +188,6 @@ def timings(
     times: Mapping[str, Note],
 ) -> dict[str, Timing]:
     """Return times and work of every run as the table has them, by run id; null where missing."""
-    settings = _settings_hash(rounds)
-    found: dict[str, Timing] = {}
-    for run_id, resolved in runs.items():
-        counted, clocked = work.get(run_id) or {}, times.get(run_id) or {}
-        simulated = resolved.steps * resolved.timestep
-        rates = {
-            f"work_{name}": counted[name] / simulated if counted else None for name in _COUNTED
-        }
-        columns = {name: clocked.get(name) for name in _CLOCKED}
-        found[run_id] = Timing(**columns, **rates, timing_settings=settings)
-    return found
-
-
-def _settings_hash(rounds: int) -> str:
     settings = {
         "version": 1,
         "clock": "CPU time of one thread",
@@ -227,4 +196,14 @@ def _settings_hash(rounds: int) -> str:
         "seconds": [MIN_SECONDS, MAX_SECONDS, STEP_SECONDS],
         "places": SEGMENTS,
     }
-    return hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
+    settings_hash = hashlib.sha256(json.dumps(settings).encode()).hexdigest()[:16]
+    found: dict[str, Timing] = {}
+    for run_id, resolved in runs.items():
+        counted, clocked = work.get(run_id) or {}, times.get(run_id) or {}
+        simulated = resolved.steps * resolved.timestep
+        rates = {
+            f"work_{name}": counted[name] / simulated if counted else None for name in _COUNTED
+        }
+        columns = {name: clocked.get(name) for name in _CLOCKED}
+        found[run_id] = Timing(**columns, **rates, timing_settings=settings_hash)
+    return found

@@ -9,7 +9,7 @@ from contactlab.api.reading_functions import address_of
 from contactlab.pareto.criteria import Criteria
 from contactlab.plan.overrides import Overrides
 from contactlab.plugins import load_plugins
-from contactlab.resources import find_sweep
+from contactlab.resources import RESULTS, find_sweep
 from contactlab.run.sweep_request import read_request
 from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, TaskKind
@@ -29,8 +29,6 @@ Settings = Mapping[str, object] | Sequence[str]
 
 Progress = Callable[[int, int], None]
 """Called with the runs done and the runs in all, as they finish."""
-
-_RESULTS = Path("results")
 
 
 def sweep(
@@ -75,7 +73,7 @@ def sweep(
     request = read_request(
         text,
         name,
-        _RESULTS / name if output is None else parse_address(output),
+        RESULTS / name if output is None else parse_address(output),
         folder=folder,
         workers=worker_count(workers),
         overrides=Overrides(_assigned(set), _assigned(only), limit),
@@ -122,7 +120,7 @@ def check(
         only=only,
         kind=None if kind == "auto" else kind,
     )
-    folder = Path(output or _RESULTS / "check" / model_name(str(model)))
+    folder = Path(output or RESULTS / "check" / model_name(str(model)))
     return model_check.run(request, _session(folder, workers, progress))
 
 
@@ -153,14 +151,14 @@ def effects(
     """
     load_plugins([Path(each) for each in plugins])
     request = EffectsRequest(str(source), _assigned(set), seeds)
-    folder = Path(output or _RESULTS / "effects" / model_name(str(source)))
+    folder = Path(output or RESULTS / "effects" / model_name(str(source)))
     return ablation.run(request, _session(folder, workers, progress))
 
 
 def stability(
     names: Sequence[str | Path] = (),
     *,
-    output: str | Path = _RESULTS / "stability",
+    output: str | Path = RESULTS / "stability",
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
     progress: Progress | None = None,
@@ -213,7 +211,7 @@ def tradeoff(
         Criteria(error, tolerance or {}),
         None if output is None else parse_address(output),
     )
-    return tradeoff_sweep.run(request, _session(_RESULTS / "tradeoff", workers, progress))
+    return tradeoff_sweep.run(request, _session(RESULTS / "tradeoff", workers, progress))
 
 
 def _session(folder: Path, workers: int | None, progress: Progress | None) -> Session:

@@ -10,6 +10,7 @@ from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import echo, print_table
 from contactlab.errors import ExpectationError
+from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.schema.check_report import Change, CheckReport
@@ -51,7 +52,7 @@ def check(
         only=only or (),
         kind=None if kind == "auto" else kind,
     )
-    target = folder or opt.RESULTS / "check" / model_name(model)
+    target = folder or RESULTS / "check" / model_name(model)
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
     if output == "json":

@@ -9,6 +9,7 @@ from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import echo, print_table, say
 from contactlab.errors import ExpectationError
+from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.schema.effects_report import EffectFinding, EffectsReport, Ratio
@@ -38,7 +39,7 @@ def effects(
     if figure is not None:
         check_figure(figure)
     request = EffectsRequest(source, assign or (), seeds)
-    target = folder or opt.RESULTS / "effects" / request.setup.scene.name
+    target = folder or RESULTS / "effects" / request.setup.scene.name
     with study_session(target, workers, "start over") as session:
         report = run(request, session)
     if figure is not None:
@@ -74,13 +75,8 @@ def _print(report: "EffectsReport", target: Path) -> None:
 
 def _row(finding: "EffectFinding") -> tuple[object, ...]:
     spread = f"; within spread: {', '.join(finding.within_spread)}" if finding.within_spread else ""
-    return (
-        finding.effect,
-        "on" if finding.on else "off",
-        finding.need,
-        _ratio(finding.cost),
-        finding.reason + spread,
-    )
+    state, why = "on" if finding.on else "off", finding.reason + spread
+    return finding.effect, state, finding.need, _ratio(finding.cost), why
 
 
 def _ratio(cost: "Ratio | None") -> str:

@@ -21,7 +21,6 @@ else:
     # would load Arrow before any command is chosen.
     Address = str
 
-RESULTS = Path("results")
 Format = Literal["text", "json"]
 
 

@@ -63,7 +63,10 @@ def report(
     request = PageRequest(criteria, _count(traces), int(max_mb * 1e6), against)
     page = target or _beside(store)
     opened = Store.open(store)
-    _check_target(page)
+    if page.is_dir() or page.suffix not in {".html", ".htm"}:
+        raise OutputError(f"{page}: write a name that ends in .html")
+    if not page.parent.is_dir():
+        raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")
     written = write_page(opened, page, request)
     for note in written.notes:
         say(f"note: {note}")
@@ -84,10 +87,3 @@ def _count(text: str) -> int:
     if not text.isdecimal():
         raise OutputError(f"--traces {text}: write a number of runs, all or none")
     return int(text)
-
-
-def _check_target(page: Path) -> None:
-    if page.is_dir() or page.suffix not in {".html", ".htm"}:
-        raise OutputError(f"{page}: write a name that ends in .html")
-    if not page.parent.is_dir():
-        raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")

@@ -24,12 +24,16 @@ def schema(
     ] = None,
 ) -> None:
     """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
-    from contactlab.schema.json_schemas import json_schemas
+    from contactlab.schema.json_schemas import json_schemas, schema_drift
 
     if write is not None:
         _write(write)
     elif check is not None:
-        _check(check)
+        if differing := schema_drift(check):
+            raise ExpectationError(
+                f"{check} is out of date: {', '.join(differing)}; update it with "
+                f"`contactlab schema --write {check}`"
+            )
     elif name is None:
         for each in json_schemas():
             echo(each)
@@ -51,13 +55,3 @@ def _write(folder: Path) -> None:
     except OSError as error:
         raise write_error(folder, error) from error
     say(f"wrote {', '.join(names)}")
-
-
-def _check(folder: Path) -> None:
-    from contactlab.schema.json_schemas import schema_drift
-
-    if differing := schema_drift(folder):
-        raise ExpectationError(
-            f"{folder} is out of date: {', '.join(differing)}; update it with "
-            f"`contactlab schema --write {folder}`"
-        )

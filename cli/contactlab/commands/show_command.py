@@ -44,34 +44,26 @@ def show(
 
 def _print_record(store: "Address", record: "EvidenceRecord") -> None:
     echo("\n".join(map(in_one_line, _identity(store, record))))
-    print_table(
-        ("label", "first step", "reason"),
-        [(entry.label, entry.step, entry.reason) for entry in record.labels],
-    )
+    labels = [(entry.label, entry.step, entry.reason) for entry in record.labels]
+    print_table(("label", "first step", "reason"), labels)
     measured = {name: value for name, value in record.metrics.items() if value is not None}
-    print_table(
-        ("metric", "value", "unit"),
-        [(name, f"{value:.6g}", record.units[name]) for name, value in measured.items()],
-    )
-    print_table(
-        ("setting", "value", ""),
-        [
-            (name, format_value(value), "swept" if name in record.axes else "")
-            for name, value in {**record.settings, **record.axes}.items()
-        ],
-    )
-    print_table(
-        ("pair", "condim", "friction", "solref", "solimp", "margin"),
-        [
-            (
-                name,
-                pair.condim,
-                *map(format_value, (pair.friction, pair.solref, pair.solimp)),
-                pair.margin,
-            )
-            for name, pair in record.pairs.items()
-        ],
-    )
+    metrics = [(name, f"{value:.6g}", record.units[name]) for name, value in measured.items()]
+    print_table(("metric", "value", "unit"), metrics)
+    settings = [
+        (name, format_value(value), "swept" if name in record.axes else "")
+        for name, value in {**record.settings, **record.axes}.items()
+    ]
+    print_table(("setting", "value", ""), settings)
+    pairs = [
+        (
+            name,
+            each.condim,
+            *map(format_value, (each.friction, each.solref, each.solimp)),
+            each.margin,
+        )
+        for name, each in record.pairs.items()
+    ]
+    print_table(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs)
 
 
 def _identity(store: "Address", record: "EvidenceRecord") -> Iterator[str]:
@@ -109,7 +101,9 @@ def print_summary(path: "Address", manifest: "StoreManifest", output: Format) ->
     else:
         _print_values(columns)
     print_table(("label", "runs"), Counter(manifest.labels).most_common())
-    echo(_expectations(manifest))
+    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
+    as_expected = f"{met:,} of {met + unmet:,} runs are as expected"
+    echo(as_expected if met + unmet else "no expectations defined")
     _print_missing_effects(columns)
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     runs = columns.to_pydict(["label", "run_id"])
@@ -132,11 +126,9 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
     headed = [(each.name, each.heading) for each in METRICS.values() if each.heading]
     shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
     headings = [heading for name, heading in headed if name in shown]
-    header = [*axes, "label", *headings, "as expected", "run"]
     columns = [*axes, "label", *shown, "expectation_met"]
-    print_table(
-        header, [[*(row[name] for name in columns), _short_id(row["run_id"])] for row in rows]
-    )
+    cells = [[*(row[name] for name in columns), _short_id(row["run_id"])] for row in rows]
+    print_table([*axes, "label", *headings, "as expected", "run"], cells)
 
 
 def _print_values(columns: "RunColumns") -> None:
@@ -161,13 +153,6 @@ def _value_row(axis: str, value: object, labels: Counter[str]) -> tuple[object, 
 
 def _short_id(run_id: object) -> str:
     return str(run_id)[:_ID_DIGITS]
-
-
-def _expectations(manifest: "StoreManifest") -> str:
-    met, unmet = manifest.expectations.get("met", 0), manifest.expectations.get("unmet", 0)
-    if not met + unmet:
-        return "no expectations defined"
-    return f"{met:,} of {met + unmet:,} runs are as expected"
 
 
 def format_value(value: object) -> str:

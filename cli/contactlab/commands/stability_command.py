@@ -9,6 +9,7 @@ from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import echo, print_json, print_table
 from contactlab.errors import ExpectationError
+from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.schema.stability_report import StabilityResult
@@ -31,7 +32,7 @@ def stability(
     """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.studies.stability_cases import StabilityRequest, run
 
-    target = folder or opt.RESULTS / "stability"
+    target = folder or RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
     opt.load_plugins(plugin)
     with study_session(target, workers, _THEN) as session:
@@ -46,23 +47,14 @@ def stability(
 
 
 def _print(done: "Sequence[StabilityResult]") -> None:
+    rows: list[tuple[object, ...]] = []
+    for each in done:
+        labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())
+        met = f"{each.met}/{each.asked}"
+        end = (each.error, each.step, each.seconds)
+        rows.append((each.name, each.runs, met, each.controls, labels, *end))
     header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
-    print_table(
-        header,
-        [
-            (
-                each.name,
-                each.runs,
-                f"{each.met}/{each.asked}",
-                each.controls,
-                ", ".join(f"{label} {count}" for label, count in each.labels.items()),
-                each.error,
-                each.step,
-                each.seconds,
-            )
-            for each in done
-        ],
-    )
+    print_table(header, rows)
     for each in done:
         for miss in each.misses[:_MOST_MISSES]:
             echo(f"{each.name} {miss}")

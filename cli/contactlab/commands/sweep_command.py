@@ -65,16 +65,21 @@ def sweep(
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
+    from contactlab.plan.grid import CONFIRM_ABOVE
     from contactlab.plan.overrides import Overrides
     from contactlab.run.forecast import forecast
     from contactlab.run.sweep_request import read_request
     from contactlab.run.sweep_runner import run_sweep
     from contactlab.run.worker_pool import worker_count
 
-    _check_executor(executor, address, workers)
+    if executor == "local" and address is not None:
+        raise SweepFileError("--address is for a Ray cluster; add --executor ray")
+    if executor == "ray" and workers == 0:
+        raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
     path = resources.find_sweep(name)
-    target = store or opt.RESULTS / path.stem
-    opt.rerun_with_mujoco(mujoco, None if store else opt.RESULTS / path.stem)
+    usual = resources.RESULTS / path.stem
+    target = store or usual
+    opt.rerun_with_mujoco(mujoco, None if store else usual)
     opt.load_plugins(plugin)
     request = read_request(
         path,
@@ -92,7 +97,11 @@ def sweep(
     if plan:
         _print_plan(request.plan, forecast(request.plan, request.scene, request.workers), output)
         return
-    _confirm(request.plan.count, yes=yes)
+    if request.plan.count > CONFIRM_ABOVE and not yes:
+        raise SweepFileError(
+            f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
+            "--yes"
+        )
     cluster = _on_cluster(request, executor, address, workers)
     with resumable() as stop, progress_display() as display, cluster as request:
         manifest = run_sweep(request, display.begin, display.advance, stop)
@@ -100,13 +109,6 @@ def sweep(
         say(f"{what} is left empty: {why}")
     print_summary(target, manifest, output)
     _fail_on(manifest)
-
-
-def _check_executor(executor: ExecutorName, address: str | None, workers: int | None) -> None:
-    if executor == "local" and address is not None:
-        raise SweepFileError("--address is for a Ray cluster; add --executor ray")
-    if executor == "ray" and workers == 0:
-        raise SweepFileError("--workers 0 runs all in this process; leave it out for Ray")
 
 
 @contextmanager
@@ -128,15 +130,6 @@ def _on_cluster(
 
     with ray_cluster(address, request.workers if address is None else workers) as cluster:
         yield replace(request, cluster=cluster)
-
-
-def _confirm(count: int, *, yes: bool) -> None:
-    from contactlab.plan.grid import CONFIRM_ABOVE
-
-    if count > CONFIRM_ABOVE and not yes:
-        raise SweepFileError(
-            f"the sweep has {count:,} runs; look at it with --plan, then run it with --yes"
-        )
 
 
 def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:

@@ -155,7 +155,9 @@ class ProgressDisplay:
         line.append(f" {self._done:,} of {self._total:,}")
         if rate:
             left = _format_time((self._total - self._done) / rate)
-            line.append(f"  {_format_rate(rate)}  {left} left")
+            line.append(
+                f"  {rate:,.0f}/s  {left} left" if rate >= 10 else f"  {rate:.2g}/s  {left} left"
+            )
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
             line.append("  ").append(in_one_line(label), label_style(label)).append(f" {count:,}")
@@ -190,7 +192,3 @@ def _format_time(seconds: float) -> str:
     if days:
         return f"{days} d {hours} h"
     return f"{hours}:{minutes:02}:{rest:02}" if hours else f"{minutes}:{rest:02}"
-
-
-def _format_rate(rate: float) -> str:
-    return f"{rate:,.0f}/s" if rate >= 10 else f"{rate:.2g}/s"

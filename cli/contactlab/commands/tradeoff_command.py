@@ -10,11 +10,11 @@ from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
 from contactlab.commands.terminal import echo, print_json, print_table, say, write_text
 from contactlab.errors import ExpectationError, OutputError
+from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
     from contactlab.schema.tradeoff_report import (
-        FrontPoint,
         Method,
         Recommendation,
         TradeoffReport,
@@ -86,7 +86,7 @@ def _report(
         return analyse(Store.open(stored), criteria)
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
-    with study_session(opt.RESULTS / "tradeoff", workers) as session:
+    with study_session(RESULTS / "tradeoff", workers) as session:
         return run(TradeoffRequest(name, criteria, target), session)
 
 
@@ -147,18 +147,21 @@ def _print_front(report: "TradeoffReport") -> None:
     if not line:
         line, what = report.unconstrained_front, "Pareto front; no configuration is feasible"
     echo(f"\n{what}")
-    header = [*report.varying, "error", "CPU s per s", "x real time"]
-    print_table(header, [_front_row(each, report.varying) for each in line])
-
-
-def _front_row(each: "FrontPoint", varying: Sequence[str]) -> list[object]:
-    values = [each.configuration[name] for name in varying]
-    return [*values, f"{each.error:.3g}", f"{each.time:.3g}", f"{each.real_time_factor:,.0f}"]
+    rows: list[list[object]] = []
+    for each in line:
+        values = [each.configuration[name] for name in report.varying]
+        speed = (f"{each.time:.3g}", f"{each.real_time_factor:,.0f}")
+        rows.append([*values, f"{each.error:.3g}", *speed])
+    print_table([*report.varying, "error", "CPU s per s", "x real time"], rows)
 
 
 def _print_methods(methods: "Sequence[Method]") -> None:
     ordered = sorted(methods, key=lambda each: each.order.slope is None and each.floor is None)
-    rows = [(each.name, _order(each), _floor(each)) for each in ordered]
+    floors = [
+        f"{each.floor.error:.3g} up to {each.floor.timestep:g} s" if each.floor else "-"
+        for each in ordered
+    ]
+    rows = [(each.name, _order(each), floor) for each, floor in zip(ordered, floors, strict=True)]
     echo("\nconvergence of the error with the timestep")
     _print_first(("method", "order", "floor"), rows, _MOST_METHODS)
 
@@ -168,12 +171,6 @@ def _order(method: "Method") -> str:
     if order.slope is None or order.standard_error is None:
         return f"none: {order.reason}"
     return f"{order.slope:.2f} +- {order.standard_error:.2f} over {order.points} timesteps"
-
-
-def _floor(method: "Method") -> str:
-    if method.floor is None:
-        return "-"
-    return f"{method.floor.error:.3g} up to {method.floor.timestep:g} s"
 
 
 def _print_rates(report: "TradeoffReport") -> None:

@@ -137,7 +137,9 @@ def lost_contacts(context: Context, index: int) -> Spans:
     kept &= series.mode[found.run, found.start] == STICK
     for step in (found.start - 1, found.stop):
         kept[kept] &= _is_held(context, index, found.run[kept], step[kept])
-    kept[kept] &= _approach(context, index, found.run[kept], found.stop[kept]) >= _IMPACT
+    meeting = context.trace.pairs[index].slots[found.run[kept], found.stop[kept]]
+    speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
+    kept[kept] &= speed >= _IMPACT
     peaks = [_peak(series, touch, place) for place in (before[kept], before[kept] + 1)]
     kept[kept] = peaks[1] >= _AS_HARD * peaks[0]
     return Spans(found.run[kept], found.start[kept], found.stop[kept])
@@ -161,14 +163,6 @@ def _is_held(
     elliptic = context.setup.elliptic[run][:, None]
     used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
     return (context.series[index].mode[run, step] == STICK) & (used < HELD_USAGE).all(axis=1)
-
-
-def _approach(
-    context: Context, index: int, run: NDArray[np.intp], step: NDArray[np.intp]
-) -> Floats:
-    """Return the speed [m/s] along the normal of a pair's fastest contact."""
-    slots = context.trace.pairs[index].slots[run, step]
-    return np.abs(slots[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
 
 
 def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
@@ -208,25 +202,17 @@ def _often(
 ) -> Iterator[tuple[int, Finding]]:
     """Find runs with too many events a second that do not end as the run settles."""
     limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
-    judged, seconds = _judged(runs.context)
+    held = runs.context.setup.hold is not None
+    seconds = hold_seconds(runs.context) if held else runs.context.seconds
     counts = np.bincount(events[0], minlength=runs.context.trace.runs)
     for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
         steps = events[1][events[0] == run]
-        touching = (series.mode[run] != NO_CONTACT) & judged[run]
-        if _is_lasting(steps, int(touching.sum())):
+        touching = series.mode[run] != NO_CONTACT
+        if held:
+            touching &= hold_window(runs.context)[run]
+        # Parts that tumble to rest switch often, but only for a while.
+        early, late = np.quantile(steps, (0.25, 0.75))
+        if late - early >= _SPREAD * touching.sum():
             rate = counts[run] / seconds[run]
             reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
             yield run, Finding(reason, int(steps[0]))
-
-
-def _judged(context: Context) -> tuple[NDArray[np.bool_], Floats]:
-    """Return (n, N) the steps in which chatter is judged, and (n,) how long they last [s]."""
-    if context.setup.hold is not None:
-        return hold_window(context), hold_seconds(context)
-    return np.ones(context.trace.contacts.shape, dtype=np.bool_), context.seconds
-
-
-def _is_lasting(steps: NDArray[np.intp], touching: int) -> bool:
-    """Say whether events go on; parts that tumble to rest switch often, but only for a while."""
-    early, late = np.quantile(steps, (0.25, 0.75))
-    return bool(late - early >= _SPREAD * touching)

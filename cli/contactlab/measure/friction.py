@@ -1,7 +1,5 @@
 """Friction: slip, creep and what the cone allows; labels of what should stick or slide."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -148,16 +146,12 @@ def _lasting_modes(
     lasting = sorted(
         (run, start, value)
         for value in (STICK, SLIDE)
-        for run, start, stop in _stretches(mode == value)
+        for found in [spans(mode == value)]
+        for run, start, stop in np.stack([found.run, found.start, found.stop], axis=1).tolist()
         if stop - start >= shortest[run]
     )
-    found: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {}
+    ends: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {}
     for run, start, value in lasting:
-        opening = found[run][0] if run in found else (value, start)
-        found[run] = opening, (value, start)
-    return found
-
-
-def _stretches(mask: NDArray[np.bool_]) -> Iterator[tuple[int, int, int]]:
-    found = spans(mask)
-    return zip(found.run.tolist(), found.start.tolist(), found.stop.tolist(), strict=True)
+        opening = ends[run][0] if run in ends else (value, start)
+        ends[run] = opening, (value, start)
+    return ends

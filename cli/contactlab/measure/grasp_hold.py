@@ -80,7 +80,8 @@ def hold_slip(context: Context) -> Floats:
     part = slice(int(steps[0]), int(steps[-1]) + 1)
     slips = [_slip_velocity(pair, part) * inside[:, part, None] for pair in context.trace.pairs]
     timestep = context.trace.timestep[:, None, None]
-    farthest = [_farthest(np.cumsum(slip * timestep, axis=1)) for slip in slips]
+    paths = [np.cumsum(slip * timestep, axis=1) for slip in slips]
+    farthest = [np.sqrt((path * path).sum(axis=2).max(axis=1)) for path in paths]
     return np.where(inside.any(axis=1), worst_pair(context, farthest), np.nan)
 
 
@@ -186,9 +187,16 @@ def broken(runs: MeasuredRuns) -> Findings:
 )
 def slipping(runs: MeasuredRuns) -> Findings:
     """What should be held slips, is no longer in its place, or bears no force."""
-    found: Findings = {}
-    for run, finding in (*_lost(runs), *_displaced(runs), *_slipped(runs)):
+    share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
+    window, found = hold_window(runs.context), Findings()
+    for run in runs_where(share < runs.limits["hold_contact"]):
+        reason = f"nothing bore force in {1 - share[run]:.0%} of the time in which it should hold"
+        found[run] = Finding(reason, first_step(window[run]))
+    for run, finding in _displaced(runs):
         found.setdefault(run, finding)
+    for run, slip, limit in runs.over("hold_slip"):
+        reason = f"a pair slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
+        found.setdefault(run, Finding(reason, first_step(window[run])))
     return found
 
 
@@ -203,13 +211,6 @@ def _deep(runs: MeasuredRuns, name: str) -> Findings:
     return found
 
 
-def _lost(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    limit, share = runs.limits["hold_contact"], runs.metrics["hold_contact"]
-    for run in runs_where(share < limit):
-        reason = f"nothing bore force in {1 - share[run]:.0%} of the time in which it should hold"
-        yield run, Finding(reason, first_step(hold_window(runs.context)[run]))
-
-
 def _displaced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
     held = runs.context.trace.held
     if held is None:
@@ -220,13 +221,6 @@ def _displaced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
             f"(limit {limit:g} m)"
         )
         yield run, Finding(reason, first_step(_offsets(held)[run] > limit))
-
-
-def _slipped(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    seconds = hold_seconds(runs.context)
-    for run, slip, limit in runs.over("hold_slip"):
-        reason = f"a pair slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
-        yield run, Finding(reason, first_step(hold_window(runs.context)[run]))
 
 
 def _offsets(held: HeldPose) -> Floats:
@@ -245,8 +239,3 @@ def _slip_velocity(pair: PairTrace, part: slice) -> Floats:
     slip = (force * (first[..., None] * tangent + second[..., None] * across)).sum(axis=2)
     total = force.sum(axis=2)
     return slip / np.where(total > 0, total, np.inf)
-
-
-def _farthest(places: Floats) -> Floats:
-    """Return (n,) the largest length of vectors (n, W, 3)."""
-    return np.sqrt((places * places).sum(axis=2).max(axis=1))

@@ -134,8 +134,14 @@ def tunneling(runs: MeasuredRuns) -> Findings:
     It crossed the mid-plane of a surface that should stop it, or two bodies overlapped beyond the
     middle of the thinner one.
     """
-    found: Findings = {}
-    for run, finding in (*_crossings(runs.context), *_pierced(runs)):
+    found, context = Findings(), runs.context
+    crossed = [
+        (run, Finding(f"{each.body.name} passed the mid-plane of {pair}", step))
+        for each in context.setup.barriers
+        for pair in [context.trace.pairs[each.pair].name]
+        for run, step in _first_crossings(context, each).items()
+    ]
+    for run, finding in (*crossed, *_pierced(runs)):
         if run not in found or finding.step < found[run].step:
             found[run] = finding
     return found
@@ -199,13 +205,6 @@ def deep_penetration(runs: MeasuredRuns) -> Findings:
             step = context.last_fifth.start + first_step(depth > accepted)
             found[run] = Finding(reason, step)
     return found
-
-
-def _crossings(context: Context) -> Iterator[tuple[int, Finding]]:
-    for barrier in context.setup.barriers:
-        pair = context.trace.pairs[barrier.pair].name
-        for run, step in _first_crossings(context, barrier).items():
-            yield run, Finding(f"{barrier.body.name} passed the mid-plane of {pair}", step)
 
 
 def _pierced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context, energy
 from contactlab.measure.entries import (
     LABELS,
@@ -121,17 +120,13 @@ def _quaternions(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
     limit = runs.limits["quaternion_error"]
     low, high = (1 - limit) ** 2, (1 + limit) ** 2
     for start in runs.context.setup.quaternions:
-        square = _square(runs.context.trace.qpos[:, :, start : start + 4])
+        w, x, y, z = (runs.context.trace.qpos[:, :, start + part] for part in range(4))
+        square = w * w + x * x + y * y + z * z
         unit = (square.min(axis=1) >= low) & (square.max(axis=1) <= high)
         for run in runs_where(~unit & np.isfinite(square).all(axis=1)):
             state = first_step((square[run] < low) | (square[run] > high))
             reason = f"the quaternion at qpos {start} has norm {np.sqrt(square[run, state]):.4g}"
             yield run, Finding(reason, max(state - 1, 0))
-
-
-def _square(quaternion: Floats) -> Floats:
-    w, x, y, z = (quaternion[:, :, part] for part in range(4))
-    return w * w + x * x + y * y + z * z
 
 
 def _last(context: Context) -> int:

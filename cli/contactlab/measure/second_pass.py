@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import Floats, SelfChecks
+from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context
 from contactlab.measure.entries import (
     Finding,
@@ -95,8 +95,10 @@ def solver_inconsistent(runs: MeasuredRuns) -> Findings:
         for run in runs_where(value > limit)
     }
     limit = runs.limits["jacobian_difference"]
-    for run in runs_where(checks.jacobian.max(axis=1) > limit):
-        found.setdefault(run, _jacobian_finding(checks, run, limit))
+    said = "a dense and a sparse Jacobian give accelerations that differ by {:.2g}"
+    differing = _beyond(checks.jacobian, limit, said, checks.jacobian_steps, "")
+    for run, finding in differing.items():
+        found.setdefault(run, finding)
     for run in runs_where(~checks.repeats):
         found.setdefault(run, Finding("a second rollout gave another trajectory", 0))
     return found
@@ -143,21 +145,14 @@ def phantom_contact(runs: MeasuredRuns) -> Findings:
     return _beyond(checks.apart, limit, said, checks.geometry_steps)
 
 
-def _beyond(depths: Floats, limit: float, said: str, steps: NDArray[np.intp]) -> Findings:
-    """Return the runs whose depths (n, L) [m], at checked steps (L,), exceed a limit [m]."""
+def _beyond(
+    depths: Floats, limit: float, said: str, steps: NDArray[np.intp], unit: str = " m"
+) -> Findings:
+    """Return the runs whose values (n, L), at checked steps (L,), exceed a limit."""
     return {
         run: Finding(
-            f"{said.format(depths[run].max())} (limit {limit:g} m)",
+            f"{said.format(depths[run].max())} (limit {limit:g}{unit})",
             int(steps[first_step(depths[run] > limit)]),
         )
         for run in runs_where(depths.max(axis=1) > limit)
     }
-
-
-def _jacobian_finding(checks: SelfChecks, run: int, limit: float) -> Finding:
-    differs = checks.jacobian[run]
-    return Finding(
-        f"a dense and a sparse Jacobian give accelerations that differ by {differs.max():.2g} "
-        f"(limit {limit:g})",
-        int(checks.jacobian_steps[first_step(differs > limit)]),
-    )

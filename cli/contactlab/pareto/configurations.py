@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.schema.axis_forms import Role, axis_role
+from contactlab.schema.axis_forms import Role, axis_roles
 from contactlab.schema.evidence import Setting
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
@@ -79,7 +79,8 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     """Read the runs of a store, with these columns beside those that every trade-off needs."""
     columns = store.columns
     axes = columns.axis_names
-    roles = _roles(Sweep.model_validate(store.manifest.sweep.resolved))
+    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
+    roles = axis_roles(sweep.axes, *sweep.zip)
     known = {*names, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS}
     wanted = [name for name in known if name in columns.schema.names]
     fixed = ["run_id", "seed", "label"]
@@ -122,11 +123,6 @@ def is_chaotic(runs: StoredRuns) -> bool:
 
 def _rows(columns: Mapping[str, Sequence[Setting]], count: int) -> Iterable[tuple[Setting, ...]]:
     return zip(*columns.values(), strict=True) if columns else [()] * count
-
-
-def _roles(sweep: Sweep) -> dict[str, Role]:
-    named = [*sweep.axes.items(), *(pair for block in sweep.zip for pair in block.items())]
-    return {name: axis_role(axis) for name, axis in named}
 
 
 def wilson(good: int, runs: int) -> tuple[float, float]:

@@ -37,11 +37,15 @@ def listed_values(axis: Axis) -> Sequence[object]:
     """Return the values of an axis that is not sampled, in order, not yet canonical."""
     match axis:
         case Linspace(linspace=(first, last, count)):
-            return _linspace(first, last, count)
+            start, end = _exact(first), _exact(last)
+            return [_plain(start + (end - start) * Fraction(k, count - 1)) for k in range(count)]
         case Logspace(logspace=(first, last, count)):
-            return _logspace(first, last, count)
+            steps, low, high = count - 1, math.log(first), math.log(last)
+            inner = [_rounded(math.exp(low + (high - low) * k / steps)) for k in range(1, steps)]
+            return [_plain(_exact(value)) for value in (first, *inner, last)]
         case Range(range=(first, last, step)):
-            return _range(first, last, step)
+            start, end, stride = _exact(first), _exact(last), _exact(step)
+            return [_plain(start + k * stride) for k in range((end - start) // stride + 1)]
         case Values(values=values):
             return values
         case tuple():
@@ -82,22 +86,6 @@ def sampled_values(
 
 def _bounds(axis: Uniform | Loguniform) -> tuple[float, float]:
     return axis.uniform if isinstance(axis, Uniform) else axis.loguniform
-
-
-def _linspace(first: float, last: float, count: int) -> list[float]:
-    start, end = _exact(first), _exact(last)
-    return [_plain(start + (end - start) * Fraction(k, count - 1)) for k in range(count)]
-
-
-def _logspace(first: float, last: float, count: int) -> list[float]:
-    steps, low, high = count - 1, math.log(first), math.log(last)
-    inner = [_rounded(math.exp(low + (high - low) * k / steps)) for k in range(1, steps)]
-    return [_plain(_exact(value)) for value in (first, *inner, last)]
-
-
-def _range(first: float, last: float, step: float) -> list[float]:
-    start, end, stride = _exact(first), _exact(last), _exact(step)
-    return [_plain(start + k * stride) for k in range((end - start) // stride + 1)]
 
 
 def _exact(value: float) -> Fraction:

@@ -96,7 +96,8 @@ def _excerpt(place: Place, hint: str) -> list[str]:
     number = str(place.line) if place.source.numbered else ""
     margin = " " * len(number)
     line, start, width = _window(place)
-    caret = _blank(line[:start]) + "^" * max(_cells(line[start : start + width]), 1)
+    before = "".join("\t" if each == "\t" else " " * _cells(each) for each in line[:start])
+    caret = before + "^" * max(_cells(line[start : start + width]), 1)
     return [
         f"{margin} --> {place}",
         f"{margin} |",
@@ -117,10 +118,6 @@ def _window(place: Place) -> tuple[str, int, int]:
     after = "..." if first + _EXCERPT < len(line) else ""
     width = min(width, first + _EXCERPT - start)
     return before + excerpt + after, start - first + len(before), width
-
-
-def _blank(text: str) -> str:
-    return "".join("\t" if each == "\t" else " " * _cells(each) for each in text)
 
 
 def _cells(text: str) -> int:

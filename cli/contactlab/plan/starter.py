@@ -2,7 +2,7 @@
 
 import json
 
-from contactlab.schema.vocabulary import AxisSpec, Vocabulary
+from contactlab.schema.vocabulary import Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
 _FIRST = {"timestep": (5e-4, 1e-3, 2e-3, 4e-3)}
@@ -62,11 +62,9 @@ def _listing(vocabulary: Vocabulary) -> list[str]:
     names = list(vocabulary.axes.names)[:_MOST_LISTED]
     specs = [spec for name in names if (spec := vocabulary.axes.find(name))]
     width = max((len(spec.name) for spec in specs), default=0)
-    head = ["# Axes of this scene:"] if specs else []
-    return head + [f"#   {spec.name:<{width}}  {_about(spec)}" for spec in specs]
-
-
-def _about(spec: AxisSpec) -> str:
-    if spec.choices:
-        return f"{spec.description}: {', '.join(spec.choices)}"
-    return f"{spec.description} [{spec.unit}]" if spec.unit else spec.description
+    lines = ["# Axes of this scene:"] if specs else []
+    for spec in specs:
+        takes = f" [{spec.unit}]" if spec.unit else ""
+        takes = f": {', '.join(spec.choices)}" if spec.choices else takes
+        lines.append(f"#   {spec.name:<{width}}  {spec.description}{takes}")
+    return lines

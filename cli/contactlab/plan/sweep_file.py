@@ -14,13 +14,13 @@ from contactlab.errors import SceneError
 from contactlab.plan.axis_values import read_blocks
 from contactlab.plan.conditions import read_condition
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
-from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
+from contactlab.plan.grid import MOST_RUNS, Grid, Plan, SweptAxis
 from contactlab.plan.included_rows import read_rows
 from contactlab.plan.names import SweepContext, check_names
 from contactlab.plan.overrides import Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
-from contactlab.schema.axis_forms import Role, axis_role
+from contactlab.schema.axis_forms import axis_roles
 from contactlab.schema.sweep_schema import Sweep, switches
 from contactlab.schema.vocabulary import Vocabulary
 
@@ -116,8 +116,15 @@ def _checked(
     if document.has_errors:
         return None
     values = grid.values()
-    for match, _ in expected:
-        _warn_unmet(document, match, values)
+    unmet = [
+        (match, name, value)
+        for match, _ in expected
+        for name, value in match.settings
+        if value not in values.get(name, ())
+    ]
+    for match, name, value in unmet:
+        message = f"no run has {name} = {value}, so this applies to no run"
+        document.add("unmatched-expect", match.place, message, severity="warning")
     check_values(document, filters, values)
     if document.has_errors:
         return None
@@ -176,19 +183,8 @@ def _add_too_many(document: Document, count: int, what: str) -> None:
     document.add("too-many-runs", document.key(("axes",)), message, "use `sample` or fewer values")
 
 
-def _warn_unmet(
-    document: Document, match: Match, values: Mapping[str, Mapping[object, None]]
-) -> None:
-    for name, value in match.settings:
-        if value not in values.get(name, ()):
-            message = f"no run has {name} = {value}, so this applies to no run"
-            document.add("unmatched-expect", match.place, message, severity="warning")
-
-
 def _axes(sweep: Sweep, grid: Grid) -> tuple[SweptAxis, ...]:
-    roles: dict[str, Role] = {}
-    for axes in (sweep.axes, *sweep.zip):
-        roles |= {name: axis_role(axis) for name, axis in axes.items()}
+    roles = axis_roles(sweep.axes, *sweep.zip)
     return tuple(
         SweptAxis(name, roles.get(name, "knob"), tuple(values))
         for name, values in grid.values().items()

@@ -221,8 +221,11 @@ class _Reader:
 
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         data: dict[str, object] = {}
-        for name, key, value in self._entries(node):
-            place = self._place(key.start_mark, key.end_mark)
+        for key, value in cast("list[tuple[Node, Node]]", node.value):
+            place, name = self._place(key.start_mark, key.end_mark), str(key.value)
+            if not isinstance(key, ScalarNode):
+                self._fail("a key must be a single word", place)
+                continue
             if name in data:
                 first = self.document.keys[(*path, name)]
                 message = f"'{name}' is given twice"
@@ -231,13 +234,6 @@ class _Reader:
             self.document.keys[(*path, name)] = place
             data[name] = self._data(value, (*path, name))
         return data
-
-    def _entries(self, node: MappingNode) -> Iterator[tuple[str, Node, Node]]:
-        for key, value in cast("list[tuple[Node, Node]]", node.value):
-            if isinstance(key, ScalarNode):
-                yield str(key.value), key, value
-            else:
-                self._fail("a key must be a single word", self._place(key.start_mark, key.end_mark))
 
     def _scalar(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)

@@ -90,7 +90,8 @@ def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple
     if data.map_axes is None:
         return
     before, after = pairing.baseline, pairing.candidate
-    axes = _axes_of(data.map_axes, after)
+    x, y = data.map_axes.x, data.map_axes.y
+    axes = MapAxes(replace(x, codes=x.codes[after]), y and replace(y, codes=y.codes[after]))
     names = (*baseline.manifest.labels, *data.store.manifest.labels)
     old, new = _labels_of(baseline, names, before), _labels_of(data.store, names, after)
     yield "labels", _label_maps(axes, old, new)
@@ -98,22 +99,14 @@ def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple
     name = data.tradeoff.error.name if data.tradeoff else summary_metrics()[0]
     for each in data.quantities_named(name):
         if each.name in quantities:
-            earlier = _values_of(quantities[each.name], before)
-            yield each.name, _number_maps(axes, earlier, _values_of(each, after))
-
-
-def _axes_of(axes: MapAxes, rows: Indices) -> MapAxes:
-    x, y = axes.x, axes.y
-    return MapAxes(replace(x, codes=x.codes[rows]), y and replace(y, codes=y.codes[rows]))
+            earlier = quantities[each.name]
+            earlier = replace(earlier, values=earlier.values[before])
+            yield each.name, _number_maps(axes, earlier, replace(each, values=each.values[after]))
 
 
 def _labels_of(store: Store, names: Sequence[str], rows: Indices) -> RunLabels:
     labels = read_run_labels(store, names)
     return replace(labels, codes=labels.codes[rows], masks=labels.masks[rows])
-
-
-def _values_of(quantity: Quantity, rows: Indices) -> Quantity:
-    return replace(quantity, values=quantity.values[rows])
 
 
 def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:

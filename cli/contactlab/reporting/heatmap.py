@@ -205,11 +205,20 @@ def _layered(
 ) -> Layered:
     x = alt.X("x:Q").scale(domain=[0, len(frame.x)], nice=False, zero=False)
     y = alt.Y("y:Q").scale(domain=[0, len(frame.y)], nice=False, zero=False)
-    x = x.axis(title=frame.x_title, **_ticks(frame.x), labelAngle=_tick_angle(frame))
+    width, height = frame.size
+    # Tick labels below the map turn where a cell is too narrow.
+    widest = max(map(len, frame.x), default=0)
+    angle = -35 if widest * 7 > width / max(1, len(frame.x)) else 0
+    x = x.axis(title=frame.x_title, **_ticks(frame.x), labelAngle=angle)
     y = y.axis(title=frame.y_title, **_ticks(frame.y))
     cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
-    width, height = frame.size
-    layers = (cells, *_texts(texts, font_size, x, y), *_overlays(x, y, boundary or []))
+    words = [
+        layer_of("texts", texts)
+        .mark_text(fontWeight="bold", fontSize=font_size, **style)
+        .encode(x, y, text="text:N")
+        for style in HALO_AND_TEXT
+    ]
+    layers = (cells, *words, *_overlays(x, y, boundary or []))
     return alt.layer(*layers).properties(width=width, height=height)
 
 
@@ -219,12 +228,6 @@ def _overlays(x: alt.X, y: alt.Y, boundary: Rows) -> Iterator[alt.Chart]:
     yield line.encode(x, y, order="order:Q", detail="part:N")
     ring = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
     yield ring.encode(x, y, x2="x2:Q", y2="y2:Q")
-
-
-def _texts(texts: Rows, font_size: int, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
-    for style in HALO_AND_TEXT:
-        marked: dict[str, Any] = {"fontWeight": "bold", "fontSize": font_size, **style}
-        yield layer_of("texts", texts).mark_text(**marked).encode(x, y, text="text:N")
 
 
 def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
@@ -238,9 +241,3 @@ def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
         "ticks": False,
         "domain": False,
     }
-
-
-def _tick_angle(frame: MapFrame) -> int:
-    """Return the angle of tick labels below the map: they turn where a cell is too narrow."""
-    widest = max(map(len, frame.x), default=0)
-    return -35 if widest * 7 > frame.size[0] / max(1, len(frame.x)) else 0

@@ -5,12 +5,12 @@ from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from contactlab.reporting.baseline_maps import BaselineComparison, compare_with_baseline
+from contactlab.reporting.baseline_maps import compare_with_baseline
 from contactlab.reporting.heatmap import default_map
 from contactlab.reporting.knob_changes import knob_changes
 from contactlab.reporting.packing import as_json, packed_text
 from contactlab.reporting.page_charts import label_bar, tradeoff_chart
-from contactlab.reporting.page_content import PageContent, page_content
+from contactlab.reporting.page_content import page_content
 from contactlab.reporting.page_tables import (
     change_table,
     expectation_summary,
@@ -23,7 +23,7 @@ from contactlab.reporting.page_tables import (
     unexpected_runs,
 )
 from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
-from contactlab.reporting.vega_rendering import Spec, static_svg, vega_bundle
+from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.store.finished_store import Store
 
 _PACKAGE = __name__.rpartition(".")[0]
@@ -36,6 +36,8 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     chart = tradeoff_chart(data)
     content = page_content(data, request, chart)
     comparison = compare_with_baseline(data, request.baseline) if request.baseline else None
+    maps = comparison.maps.items() if comparison else ()
+    axes = " and ".join(data.map_axes.names) if data.map_axes else ""
     environment = Environment(
         loader=PackageLoader(_PACKAGE),
         autoescape=True,
@@ -45,12 +47,20 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     )
     text = environment.get_template("page.html").render(
         **_texts(data),
-        **_pictures(data, chart),
-        **_script(content),
+        bar=static_svg(label_bar(data.labels), "All runs by label"),
+        heatmap=static_svg(default_map(data), f"Labels over {axes}"),
+        chart=static_svg(chart, "Error against time of each configuration"),
+        script="\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
+        bundle=packed_text(vega_bundle()),
+        metadata=packed_text(as_json(content.metadata)),
+        columns=as_json(content.columns),
+        series=as_json(content.series),
         style=_read("style.css"),
         notes=content.notes,
         comparison=comparison,
-        comparison_maps=_comparison_maps(comparison),
+        comparison_maps=[
+            static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps
+        ],
     )
     return text, content.notes
 
@@ -76,30 +86,6 @@ def _texts(data: ReportData) -> dict[str, Any]:
         "changes": change_table(data, changes),
         "expectations": expectations(manifest),
         "unexpected": unexpected_runs(data.store),
-    }
-
-
-def _pictures(data: ReportData, chart: Spec | None) -> dict[str, str]:
-    axes = " and ".join(data.map_axes.names) if data.map_axes else ""
-    return {
-        "bar": static_svg(label_bar(data.labels), "All runs by label"),
-        "heatmap": static_svg(default_map(data), f"Labels over {axes}"),
-        "chart": static_svg(chart, "Error against time of each configuration"),
-    }
-
-
-def _comparison_maps(comparison: BaselineComparison | None) -> list[str]:
-    maps = comparison.maps.items() if comparison else ()
-    return [static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps]
-
-
-def _script(content: PageContent) -> dict[str, str]:
-    return {
-        "script": "\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
-        "bundle": packed_text(vega_bundle()),
-        "metadata": packed_text(as_json(content.metadata)),
-        "columns": as_json(content.columns),
-        "series": as_json(content.series),
     }
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import COLOURS, INK
 from contactlab.reporting.report_columns import (
-    Codes,
     GridAxis,
     Quantity,
     RunLabels,
@@ -56,7 +55,9 @@ def _changes_of(
     base = np.flatnonzero(axis.codes == 0)
     failed = labels.failed
     for code in range(1, len(axis.ticks)):
-        before, after = _matched(others, base, np.flatnonzero(axis.codes == code))
+        rows = np.flatnonzero(axis.codes == code)
+        _, *places = np.intersect1d(others[base], others[rows], return_indices=True)
+        before, after = base[places[0]], rows[places[1]]
         if len(before):
             fine = ~(failed[before] | failed[after])
             yield KnobChange(
@@ -70,11 +71,6 @@ def _changes_of(
                     for each in quantities
                 },
             )
-
-
-def _matched(others: Codes, base: Codes, rows: Codes) -> tuple[Codes, Codes]:
-    _, first, second = np.intersect1d(others[base], others[rows], return_indices=True)
-    return base[first], rows[second]
 
 
 def _mean_ratio(before: Floats, after: Floats) -> float | None:

@@ -1,9 +1,9 @@
 """What a map shows in each cell: how many runs have which label, or one number."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,20 +50,6 @@ class MapAxes:
         return tuple(axis.name for axis in (self.x, self.y) if axis)
 
 
-class CellStatistics(NamedTuple):
-    """Statistics of a quantity in each of C cells, NaN where it has no value.
-
-    Attributes:
-        worst: (C,) the largest magnitude; the least value of a quantity of which more is better.
-        median: (C,).
-        mean: (C,).
-    """
-
-    worst: Floats
-    median: Floats
-    mean: Floats
-
-
 def label_counts(axes: MapAxes, labels: RunLabels) -> NDArray[np.int64]:
     """Return (rows, columns, labels) how many runs have which worst label."""
     count = len(labels.names)
@@ -84,9 +70,10 @@ def ascending_runs(quantity: Quantity) -> NDArray[np.intp]:
 
 def cell_statistics(
     cells: NDArray[np.integer], size: int, quantity: Quantity, ascending: NDArray[np.intp]
-) -> CellStatistics:
-    """Return the statistics of a quantity in each cell.
+) -> Floats:
+    """Return (3, cells) worst, median and mean of a quantity in each cell, NaN where it has none.
 
+    The worst is the largest magnitude, or the least value of a quantity of which more is better.
     One sort of the values serves every pair of axes: a stable sort of these by cell, which is
     linear in time for small integers, leaves each cell's values in order.
 
@@ -109,7 +96,7 @@ def cell_statistics(
     mean = np.bincount(own, values, minlength=size)[filled] / number
     statistics = np.full((3, size), np.nan)
     statistics[:, filled] = worst, median, mean
-    return CellStatistics(*statistics)
+    return statistics
 
 
 def most_frequent_failure(counts: NDArray[np.int64], labels: RunLabels) -> NDArray[np.int64]:
@@ -169,7 +156,9 @@ def aggregated_columns(
     They are called `cells:X:Y:labels` and `cells:X:Y:QUANTITY:STATISTIC`, X and Y being the
     positions of the axes, and Y empty for a map of a single row.
     """
-    maps = dict(_every_map(axes))
+    maps = {f"cells:{index}:": MapAxes(axis, None) for index, axis in enumerate(axes)}
+    for (first, x), (second, y) in combinations(enumerate(axes), 2):
+        maps[f"cells:{first}:{second}"] = MapAxes(x, y)
     columns: dict[str, NDArray[Any]] = {
         f"{name}:labels": packed_integers(label_counts(each, labels).ravel())
         for name, each in maps.items()
@@ -182,10 +171,3 @@ def aggregated_columns(
             for kind, values in zip(STATISTICS, statistics, strict=True):
                 columns[f"{name}:{quantity.name}:{kind}"] = rounded_floats(values)
     return columns
-
-
-def _every_map(axes: Sequence[GridAxis]) -> Iterator[tuple[str, MapAxes]]:
-    for index, axis in enumerate(axes):
-        yield f"cells:{index}:", MapAxes(axis, None)
-    for (first, x), (second, y) in combinations(enumerate(axes), 2):
-        yield f"cells:{first}:{second}", MapAxes(x, y)

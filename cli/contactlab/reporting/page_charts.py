@@ -7,6 +7,7 @@ import altair as alt
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
 from contactlab.palette import COLOURS, INK, mode_colour
+from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.drawing import specify
 from contactlab.reporting.heatmap import EMPTY_FRAME, label_map, number_map
 from contactlab.reporting.report_columns import STABLE, RunLabels
@@ -19,18 +20,15 @@ from contactlab.reporting.vega_rendering import (
     themed,
     with_page_colours,
 )
-from contactlab.schema.evidence import Setting
-from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
+from contactlab.schema.tradeoff_report import TradeoffReport
 
 MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 _BAR = 700, 26
 _LEAST_WITH_TEXT = 0.03
 _MOST_CONFIGURATIONS = 600
-_TIMESTEP = "timestep"
 _COUNT = re.compile(r"^\d+ of \d+")
 _TIMELINE_WIDTH = 620
 _TIMELINE_HEIGHTS = {"motion": 120, "force": 120, "depth": 90}
-Key = tuple[tuple[str, Setting], ...]
 
 
 def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
@@ -51,16 +49,8 @@ def label_bar(labels: RunLabels) -> Spec:
     for index, count in enumerate(labels.counts):
         start, stop = before / total, (before + count) / total
         text = (labels.letters[index] or STABLE) if count > _LEAST_WITH_TEXT * total else ""
-        rows.append(
-            {
-                "x": start,
-                "x2": stop,
-                "label": labels.legend[index],
-                "text": text,
-                "middle": (start + stop) / 2,
-                "runs": count,
-            }
-        )
+        row = {"x": start, "x2": stop, "label": labels.legend[index], "text": text}
+        rows.append({**row, "middle": (start + stop) / 2, "runs": count})
         before += count
     x = alt.X("x:Q").scale(domain=[0, 1]).axis(None)
     colour = (
@@ -85,56 +75,41 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     Of very many configurations it shows those of the best methods and a sample of the others.
     """
     report = data.tradeoff
-    if report is None or not any(map(_has_place, report.configurations)):
+    configurations = report.configurations if report else ()
+    if report is None or all(each.time is None or each.error is None for each in configurations):
         return None
     places = _drawn_places(report)
-    drawn = tuple(report.configurations[place] for place in places)
+    drawn = tuple(configurations[place] for place in places)
     spec = specify(report.model_copy(update={"configurations": drawn}))
     for layer in spec["layer"]:
         for row in layer["data"]["values"]:
             if "place" in row:
                 row["place"] = places[row["place"]]
-    subtitle = spec["title"]["subtitle"]
-    subtitle[0] = _COUNT.sub(_feasible_count(report), subtitle[0])
+    subtitle, feasible = spec["title"]["subtitle"], sum(each.feasible for each in configurations)
+    subtitle[0] = _COUNT.sub(f"{feasible} of {len(configurations)}", subtitle[0])
     return themed(spec)
-
-
-def _has_place(each: Configuration) -> bool:
-    return each.time is not None and each.error is not None
-
-
-def _feasible_count(report: TradeoffReport) -> str:
-    feasible = sum(each.feasible for each in report.configurations)
-    return f"{feasible} of {len(report.configurations)}"
 
 
 def _drawn_places(report: TradeoffReport) -> list[int]:
     """Return the configurations to draw: whole methods, those of the fronts before others."""
-    by_method: dict[Key, list[int]] = {}
+    by_method: dict[MethodKey, list[int]] = {}
     for place, each in enumerate(report.configurations):
-        by_method.setdefault(_method(each.configuration), []).append(place)
+        by_method.setdefault(method_key(each.configuration), []).append(place)
+    recommended = [each for each in (report.recommendation, report.robust) if each is not None]
+    best = (*recommended, *report.front, *report.unconstrained_front)
+    best_methods = (method_key(each.configuration) for each in best)
     places: list[int] = []
-    for key in dict.fromkeys((*_best_methods(report), *_spread(list(by_method)))):
+    for key in dict.fromkeys((*best_methods, *_spread(list(by_method)))):
         if len(places) < _MOST_CONFIGURATIONS:
             places += by_method[key]
     return sorted(places)
 
 
-def _best_methods(report: TradeoffReport) -> Iterator[Key]:
-    recommended = (each for each in (report.recommendation, report.robust) if each is not None)
-    for each in (*recommended, *report.front, *report.unconstrained_front):
-        yield _method(each.configuration)
-
-
-def _spread(keys: list[Key]) -> Iterator[Key]:
+def _spread(keys: list[MethodKey]) -> Iterator[MethodKey]:
     """Yield keys in an order that samples all of them evenly."""
     stride = max(1, len(keys) // 64)
     for start in range(stride):
         yield from keys[start::stride]
-
-
-def _method(values: Settings) -> Key:
-    return tuple((name, value) for name, value in values.items() if name != _TIMESTEP)
 
 
 def timeline_chart() -> Spec:

@@ -1,6 +1,7 @@
 """What the script of a page is given: names and texts as JSON, numbers packed."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,9 +60,10 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
     Where all runs would take more room than the page may have, it is given the cells of every
     map, and a selection of runs only.
     """
-    is_aggregated = _size_of_runs(data) > request.most_bytes
+    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
+    is_aggregated = 4 / 3 * width * data.store.columns.runs > request.most_bytes
     traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
-    with_series = runs_with_series(data, traces)
+    with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
     rows = (
         _selected_runs(data, with_series) if is_aggregated else np.arange(data.store.columns.runs)
     )
@@ -80,30 +82,18 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
         "total": data.store.columns.runs,
         "aggregated": is_aggregated,
         "axes": [
-            {
-                "name": each.name,
-                "title": each.title,
-                "ticks": each.ticks,
-                "binned": each.numbers is not None,
-            }
+            {name: getattr(each, name) for name in ("name", "title", "ticks")}
+            | {"binned": each.numbers is not None}
             for each in axes
         ],
         "labels": {
-            "names": data.labels.names,
-            "letters": data.labels.letters,
-            "legend": data.labels.legend,
-            "every": data.labels.every,
+            name: getattr(data.labels, name) for name in ("names", "letters", "legend", "every")
         },
         "modes": list(MODE_NAMES.values()),
         "quantities": [
-            [
-                each.name,
-                each.column.unit,
-                each.column.better,
-                each.column.resolution,
-                each.description,
-            ]
+            [each.name, column.unit, column.better, column.resolution, each.description]
             for each in data.quantities
+            for column in [each.column]
         ],
         "mapAxes": [*data.map_axes.names, None][:2] if data.map_axes else [None, None],
         "boundary": boundary
@@ -113,14 +103,12 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
         "tradeoff": tradeoff,
         "details": {position: _details(record) for position, record in records.items()},
     }
-    notes = (_aggregation_note(data, len(rows)),) if is_aggregated else ()
-    return PageContent(metadata, pack(columns), packed_series(data.store, records), notes)
-
-
-def _size_of_runs(data: ReportData) -> float:
-    """Return about how much room all runs would take [B]."""
-    width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
-    return 4 / 3 * width * data.store.columns.runs
+    note = (
+        f"{data.store.columns.runs:,} runs are too many for one page: each map covers all of them, "
+        f"over any two axes and all values of the others; {len(rows):,} single runs are listed"
+    )
+    series = packed_series(data.store, records)
+    return PageContent(metadata, pack(columns), series, (note,) if is_aggregated else ())
 
 
 def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.int64]:
@@ -134,24 +122,12 @@ def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.i
     return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
 
 
-def _aggregation_note(data: ReportData, selected: int) -> str:
-    runs = data.store.columns.runs
-    return (
-        f"{runs:,} runs are too many for one page: each map covers all of them, over any two axes "
-        f"and all values of the others; {selected:,} single runs are listed"
-    )
-
-
-def runs_with_series(data: ReportData, most: int) -> list[int]:
-    """Return the rows of at most so many runs, those that a reader will ask for first.
+def _by_interest(data: ReportData) -> Iterator[int]:
+    """Yield the rows of runs, those first that a reader will ask for first; some more than once.
 
     The recommended ones come first, then a few of each label, the worst first, then one of each
     cell of the default map, then the others in the order of the plan.
     """
-    return list(dict.fromkeys(_by_interest(data)))[:most] if most else []
-
-
-def _by_interest(data: ReportData) -> Iterator[int]:
     ids = data.store.columns.byte_strings("run_id")
     report = data.tradeoff
     for run in (report.recommendation, report.robust) if report else ():
@@ -171,14 +147,16 @@ def _columns(
     table: ToleranceTable | None,
 ) -> dict[str, NDArray[Any]]:
     """Return the columns of some runs, and of the configurations."""
-    labels = data.labels
+    labels, (met, given) = data.labels, data.store.columns.numbers("expectation_met")
+    # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
+    expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
     bits = _ALL_BITS if len(rows) <= _FEW_RUNS else _FEW_BITS
     columns: dict[str, NDArray[Any]] = {
         "id": run_id_halves(data.store.columns.byte_strings("run_id")[rows]),
         "label": packed_integers(labels.codes[rows]),
         "labels": (labels.masks[rows] & 0xFFFFFFFF).astype("u4"),
         "labels:high": (labels.masks[rows] >> 32).astype("u4"),
-        "expected": packed_integers(_expected(data.store)[rows]),
+        "expected": packed_integers(expected[rows]),
     }
     if data.boundary is not None:
         columns["boundary"] = rounded_floats(data.boundary.values[rows])
@@ -191,12 +169,6 @@ def _columns(
     if data.tradeoff is not None and table is not None:
         columns |= _configuration_columns(data.tradeoff, table, rows, bits)
     return columns
-
-
-def _expected(store: Store) -> NDArray[np.int64]:
-    """Return (n,) 2 for a run as expected, 1 for one that is not, 0 without an expectation."""
-    met, given = store.columns.numbers("expectation_met")
-    return np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
 
 
 def _configuration_columns(
@@ -259,20 +231,12 @@ def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str,
     descriptions: dict[int, Any] = {}
     columns: dict[str, np.ndarray] = {}
     for row, record in records.items():
-        trace = _trace(store, record)
-        if trace is not None:
-            descriptions[row] = _add_series(columns, row, trace)
-    return {"runs": descriptions, "packed": pack(columns)}
-
-
-def _trace(store: Store, record: EvidenceRecord) -> StoredTrace | None:
-    if record.trace is None or store.manifest.traces_left_out:
-        return None
-    try:
-        return store.trace(record)
-    except StoreError:
+        if record.trace is None or store.manifest.traces_left_out:
+            continue
         # `contactlab verify` reports a damaged trace; the page shows the others.
-        return None
+        with suppress(StoreError):
+            descriptions[row] = _add_series(columns, row, store.trace(record))
+    return {"runs": descriptions, "packed": pack(columns)}
 
 
 def _add_series(columns: dict[str, np.ndarray], row: int, trace: StoredTrace) -> dict[str, Any]:

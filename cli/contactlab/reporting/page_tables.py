@@ -109,16 +109,15 @@ def map_table(data: ReportData) -> TextTable | None:
     rows = [
         (
             axes.y.ticks[row] if axes.y else "all",
-            *(_counts_text(cell, labels.names) for cell in counts[row].tolist()),
+            *(
+                ", ".join(f"{n} {name}" for name, n in zip(labels.names, cell, strict=True) if n)
+                or "no run"
+                for cell in counts[row].tolist()
+            ),
         )
         for row in range(counts.shape[0] - 1, -1, -1)
     ]
     return TextTable((corner, *axes.x.ticks), rows)
-
-
-def _counts_text(counts: Sequence[int], names: Sequence[str]) -> str:
-    parts = [f"{count} {name}" for name, count in zip(names, counts, strict=True) if count]
-    return ", ".join(parts) or "no run"
 
 
 def recommendation_texts(data: ReportData) -> dict[str, Any]:

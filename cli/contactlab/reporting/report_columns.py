@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS, METRICS
 from contactlab.measure import STABLE as STABLE_LABEL
 from contactlab.palette import STABLE_COLOUR, failure_colour
-from contactlab.schema.axis_forms import Role, axis_role
+from contactlab.schema.axis_forms import Role, axis_roles
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import MeasuredColumn, RunColumns
@@ -123,8 +123,8 @@ def number_with_unit(text: str, unit: str) -> str:
 
 def read_axes(store: Store) -> tuple[GridAxis, ...]:
     """Return the axes that differ between runs of a store, and the seed if there are several."""
-    columns = store.columns
-    roles = _roles(store)
+    columns, sweep = store.columns, Sweep.model_validate(store.manifest.sweep.resolved)
+    roles: dict[str, Role] = {**axis_roles(sweep.axes, *sweep.zip), SEED: "scenario"}
     names = [name for name in (*columns.axis_names, SEED) if name in columns.schema.names]
     axes = [_axis(columns, name, roles.get(name, "knob")) for name in dict.fromkeys(names)]
     return tuple(axis for axis in axes if len(axis.ticks) > 1)
@@ -166,12 +166,6 @@ def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes, Floats]:
     pairs = list(zip(edges[:-1].tolist(), edges[1:].tolist(), strict=True))
     ticks = tuple(f"{first:.3g} to {last:.3g}" for first, last in pairs)
     return ticks, codes.astype(np.int64), np.array([(first + last) / 2 for first, last in pairs])
-
-
-def _roles(store: Store) -> dict[str, Role]:
-    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
-    named = [*sweep.axes.items(), *(pair for block in sweep.zip for pair in block.items())]
-    return {**{name: axis_role(axis) for name, axis in named}, SEED: "scenario"}
 
 
 def combination_codes(axes: Sequence[GridAxis], runs: int) -> Codes:

@@ -91,7 +91,13 @@ def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Re
         StoreError: the store has no value of the error that is asked for.
     """
     axes, labels = read_axes(store), read_run_labels(store)
-    report, reason = _analysed(store, criteria)
+    report, reason = None, ""
+    try:
+        report = analyse(store, criteria)
+    except StoreError as error:
+        if criteria.error is not None:
+            raise
+        reason = str(error)
     return ReportData(
         store=store,
         axes=axes,
@@ -102,13 +108,3 @@ def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Re
         tradeoff=report,
         no_tradeoff=reason,
     )
-
-
-def _analysed(store: Store, criteria: Criteria) -> tuple[TradeoffReport | None, str]:
-    """Return the trade-off of a store; without one, why there is none."""
-    try:
-        return analyse(store, criteria), ""
-    except StoreError as error:
-        if criteria.error is not None:
-            raise
-        return None, str(error)

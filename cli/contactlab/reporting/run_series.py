@@ -65,7 +65,14 @@ class ModeBand:
 
 def read_signals(trace: StoredTrace) -> list[Signal]:
     """Return the motion, forces and depths of a run, in at most 400 points each."""
-    return [*_motion(trace), *(each for pair in trace.pairs for each in _contact(trace, pair))]
+    entries = _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos)
+    return [
+        *(
+            _signal(each.name, each.unit, "motion", trace.time, trace.qpos[:, each.index])
+            for each in entries
+        ),
+        *(each for pair in trace.pairs for each in _contact(trace, pair)),
+    ]
 
 
 def read_mode_bands(trace: StoredTrace) -> list[ModeBand]:
@@ -93,12 +100,6 @@ def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
 def _signal(name: str, unit: str, panel: str, time: Floats, values: Floats) -> Signal:
     indices = decimated(values)
     return Signal(name, unit, panel, time[indices], values[indices])
-
-
-def _motion(trace: StoredTrace) -> Iterator[Signal]:
-    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
-    for each in _most_active(entries, trace.qpos):
-        yield _signal(each.name, each.unit, "motion", trace.time, trace.qpos[:, each.index])
 
 
 def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry]:
@@ -143,17 +144,13 @@ def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
     entries: list[QposEntry] = []
     index = 0
     for name, kind in joints:
-        entries += _entries(index, name, kind)
+        if kind == "free":
+            for offset, axis in enumerate("xyz"):
+                entries.append(QposEntry(index + offset, f"{name} {axis}", "m", axis == "z"))
+        elif kind != "ball":
+            entries.append(QposEntry(index, name, "m" if kind == "slide" else "rad", False))
         index += _JOINT_SIZES[kind]
     return tuple(entries)
-
-
-def _entries(index: int, name: str, kind: str) -> Iterator[QposEntry]:
-    if kind == "free":
-        for offset, axis in enumerate("xyz"):
-            yield QposEntry(index + offset, f"{name} {axis}", "m", axis == "z")
-    elif kind != "ball":
-        yield QposEntry(index, name, "m" if kind == "slide" else "rad", False)
 
 
 def _joints_of_model(model_xml: bytes) -> Iterator[tuple[str, str]]:

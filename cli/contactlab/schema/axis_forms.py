@@ -117,9 +117,10 @@ Axis = Annotated[
 ]
 
 
-def axis_role(axis: Axis) -> Role:
-    """Return the role of an axis: a knob unless it says otherwise."""
-    return axis.role if isinstance(axis, Ranged) else "knob"
+def axis_roles(*blocks: Mapping[str, Axis]) -> dict[str, Role]:
+    """Return the role of each axis of some blocks: a knob unless it says otherwise."""
+    axes = [pair for block in blocks for pair in block.items()]
+    return {name: axis.role if isinstance(axis, Ranged) else "knob" for name, axis in axes}
 
 
 def is_sampled(axis: Axis) -> TypeGuard[Uniform | Loguniform]:

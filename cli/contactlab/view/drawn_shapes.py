@@ -114,19 +114,15 @@ def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
         form, axes = _SOLIDS[kind]
         yield _shape(model, geom, form, 2 * size[axes])
     if kind == _GEOM.mjGEOM_CAPSULE:
-        yield from _caps(model, geom, radius=size[0], half=size[1])
+        for end, place in (("/top", size[1]), ("/bottom", -size[1])):
+            offset = np.array([0.0, 0.0, place])
+            yield _shape(model, geom, Form.ellipsoid, np.full(3, 2 * size[0]), offset, end)
     elif kind == _GEOM.mjGEOM_PLANE:
         yield _plane(model, geom, size)
     elif kind == _GEOM.mjGEOM_HFIELD:
         yield _mesh(model, geom, *_field(model, int(model.geom_dataid[geom])))
     elif kind in _SURFACES:
         yield _mesh(model, geom, *_surface(model, int(model.geom_dataid[geom])))
-
-
-def _caps(model: mujoco.MjModel, geom: int, radius: float, half: float) -> Iterator[BodyShape]:
-    for end, place in (("/top", half), ("/bottom", -half)):
-        offset = np.array([0.0, 0.0, place])
-        yield _shape(model, geom, Form.ellipsoid, np.full(3, 2 * radius), offset, end)
 
 
 def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:

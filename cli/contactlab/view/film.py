@@ -104,14 +104,8 @@ def write_gif(target: Path, pictures: Iterator[Picture], rate: int) -> None:
     """Write pictures as an endless animation, `rate` per second."""
     images = (Image.fromarray(picture) for picture in pictures)
     with atomic_write(target) as temporary:
-        next(images).save(
-            temporary,
-            format="GIF",
-            save_all=True,
-            append_images=images,
-            duration=1000 // rate,
-            loop=0,
-        )
+        animation = {"save_all": True, "append_images": images, "duration": 1000 // rate, "loop": 0}
+        next(images).save(temporary, format="GIF", **animation)
 
 
 def captioned(picture: Picture, text: str) -> Picture:

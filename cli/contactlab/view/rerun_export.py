@@ -3,8 +3,9 @@
 Source: the archetypes at https://ref.rerun.io/docs/python; quaternions there are x, y, z, w.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import rerun as rr
@@ -14,7 +15,7 @@ from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
+from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape, Form
 
@@ -80,22 +81,17 @@ def _archetype(shape: BodyShape) -> rr.AsComponents:
             triangle_indices=shape.triangles,
             albedo_factor=shape.colour,
         )
-    centre, turn = [shape.position], [shape.rotation[_XYZW]]
-    colours, solid = [shape.colour], rr.components.FillMode.Solid
     half = shape.size / 2
+    look: dict[str, Any] = {
+        "centers": [shape.position],
+        "quaternions": [shape.rotation[_XYZW]],
+        "colors": [shape.colour],
+        "fill_mode": rr.components.FillMode.Solid,
+    }
     if shape.form is Form.cylinder:
-        return rr.Cylinders3D(
-            lengths=shape.size[2],
-            radii=half[0],
-            centers=centre,
-            quaternions=turn,
-            colors=colours,
-            fill_mode=solid,
-        )
+        return rr.Cylinders3D(lengths=shape.size[2], radii=half[0], **look)
     kind = rr.Boxes3D if shape.form is Form.box else rr.Ellipsoids3D
-    return kind(
-        half_sizes=[half], centers=centre, quaternions=turn, colors=colours, fill_mode=solid
-    )
+    return kind(half_sizes=[half], **look)
 
 
 def _send_forces(recording: rr.RecordingStream, motion: BodyMotion) -> None:
@@ -118,20 +114,17 @@ def _series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
     yield "solver/contacts", trace.contacts.astype(np.float64)
     yield "solver/iterations", trace.iterations.astype(np.float64)
     for pair in trace.pairs:
-        for name, values in _pair_series(pair):
+        columns = {
+            "normal_force": pair.normal,
+            "tangential_force": pair.tangential,
+            "penetration": np.maximum(-pair.distance, 0),
+            "slip_speed": pair.slip,
+            "mode": pair.mode.astype(np.float64),
+        }
+        for name, values in columns.items():
             series = np.zeros(len(trace.kinetic))
             series[pair.steps] = values
             yield _entity("pairs", pair.name, name), series
-
-
-def _pair_series(pair: StoredPair) -> Sequence[tuple[str, Floats]]:
-    return (
-        ("normal_force", pair.normal),
-        ("tangential_force", pair.tangential),
-        ("penetration", np.maximum(-pair.distance, 0)),
-        ("slip_speed", pair.slip),
-        ("mode", pair.mode.astype(np.float64)),
-    )
 
 
 def _index(time: Floats) -> rr.TimeColumn:

@@ -140,8 +140,9 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     setup = request.setup
     toggles = {each.effect: each for each in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
-    singles, proven = _singles(toggles), _proven(toggles)
-    configurations = [BASE, *singles.values(), *([proven] if proven else [])]
+    proven = merged([name for name, each in toggles.items() if each.proof is not None])
+    singles = [(name,) for name, each in toggles.items() if each.proof is None]
+    configurations = [BASE, *singles, *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
     timed = _timed(trials, "timing", configurations)
     findings = [_finding(setup, toggles[name], outcomes, timed, proven) for name in toggles]
@@ -170,14 +171,6 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
-
-
-def _singles(toggles: Mapping[str, Toggle]) -> dict[str, Changed]:
-    return {name: (name,) for name, each in toggles.items() if each.proof is None}
-
-
-def _proven(toggles: Mapping[str, Toggle]) -> Changed:
-    return merged([name for name, each in toggles.items() if each.proof is not None])
 
 
 def _timed(
@@ -243,7 +236,8 @@ def _worthwhile(findings: Sequence[EffectFinding]) -> list[str]:
     guard against settings that this scene does not have.
     """
     worthwhile = [each for each in findings if each.need == "saves" or _is_spare(each)]
-    return [each.effect for each in sorted(worthwhile, key=_ratio)]
+    ranked = sorted(worthwhile, key=lambda each: 1.0 if each.cost is None else each.cost.ratio)
+    return [each.effect for each in ranked]
 
 
 def _is_spare(finding: EffectFinding) -> bool:
@@ -251,10 +245,6 @@ def _is_spare(finding: EffectFinding) -> bool:
         return False
     cost = finding.cost
     return finding.kind != "numerical" or (cost is not None and cost.high < 1)
-
-
-def _ratio(finding: EffectFinding) -> float:
-    return 1.0 if finding.cost is None else finding.cost.ratio
 
 
 def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> SmallestSet:
@@ -279,14 +269,8 @@ def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
     first = max(setup.seeds) + 1
     seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), setup.fresh_scenarios
     if not free:
-        return Verification(
-            seeds=seeds,
-            scenarios=(),
-            runs=0,
-            holds=True,
-            reason="nothing can be left out",
-            cost=None,
-        )
+        why = "nothing can be left out"
+        return Verification(seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, cost=None)
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
     exempt = exempted(free, setup.tolerances)

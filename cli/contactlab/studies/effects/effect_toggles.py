@@ -171,11 +171,14 @@ class ConfigurationRunner:
         content = {key: value for key, value in sweep.items() if value is not None}
         table = self.session.run_derived(name, content, setup.scenes).table
         self.stores.append(name)
-        runs = {row["run_id"]: row for row in table.to_pylist()}
+        runs, scene = {row["run_id"]: row for row in table.to_pylist()}, setup.scene
+
+        def stored(values: Values) -> tuple[Row, ...]:
+            ids = (scene.run_id(scene.resolve(values, seed, setup.duration)) for seed in seeds)
+            return tuple(runs[each] for each in ids)
+
         return {
-            each: ConfigurationRows(
-                tuple(tuple(runs[self._id(row, seed)] for seed in seeds) for row in of_each)
-            )
+            each: ConfigurationRows(tuple(map(stored, of_each)))
             for each, of_each in zip(unique, rows, strict=True)
         }
 
@@ -185,7 +188,3 @@ class ConfigurationRunner:
         for name in changed:
             values |= self.toggles[name].values
         return values
-
-    def _id(self, values: Values, seed: int) -> str:
-        scene = self.setup.scene
-        return scene.run_id(scene.resolve(values, seed, self.setup.duration))

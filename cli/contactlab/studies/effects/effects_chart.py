@@ -9,7 +9,7 @@ from typing import Any
 import altair as alt
 
 from contactlab.pareto.drawing import save_figure
-from contactlab.schema.effects_report import EffectFinding, EffectsReport, MetricChange
+from contactlab.schema.effects_report import EffectFinding, EffectsReport
 
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3
@@ -48,26 +48,18 @@ def specification(report: EffectsReport) -> alt.TopLevelMixin:
 def _row(finding: EffectFinding) -> dict[str, Any]:
     cost = finding.cost
     state = "on" if finding.on else "off"
+    sizes = [_MOST if each.times is None else each.times for each in finding.changes]
+    times = _MOST if finding.labels else max(sizes, default=0.0)
     return {
         "effect": f"{finding.effect} ({state})",
         "need": finding.need,
-        "times": min(max(_times(finding), _LEAST), _MOST),
+        "times": min(max(times, _LEAST), _MOST),
         "left": _LEAST,
         "ratio": cost and cost.ratio,
         "low": cost and cost.low,
         "high": cost and cost.high,
         "one": 1.0,
     }
-
-
-def _times(finding: EffectFinding) -> float:
-    if finding.labels:
-        return _MOST
-    return max((_size(each) for each in finding.changes), default=0.0)
-
-
-def _size(change: MetricChange) -> float:
-    return _MOST if change.times is None else change.times
 
 
 def _changes(rows: list[dict[str, Any]], order: list[str]) -> alt.LayerChart | alt.FacetChart:

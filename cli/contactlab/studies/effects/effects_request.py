@@ -50,12 +50,16 @@ class EffectsRequest:
         read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
         reference, sweep = read.sweep.scene, read.sweep
         assigned, _ = read_settings(scenes, reference, self.assign)
-        scenarios = _scenarios(read.plan)
+        scenarios, axes = _scenarios(read.plan), read.plan.axes
+        # The values that the sweep gives to every run, its effects among them.
+        varied = {axis.name for axis in axes if axis.count > 1 or axis.role == "scenario"}
+        first = next(read.plan.runs()).values
+        fixed = {name: value for name, value in first.items() if name not in varied}
         manifest = scenes.open(reference).source.manifest
         return AblationSetup(
             scenes=scenes,
             reference=reference,
-            base={**_fixed(read.plan), **assigned},
+            base={**fixed, **assigned},
             scenarios=scenarios,
             fresh_scenarios=_between(scenarios),
             seeds=tuple(range(self.seeds)),
@@ -97,12 +101,6 @@ class AblationSetup:
         return self.scenes.open(self.reference).with_effects("all")
 
 
-def _fixed(plan: Plan) -> dict[str, object]:
-    """Return the values that a sweep gives to every run, its effects among them."""
-    varied = {axis.name for axis in plan.axes if axis.count > 1 or axis.role == "scenario"}
-    return {name: value for name, value in next(plan.runs()).values.items() if name not in varied}
-
-
 def _scenarios(plan: Plan) -> tuple[Values, ...]:
     names = [axis.name for axis in plan.axes if axis.role == "scenario"]
     scenarios: dict[str, Values] = {}
@@ -122,11 +120,8 @@ def _half_way(first: Values, second: Values) -> dict[str, object]:
     middle = dict(first)
     for name, value in first.items():
         other = second.get(name)
-        # Whole numbers count or choose, and have nothing between.
-        if isinstance(value, float) and isinstance(other, float) and not _are_whole(value, other):
-            middle[name] = (value + other) / 2
+        if isinstance(value, float) and isinstance(other, float):
+            # Whole numbers count or choose, and have nothing between.
+            whole = value.is_integer() and other.is_integer() and abs(value - other) <= 1
+            middle[name] = value if whole else (value + other) / 2
     return middle
-
-
-def _are_whole(*values: float) -> bool:
-    return all(value == int(value) for value in values) and max(values) - min(values) <= 1

@@ -95,27 +95,25 @@ def difference(
     Exempt are metrics that the other one cannot measure.
     """
     names = [name for name in setup.tolerances or judged_metrics() if name not in exempt]
-    largest = [max(_changes(name, setup, scenarios, base, other), key=_weight) for name in names]
+    matched = list(zip(scenarios, base.rows, other.rows, strict=True))
+    largest = [
+        max((_change(name, setup.tolerances, *each) for each in matched), key=_weight)
+        for name in names
+    ]
     changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
-    for first, second in zip(base.rows, other.rows, strict=True):
-        labels.update(_label_changes(first, second))
+    for _, first, second in matched:
+        known = {row["label"] for row in first}
+        labels.update(
+            f"{one['label']} -> {two['label']}"
+            for one, two in zip(first, second, strict=True)
+            if two["label"] not in known
+        )
     return ConfigurationDifference(tuple(changes), dict(labels))
 
 
 def _weight(change: MetricChange) -> tuple[bool, float]:
     return change.matters, inf if change.times is None else change.times
-
-
-def _changes(
-    name: str,
-    setup: AblationSetup,
-    scenarios: Sequence[Values],
-    base: ConfigurationRows,
-    other: ConfigurationRows,
-) -> Iterator[MetricChange]:
-    for scenario, first, second in zip(scenarios, base.rows, other.rows, strict=True):
-        yield _change(name, setup.tolerances, scenario, first, second)
 
 
 def _change(
@@ -150,14 +148,6 @@ def _change(
         scenario={key: as_written(value) for key, value in scenario.items()},
         matters=size > tolerance and size > spread,
     )
-
-
-def _label_changes(base: Sequence[Row], other: Sequence[Row]) -> Iterator[str]:
-    """Yield label changes to labels that the base has with no seed."""
-    known = {row["label"] for row in base}
-    for first, second in zip(base, other, strict=True):
-        if second["label"] not in known:
-            yield f"{first['label']} -> {second['label']}"
 
 
 def _change_text(change: MetricChange) -> str:
