@@ -63,9 +63,9 @@ def loop(model: mujoco.MjModel, starts: InitialStates, run: int, steps: int) -> 
     data.xfrc_applied[:] = starts.applied[run].reshape(-1, 6)
     rows: list[tuple[np.ndarray, ...]] = []
     for step in range(steps):
-        for place, knots, levels in zip(
-            starts.driven[run], starts.knots[run], starts.levels[run], strict=True
-        ):
+        signals = starts.signals[run]
+        times = np.broadcast_to(signals.times, signals.levels.shape)
+        for place, knots, levels in zip(signals.places, times, signals.levels, strict=True):
             target = data.ctrl if place < model.nu else data.xfrc_applied.reshape(-1)
             target[place - model.nu * (place >= model.nu)] = np.interp(
                 step * model.opt.timestep, knots, levels

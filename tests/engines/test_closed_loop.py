@@ -223,7 +223,10 @@ def test_segments_are_one_rollout(name: str, mixed: Scene, make_scene: Make) -> 
     runs = prepared(scene, drive(rate=37.0), still, *values, steps=600)
     cut = flown(runs)
     state, sensors, iterations = (part.copy() for part in (cut.state, cut.sensors, cut.iterations))
-    starts = runs.starts._replace(levels=np.full_like(runs.starts.levels, 0.3))
+    constant = [
+        replace(each, levels=np.full_like(each.levels, 0.3)) for each in runs.starts.signals
+    ]
+    starts = runs.starts._replace(signals=tuple(constant))
     whole = roll_out(runs.models, starts, 600, Buffers())
     assert cut.steps == whole.steps == (600,) * len(values)
     assert whole.state.tobytes() == state.tobytes()
@@ -373,7 +376,8 @@ def test_forces_of_the_scene_act_beside_a_policy(make_scene: Make) -> None:
     assert roll_out(runs.models, starts, STEPS, Buffers()).state.tobytes() == state.tobytes()
     calm = flown(prepared(pushed, drive(latency=0.005), Feedback, {"tilt": 0.1}, {"tilt": -0.1}))
     assert calm.state.tobytes() == state.tobytes()
-    alone = runs.starts._replace(levels=runs.starts.levels * 0)
+    idle = [replace(each, levels=each.levels * 0) for each in runs.starts.signals]
+    alone = runs.starts._replace(signals=tuple(idle))
     assert flown(replace(runs, starts=alone)).state.tobytes() != state.tobytes()
 
 

@@ -114,8 +114,9 @@ def test_times_and_values_follow_the_runs_own_initial_values(make_scene: Make, r
     )
     rolled = roll(scene, [{}, {"close": 0.1, "reach": -0.2}], STEPS)
     rolled.assert_equals_loop(STEPS)
-    assert rolled.starts.knots.tolist() == [[[0.0, 0.05]], [[0.0, 0.1]]]
-    assert rolled.starts.levels.tolist() == [[[0.01, 0.2]], [[0.01, -0.4]]]
+    assert [each.times.tolist() for each in rolled.starts.signals] == [[[0.0, 0.05]], [[0.0, 0.1]]]
+    levels = [each.levels.tolist() for each in rolled.starts.signals]
+    assert levels == [[[0.01, 0.2]], [[0.01, -0.4]]]
     assert rolled.starts.ctrl.tolist() == [[0.0, 0.01], [0.0, 0.01]]
 
 
@@ -130,7 +131,7 @@ def test_a_pattern_drives_several_inputs(make_scene: Make, roll: Any) -> None:
     scene = driven(make_scene, '{"*.ctrl": {at: [0, 0.1], to: [0, 1]}, box.fy: {at: [0], to: [2]}}')
     rolled = roll(scene, [{}], STEPS)
     rolled.assert_equals_loop(STEPS)
-    assert rolled.starts.driven.shape == (1, 3)
+    assert rolled.starts.driven.shape == (3,)
     assert rolled.starts.applied[0].max() == 2
 
 
@@ -159,7 +160,8 @@ def test_the_second_pass_sees_the_same_run(make_scene: Make, roll: Any) -> None:
     runs = replace(runs, steps=STEPS)
     checks = mujoco.check_runs(runs, trace)
     assert checks.repeats.all()
-    other = rolled.starts._replace(levels=rolled.starts.levels + 1)
+    (signals,) = rolled.starts.signals
+    other = rolled.starts._replace(signals=(replace(signals, levels=signals.levels + 1),))
     assert not mujoco.check_runs(replace(runs, starts=other), trace).repeats.any()
     assert checks.jacobian.max() < 1e-6
 

@@ -26,6 +26,7 @@ from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch
 from contactlab.scene.scene import Scene
+from contactlab.scene.timed_inputs import Signals
 
 pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
 
@@ -181,8 +182,8 @@ def test_cost_is_that_of_native_steps() -> None:
     runs = replace(PreparedRuns.of(scene, scene.resolve({}, 0, None)), steps=500)
     assert (engine.roll_out(runs, Buffers()).cost > 0).all()
     assert engine.null_fields(driven=False) == {}
-    knots = np.zeros((1, 1, 1))
-    starts = runs.starts._replace(driven=np.zeros((1, 1), np.intp), knots=knots, levels=knots)
+    signals = Signals(np.zeros(1, np.intp), np.zeros((1, 1)), np.zeros((1, 1)))
+    starts = runs.starts._replace(signals=(signals,))
     driven = replace(runs, starts=starts, steps=10)
     assert np.isnan(engine.roll_out(driven, Buffers()).cost).all()
     assert list(engine.null_fields(driven=True)) == ["cost"]

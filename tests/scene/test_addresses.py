@@ -114,7 +114,7 @@ def test_a_manifest_uses_addresses(make_scene: Make) -> None:
     assert base.settings["keyframe"] == "key[2]"
     assert base.targets.subject == 2
     start = scene.starts([scene.resolve({}, 1, None)])
-    assert start.driven.tolist() == [[2]]
+    assert start.driven.tolist() == [2]
     assert start.qpos[0].nonzero()[0].tolist() == [2, 3, 8]
 
 

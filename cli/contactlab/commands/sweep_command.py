@@ -40,6 +40,7 @@ def sweep(
     ] = None,
     workers: opt.WorkersOption = None,
     *,
+    drive: opt.DriveOption = None,
     executor: Annotated[
         ExecutorName, typer.Option(help="Where jobs run: on this machine, or on a Ray cluster.")
     ] = "local",
@@ -88,6 +89,7 @@ def sweep(
         folder=path.parent,
         workers=worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
+        drive=opt.drive_of(drive),
         fresh=fresh,
         retry_failed=retry_failed,
         repair=repair,

@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SampledStates, Watch, no_limit
 from contactlab.engines.mujoco_batch import STATE, Batch, driven, start_batch
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _BLOCK_BYTES = 4 << 20
 # A time within this fraction of a step of a step's end counts as that end.
@@ -121,8 +121,7 @@ def _finish(run: _Run, states: Floats, grid: _Grid) -> bool:
         mujoco.mj_resetData(model, data)
         mujoco.mj_setState(model, data, states[place], int(STATE))
         step = np.array([run.first + grid.steps[place]])
-        inputs = run.start.inputs(0, timestep, step)[0]
-        data.ctrl[:], data.xfrc_applied.flat[:] = inputs[: model.nu], inputs[model.nu :]
+        apply_inputs(model, data, run.start.inputs(0, timestep, step)[0])
         mujoco.mj_step(model, data)
         mujoco.mj_getState(model, data, states[place], int(STATE))
     return bool(np.isfinite(states).all())

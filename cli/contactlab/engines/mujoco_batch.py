@@ -35,6 +35,7 @@ STATE = (
 )
 _CONTROL = mujoco.mjtState.mjSTATE_CTRL.value
 _APPLIED = mujoco.mjtState.mjSTATE_XFRC_APPLIED.value
+_MOCAP = mujoco.mjtState.mjSTATE_MOCAP_POS.value | mujoco.mjtState.mjSTATE_MOCAP_QUAT.value
 _PERSISTENT = sum(
     int(getattr(mujoco.mjtEnableBit, name, 0)) for name in ("mjENBL_SLEEP", "mjENBL_IPC")
 )
@@ -61,12 +62,16 @@ def driven(
     model: mujoco.MjModel, starts: InitialStates, run: int, steps: int, first: float = 0
 ) -> dict[str, Any]:
     """Return a batch's arguments for inputs that change over time; none if none does."""
-    if not starts.driven.size:
+    places = starts.signals[run].places
+    if not places.size:
         return {}
     inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps))
-    if starts.driven.max() < model.nu:
-        return {"control": inputs[None, :, : model.nu], "control_spec": _CONTROL}
-    return {"control": inputs[None], "control_spec": _CONTROL | _APPLIED}
+    width, spec = model.nu, _CONTROL
+    if places.max() >= model.nu:
+        width, spec = model.nu + 6 * model.nbody, _CONTROL | _APPLIED
+    if places.max() >= width:
+        width, spec = inputs.shape[1], spec | _MOCAP
+    return {"control": inputs[None, :, :width], "control_spec": spec}
 
 
 def roll_out(

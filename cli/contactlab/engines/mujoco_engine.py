@@ -100,7 +100,7 @@ class OlderMujocoEngine(MujocoEngine):
 def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
     """Return what a run's steps take without Python between them: made again, unrecorded [s]."""
     model, starts = runs.prepared[run].model, runs.starts
-    if starts.driven.size:
+    if starts.signals[run].places.size:
         return np.nan
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = starts.qpos[run], starts.qvel[run], starts.ctrl[run]

@@ -12,7 +12,7 @@ from contactlab.engines.engine import PreparedRuns, Proceed, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, can_collide
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
@@ -113,8 +113,7 @@ def _accelerations(
     accelerations: list[Floats] = []
     acting = starts.inputs(run, model.opt.timestep, steps)
     for step, inputs in zip(steps, acting, strict=True):
-        data.ctrl[:] = inputs[: model.nu]
-        data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
+        apply_inputs(model, data, inputs)
         data.qpos[:], data.qvel[:] = trace.qpos[run, step], trace.qvel[run, step]
         data.qacc_warmstart[:] = 0
         mujoco.mj_forward(model, data)

@@ -9,7 +9,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SEGMENTS, Segments, Watch, Work, no_limit
 from contactlab.engines.mujoco_batch import Batch, driven, start_batch
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _CLOCK_SAMPLES = 200
@@ -83,7 +83,7 @@ def time_steps(segments: Segments, most: int) -> Floats:
         mujoco.mj_setState(model, data, state, _INTEGRATION)
         inputs = segments.start.inputs(0, model.opt.timestep, place + np.arange(length))
         for row in inputs:
-            data.ctrl[:], data.xfrc_applied.flat[:] = row[: model.nu], row[model.nu :]
+            apply_inputs(model, data, row)
             begin = clock()
             mujoco.mj_step(model, data)
             times.append(clock() - begin)

@@ -25,6 +25,7 @@ from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.sweep_schema import effects_base
+from contactlab.store.control_table import read_control_table
 from contactlab.store.store_access import local_scene
 
 MAX_RUNS = 32
@@ -136,11 +137,17 @@ class _Check:
         engine = engine_of(row.group.first)
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
             raise SceneError(why)
-        if not self._scene.initial.is_timed or (start := row.start) in self._checked:
+        if row.group.first.drive not in ("none", "hold"):
+            key = (*row.start, row.timestep)
+        elif self._scene.initial.is_timed:
+            key = row.start
+        else:
+            return
+        if key in self._checked:
             return
         self._scene.initial.check(row.resolved(0))
         if len(self._checked) < _MAX_CHECKED:
-            self._checked.add(start)
+            self._checked.add(key)
 
 
 def pack_jobs(
@@ -225,7 +232,9 @@ class Preparer:
         self.task = task
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
-        scene = Scene(stored_scene(folder, task.scene_model, task.scene), ENGINES)
+        scene = Scene(
+            stored_scene(folder, task.scene_model, task.scene), ENGINES, read_control_table
+        )
         if scene.hash != task.scene_folder.name:
             raise StoreError(f"{folder} was changed: its files have the hash {scene.hash}")
         scene = scene.with_effects(effects_base(task.sweep.effects))

@@ -46,6 +46,7 @@ from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import parse_drive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.sweep_schema import effects_base
+from contactlab.store.control_table import read_control_table
 from contactlab.store.finished_store import Store
 
 
@@ -137,7 +138,8 @@ def _prepared(store: Store, record: EvidenceRecord) -> tuple[Scene, ResolvedRun]
     find_engine(record.engine.name)
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
-    scene = Scene(source, ENGINES).with_effects(effects_base(identity.resolved.get("effects", {})))
+    scene = Scene(source, ENGINES, read_control_table)
+    scene = scene.with_effects(effects_base(identity.resolved.get("effects", {})))
     if (drive := identity.resolved.get("drive")) is not None:
         scene = stored_drive(scene, parse_drive(drive), store.scene_folder.parent)
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}

@@ -14,8 +14,10 @@ from contactlab.run.tasks import Executor
 from contactlab.scene.axis_catalogue import LenientCatalogue
 from contactlab.scene.mujoco_versions import why_unsupported
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.schema.vocabulary import Vocabulary
+from contactlab.store.control_table import read_control_table
 from contactlab.store.store_address import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
 
@@ -61,6 +63,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     folder: Path,
     workers: int,
     overrides: Overrides | None = None,
+    drive: Drive | None = None,
     fresh: bool = False,
     partly: bool = False,
     retry_failed: bool = False,
@@ -75,6 +78,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         folder: where relative paths of scenes start.
         workers: worker processes; 0 to run everything in this process.
         overrides: of the command line.
+        drive: what drives the runs, whatever sweep and scene say.
         fresh: whether to replace an existing store.
         partly: whether to leave out runs that only newer engines support, instead of refusing them.
         retry_failed: whether stored runs that failed are run again.
@@ -84,7 +88,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         SweepFileError: the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
-    scenes = SceneLoader(folder)
+    scenes = SceneLoader(folder, drive)
     vocabulary = lenient_vocabulary(scenes.vocabulary) if partly else scenes.vocabulary
     read = read_sweep(source, vocabulary, options)
     scene, plan = scenes.for_sweep(read)
@@ -94,7 +98,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         scene=scene,
         name=name,
         source=read.text,
-        overrides=_given(options),
+        overrides=_given(options, drive),
         store=store,
         workers=workers,
         fresh=fresh,
@@ -104,12 +108,14 @@ def read_request(  # noqa: PLR0913 - one argument an option
     )
 
 
-def _given(overrides: Overrides) -> tuple[str, ...]:
+def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
+    driven = () if drive is None else (f"--drive {drive_text(drive)}",)
     limit = () if overrides.limit is None else (f"--limit {overrides.limit}",)
     return (
         *(f"--set {each}" for each in overrides.assign),
         *(f"--only {each}" for each in overrides.only),
         *limit,
+        *driven,
     )
 
 
@@ -168,20 +174,34 @@ class SceneLoader:
     """Opens the scene that a sweep names, once.
 
     Attributes:
-        folder: where relative paths of scenes start: beside the sweep file.
+        folder: where relative paths of scenes, and of files of drives, start: beside the sweep.
+        drive: what drives runs, whatever sweep or scene say; of an option. Its file is relative to
+            the working directory.
+        bare: what drives a model without a manifest, if nothing else is said.
     """
 
     folder: Path | None
+    drive: Drive | None = None
+    bare: Drive = "hold"
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
+    _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
     def open(self, reference: str) -> Scene:
-        """Return the scene.
+        """Return the scene, driven as the option says, else as the scene itself does.
 
         Raises:
-            SceneError: there is none, or a name of its own is already a column's.
+            SceneError: there is none, a name of its own is already a column's, or its drive does
+                not suit it.
         """
+        if reference not in self._driven:
+            scene = self._undriven(reference)
+            bare = self.bare if scene.source.manifest is None else None
+            self._driven[reference] = scene.with_drive(self.drive or bare, Path())
+        return self._driven[reference]
+
+    def _undriven(self, reference: str) -> Scene:
         if reference not in self._opened:
-            scene = Scene.open(reference, self.folder, ENGINES)
+            scene = Scene.open(reference, self.folder, ENGINES, read_control_table)
             _check_names(scene)
             _check_manifest(scene)
             self._opened[reference] = scene
@@ -193,17 +213,20 @@ class SceneLoader:
         Raises:
             SceneError: a file of the drive is missing, or the drive does not fit the model.
         """
-        sweep, folder = read.sweep, self.folder or Path()
-        scene = self.open(sweep.scene).with_effects(effects_base(sweep.effects))
-        if sweep.drive is None:
-            return scene, read.plan
-        scene = scene.with_drive(sweep.drive, folder)
-        located = sweep.model_copy(update={"drive": scene.drive.drive})
-        return scene, replace(read.plan, sweep=located)
+        sweep = read.sweep
+        if sweep.drive is not None and self.drive is None:
+            scene = self._undriven(sweep.scene).with_drive(sweep.drive, self.folder or Path())
+        else:
+            scene = self.open(sweep.scene)
+        # What a manifest says is in the scene's own copy.
+        own = self._undriven(sweep.scene).drive
+        drive = None if scene.drive == own else scene.drive.drive
+        located = sweep.model_copy(update={"drive": drive})
+        return scene.with_effects(effects_base(sweep.effects)), replace(read.plan, sweep=located)
 
     def vocabulary(self, reference: str) -> Vocabulary:
         """Return every name that a sweep of the scene may use."""
-        scene = self.open(reference)
+        scene = self._undriven(reference)
         return Vocabulary(scene.catalogue, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
 
 

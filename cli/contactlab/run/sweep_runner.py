@@ -145,7 +145,8 @@ def _task(request: SweepRequest, store: StoreWriter, runs: int) -> Task:
 
 
 def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
-    manifest = request.scene.source.manifest
+    manifest, drive = request.scene.source.manifest, request.scene.drive.drive
+    timed = bool(manifest and manifest.control) or drive not in ("none", "hold")
     return SweepIdentity(
         name=request.name,
         source=request.source,
@@ -158,7 +159,7 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         engine=engine(),
         metric_versions=metric_versions(),
         runs_asked=len(index),
-        lacking=_null_fields(index, driven=bool(manifest and manifest.control)),
+        lacking=_null_fields(index, driven=timed),
         plan_hash=index.hash,
         plugins=plugin_infos(loaded_plugins()),
     )

@@ -16,6 +16,7 @@ from contactlab.scene.contact_pairs import (
     detected_pairs,
     effective_parameters,
 )
+from contactlab.scene.drive.hold import Servos
 from contactlab.scene.effects.effect import EffectRequest, EffectState, ModelFacts, RunState
 from contactlab.scene.effects.effect_choice import (
     choose,
@@ -84,6 +85,7 @@ class CompiledScene:
         edits: Mapping[str, object],
         effect_request: EffectRequest | None = None,
         start: InitialStates | None = None,
+        servos: Servos | None = None,
     ) -> "PreparedModel":
         """Return a copy of the model with edits written, and its effective contact parameters.
 
@@ -91,8 +93,11 @@ class CompiledScene:
             edits: settings and effects to write.
             effect_request: decides the other effects; they stay as they are if None.
             start: the run's initial state, n being 1; proofs that look at it fail if None.
+            servos: springs that the run's drive adds to actuators.
         """
         model = copy.copy(self.model)
+        if servos is not None:
+            servos.write(model)
         place_mocap(model, str({**self.settings, **edits}.get("keyframe", QPOS0)))
         apply_settings(model, edits, self.targets)
         effects: dict[str, EffectState] = {}

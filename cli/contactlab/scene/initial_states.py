@@ -1,11 +1,13 @@
 """Initial states: the model's or a keyframe's, set by initial values, perturbed by a seed."""
 
+import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.contact.trace_arrays import Floats
@@ -15,8 +17,9 @@ from contactlab.expression import Expression
 from contactlab.scene.model_joints import match_coordinates
 from contactlab.scene.timed_inputs import (
     ControlProfile,
+    Signals,
     computed,
-    control_knots,
+    control_signals,
     read_control,
     read_formula,
 )
@@ -71,28 +74,31 @@ def place_mocap(model: mujoco.MjModel, keyframe: str) -> None:
 class InitialStates(NamedTuple):
     """Initial states and inputs of n runs.
 
-    The inputs are the controls followed by `applied`. P of them are driven: each interpolates
-    linearly between its K knots. The others are constant.
+    The inputs are the controls, then `applied`, then `mocap`. Signals drive some of them over time;
+    the others are constant.
 
     Attributes:
         qpos: (n, nq) configuration.
         qvel: (n, nv) velocity.
         ctrl: (n, nu) control at the start.
         applied: (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
-        driven: (n, P) indices, among the inputs, of those that are driven.
-        knots: (n, P, K) times of their knots [s], non-decreasing.
-        levels: (n, P, K) their values at the knots.
         act: (n, na) actuator activations at the start.
+        mocap: (n, 7 nmocap) positions [m], then quaternions, of mocap bodies at the start.
+        signals: (n) what drives each run.
     """
 
     qpos: Floats
     qvel: Floats
     ctrl: Floats
     applied: Floats
-    driven: np.ndarray
-    knots: Floats
-    levels: Floats
     act: Floats
+    mocap: Floats
+    signals: tuple[Signals, ...]
+
+    @property
+    def driven(self) -> NDArray[np.intp]:
+        """Indices of the inputs that are driven in any of the runs."""
+        return np.unique(np.concatenate([each.places for each in self.signals]))
 
     def pick(self, run: int) -> "InitialStates":
         """Return the initial state of one run, n being 1."""
@@ -100,41 +106,38 @@ class InitialStates(NamedTuple):
 
     def rows(self, runs: Sequence[int]) -> "InitialStates":
         """Return the initial states of some runs."""
-        return InitialStates(*(array[list(runs)] for array in self))
+        picked = {name: getattr(self, name)[list(runs)] for name in _ARRAYS}
+        return self._replace(**picked, signals=tuple(self.signals[run] for run in runs))
 
     def acted_on(self, controls: Sequence[RecordedControls]) -> "InitialStates":
         """Return these states with recorded controls in place of any others, one for each run."""
-        acted = [each.knots for each in controls]
-        most = max(self.knots.shape[2], *(len(times) for times, _ in acted))
         count = self.ctrl.shape[1]
-        driven = np.tile(np.arange(count), (len(acted), 1))
-        knots = np.array([np.tile(_padded(times, most), (count, 1)) for times, _ in acted])
-        levels = np.array([_padded(values, most) for _, values in acted])
-        others = np.flatnonzero((self.driven >= count).all(axis=0))
-        if len(others):
-            driven = np.concatenate([driven, self.driven[:, others]], axis=1)
-            knots = np.concatenate([knots, _padded(self.knots[:, others], most)], axis=1)
-            levels = np.concatenate([levels, _padded(self.levels[:, others], most)], axis=1)
-        start = np.array([values[:, 0] for _, values in acted])
-        return self._replace(ctrl=start, driven=driven, knots=knots, levels=levels)
+        signals: list[Signals] = []
+        for each, own in zip(controls, self.signals, strict=True):
+            times, levels = each.knots
+            acted = Signals(np.arange(count), times[None], levels)
+            signals.append(acted.joined(own.without(own.places < count)))
+        start = np.array([each.levels[0] for each in controls])
+        return self._replace(ctrl=start, signals=tuple(signals))
 
     @classmethod
     def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return several initial states, one after the other."""
-        return cls(*(np.concatenate(arrays) for arrays in zip(*starts, strict=True)))
+        arrays = {
+            name: np.concatenate([getattr(each, name) for each in starts]) for name in _ARRAYS
+        }
+        return starts[0]._replace(
+            **arrays, signals=tuple(itertools.chain(*[each.signals for each in starts]))
+        )
 
     def inputs(self, run: int, timestep: float, steps: np.ndarray) -> Floats:
-        """Return (T, nu + 6 nbody) the inputs of one run during some steps.
+        """Return (T, nu + 6 nbody + 7 nmocap) the inputs of one run during some steps.
 
-        Step k has the inputs at time k timestep [s]; k need not be whole. Before its first knot an
-        input has the first level, after its last knot the last; of two knots at one time, the later
-        one counts.
+        Step k has the inputs at time k timestep [s]; k need not be whole.
         """
-        constant = np.concatenate([self.ctrl[run], self.applied[run]])
+        constant = np.concatenate([self.ctrl[run], self.applied[run], self.mocap[run]])
         inputs = np.tile(constant, (len(steps), 1))
-        profiles = zip(self.driven[run], self.knots[run], self.levels[run], strict=True)
-        for place, knots, levels in profiles:
-            inputs[:, place] = np.interp(steps * timestep, knots, levels)
+        inputs[:, self.signals[run].places] = self.signals[run].at(steps * timestep)
         return inputs
 
     def control_ranges(self, end: float) -> Floats:
@@ -152,12 +155,15 @@ class InitialStates(NamedTuple):
         return ranges
 
 
-def _padded(knots: Floats, count: int) -> Floats:
-    """Return (..., count) knots, the last one repeated."""
-    return np.take(knots, np.arange(count), axis=-1, mode="clip")
+def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> None:
+    """Write one row of `InitialStates.inputs` into a state."""
+    ctrl, applied, mocap = np.split(inputs, [model.nu, model.nu + 6 * model.nbody])
+    data.ctrl[:], data.xfrc_applied.flat[:] = ctrl, applied
+    data.mocap_pos.flat[:], data.mocap_quat.flat[:] = np.split(mocap, [3 * model.nmocap])
 
 
-_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act")
+_ARRAYS = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
+_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act", "mocap")
 _SEED_SCALE = 1e-4
 _NUDGE = 1e-6
 _PERTURBATION = 1e-8
@@ -171,7 +177,8 @@ class InitialStateRule:
     """How the initial states of one structure are made.
 
     Attributes:
-        state: qpos, qvel, ctrl, xfrc_applied and act, of a keyframe or of `QPOS0`.
+        state: qpos, qvel, ctrl, xfrc_applied, act and poses of mocap bodies, of a keyframe or of
+            `QPOS0`.
         ends: where each of them ends.
         formulas: expressions over the initial values, with the indices that each sets.
         profiles: what inputs do over time.
@@ -198,12 +205,13 @@ class InitialStateRule:
             SceneError: the manifest names coordinates that the model lacks.
         """
         data = start_data(model, keyframe)
-        parts = [getattr(data, field).ravel() for field in _FIELDS]
-        ends: list[int] = np.cumsum([len(part) for part in parts]).tolist()
+        poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])
+        fields = (data.qpos, data.qvel, data.ctrl, data.xfrc_applied.ravel(), data.act, poses)
+        ends: list[int] = np.cumsum([len(field) for field in fields]).tolist()
         offset: dict[str, int] = dict(zip(_FIELDS, [0, *ends], strict=False))
         coordinates, scale = _perturbed_coordinates(model, manifest)
         return cls(
-            state=np.concatenate(parts),
+            state=np.concatenate(fields),
             ends=tuple(ends),
             formulas=tuple(_formulas(model, manifest, offset)) if manifest else (),
             profiles=read_control(model, manifest),
@@ -211,6 +219,29 @@ class InitialStateRule:
             scale=scale,
             quaternions=quaternions(model),
         )
+
+    @property
+    def qpos(self) -> Floats:
+        """(nq,) the configuration, before initial values set it."""
+        return self.state[: self.ends[0]]
+
+    @property
+    def held_ctrl(self) -> Floats:
+        """(nu,) the keyframe's controls; NaN if it has none."""
+        ctrl = self.state[self.ends[1] : self.ends[2]]
+        return ctrl if ctrl.any() else np.full(len(ctrl), np.nan)
+
+    @property
+    def driven_inputs(self) -> set[int]:
+        """Indices of the controls that the scene sets itself, at the start or over time."""
+        first, last = self.ends[1:3]
+        places = {place for each in self.profiles for place in each.inputs}
+        set_here = {place - first for _, indices in self.formulas for place in indices}
+        return {place for place in places | set_here if 0 <= place < last - first}
+
+    def nominal(self, initial: Mapping[str, float]) -> Floats:
+        """Return (nq,) the configuration of some initial values, which no seed perturbs."""
+        return initial_states(replace(self, perturbed=()), [(initial, 0)]).qpos[0]
 
 
 def initial_states(
@@ -226,19 +257,20 @@ def initial_states(
             row[list(rule.perturbed)] += rule.scale * offsets
     if rule.formulas or rule.perturbed:
         _normalise(states, rule)
-    qpos, qvel, ctrl, applied, act = np.split(states, rule.ends[:-1], axis=1)
-    lines = control_knots(rule.profiles, [initial for initial, _ in runs])
-    return _driven(InitialStates(qpos, qvel, ctrl, applied, *lines, act))
+    qpos, qvel, ctrl, applied, act, mocap = np.split(states, rule.ends[:-1], axis=1)
+    signals = tuple(control_signals(rule.profiles, initial) for initial, _ in runs)
+    return at_begin(InitialStates(qpos, qvel, ctrl, applied, act, mocap, signals))
 
 
-def _driven(starts: InitialStates) -> InitialStates:
+def at_begin(starts: InitialStates) -> InitialStates:
     """Return initial states with driven inputs set to their values at time 0."""
     if not starts.driven.size:
         return starts
-    controls = starts.ctrl.shape[1]
     first = np.zeros(1, np.intp)
     inputs = np.concatenate([starts.inputs(run, 0.0, first) for run in range(len(starts.ctrl))])
-    return starts._replace(ctrl=inputs[:, :controls], applied=inputs[:, controls:])
+    ends = np.cumsum([starts.ctrl.shape[1], starts.applied.shape[1]])
+    ctrl, applied, mocap = np.split(inputs, ends, axis=1)
+    return starts._replace(ctrl=ctrl, applied=applied, mocap=mocap)
 
 
 def nudged_states(

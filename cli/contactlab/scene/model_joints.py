@@ -25,7 +25,7 @@ _BALL_VELOCITY = ("wx", "wy", "wz")
 class StateCoordinate:
     """One number of the state: a field and an index in it."""
 
-    field: Literal["qpos", "qvel", "ctrl", "xfrc_applied"]
+    field: Literal["qpos", "qvel", "ctrl", "xfrc_applied", "mocap"]
     index: int
 
 
@@ -41,13 +41,32 @@ def coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
     return dict([*_inputs(model), *_named(model)])
 
 
-def match_coordinates(model: mujoco.MjModel, pattern: str) -> list[StateCoordinate]:
+def mocap_coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
+    """Return BODY.x to .z [m] and .qw to .qz of every mocap body, as MuJoCo orders poses of all."""
+    found: dict[str, StateCoordinate] = {}
+    for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0).tolist():
+        name, place = model.body(body).name, int(model.body_mocapid[body])
+        starts = (*range(3 * place, 3 * place + 3), *range(4 * place, 4 * place + 4))
+        for offset, (part, start) in enumerate(zip(_dotted(_FREE_POSITION), starts, strict=True)):
+            index = start if offset < 3 else 3 * model.nmocap + start
+            found[name + part] = StateCoordinate("mocap", index)
+    return found
+
+
+def match_coordinates(
+    model: mujoco.MjModel, pattern: str, *, mocap: bool = False
+) -> list[StateCoordinate]:
     """Return the coordinates whose name matches a pattern such as `box*.x`.
+
+    Args:
+        model: the model.
+        pattern: of names.
+        mocap: whether poses of mocap bodies are among them.
 
     Raises:
         SceneError: nothing matches.
     """
-    known = coordinates(model)
+    known = coordinates(model) | (mocap_coordinates(model) if mocap else {})
     found = dict.fromkeys(known[name] for name in matching(known, pattern))
     if not found:
         raise SceneError(f"the model has no coordinate '{pattern}'{did_you_mean(pattern, known)}")

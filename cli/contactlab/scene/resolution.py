@@ -28,7 +28,8 @@ from contactlab.schema.drive import Drive, PolicyDrive, drive_identity
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import switches
 
-_DURATION = 2.0
+BARE_DURATION = 2.0
+"""How long runs of a model without a manifest take, unless its drive has a duration [s]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,6 +142,7 @@ class RunResolver:
         engines: what may simulate its runs, by name.
         auto: whether what provably changes nothing is left out unless a sweep asks for it.
         drive: what drives the runs, but for the values of axes.
+        bare_duration: duration of a scene without a manifest [s].
     """
 
     manifest: SceneManifest | None
@@ -150,11 +152,12 @@ class RunResolver:
     engines: Engines
     auto: bool
     drive: Drive = "none"
+    bare_duration: float = BARE_DURATION
 
     @property
     def duration(self) -> float:
-        """The scene's own duration [s]; 2 s for a bare model."""
-        return self.manifest.duration if self.manifest else _DURATION
+        """The scene's own duration [s]."""
+        return self.manifest.duration if self.manifest else self.bare_duration
 
     def resolve(
         self, values: Mapping[str, object], seed: int, duration: float | None

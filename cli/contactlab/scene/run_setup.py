@@ -13,6 +13,7 @@ from contactlab.scene.initial_states import quaternions
 from contactlab.scene.mechanism import find_mechanism
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import HoldSpec
+from contactlab.schema.drive import FileDrive
 from contactlab.schema.scene_manifest import SceneManifest
 
 _GEOM = mujoco.mjtGeom
@@ -44,7 +45,7 @@ def make_setup(
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([_gravity(model) for model in models]),
-        passive=all(map(_is_passive, models)) and not _is_pushed(manifest),
+        passive=all(map(_is_passive, models)) and not _is_pushed(manifest, runs),
         quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
@@ -77,8 +78,10 @@ def _is_passive(model: mujoco.MjModel) -> bool:
     return not driven and not getattr(model, "geom_surfacevel", np.zeros(1)).any()
 
 
-def _is_pushed(manifest: SceneManifest | None) -> bool:
-    """Return whether the scene applies forces to bodies in any of its runs."""
+def _is_pushed(manifest: SceneManifest | None, runs: Sequence[ResolvedRun]) -> bool:
+    """Return whether anything but the model itself may move bodies in any of the runs."""
+    if any(isinstance(run.drive, FileDrive) for run in runs):
+        return True
     if manifest is None:
         return False
     pushed = any(_PUSH.search(name) for each in manifest.initial.values() for name in each.sets)

@@ -21,7 +21,10 @@ from contactlab.scene.compiled_scene import (
     compile_scene,
     full_structure,
 )
+from contactlab.scene.drive.driving import Driving, is_driven
+from contactlab.scene.drive.hold import Servos
 from contactlab.scene.drive.located_drive import LocatedDrive, beside, locate
+from contactlab.scene.drive.recorded import DriveTable, TableReader
 from contactlab.scene.effects.effect_choice import is_straight, remove
 from contactlab.scene.initial_states import (
     InitialStateRule,
@@ -30,10 +33,16 @@ from contactlab.scene.initial_states import (
     nudged_states,
 )
 from contactlab.scene.mujoco_versions import missing_flags
-from contactlab.scene.resolution import ResolvedRun, RunIdentity, RunResolver, switched_by
+from contactlab.scene.resolution import (
+    BARE_DURATION,
+    ResolvedRun,
+    RunIdentity,
+    RunResolver,
+    switched_by,
+)
 from contactlab.scene.row_resolution import RowResolver
 from contactlab.scene.scene_source import SceneSource, find_scene
-from contactlab.schema.drive import Drive, PolicyDrive
+from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_identity
 
 _NO_ENGINES: Engines = MappingProxyType({})
 
@@ -49,17 +58,24 @@ class Scene:
         drive: what drives its runs, but for the values of axes.
     """
 
-    def __init__(self, source: SceneSource, engines: Engines = _NO_ENGINES) -> None:
+    def __init__(
+        self,
+        source: SceneSource,
+        engines: Engines = _NO_ENGINES,
+        tables: TableReader | None = None,
+    ) -> None:
         """Compile a scene as its manifest has it.
 
         Args:
             source: its files and manifest.
             engines: what may simulate its runs, by name; MuJoCo alone if empty.
+            tables: reads the tables of drives; None refuses such drives.
 
         Raises:
             SceneError: it does not compile, or its manifest does not fit the model.
         """
         self.source = source
+        self._tables = tables
         self._compiled: dict[tuple[str, frozenset[str]], CompiledScene] = {}
         manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
@@ -69,13 +85,16 @@ class Scene:
         # A bare model is taken as it is written.
         auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
         self.resolver = RunResolver(manifest, self.base, switched, missing_flags(), engines, auto)
-        self.initial = InitialStateMaker(self)
         self._drive_by(written)
         self.starts([self.resolve({}, 0, None)])
 
     @classmethod
     def open(
-        cls, reference: str, folder: Path | None = None, engines: Engines = _NO_ENGINES
+        cls,
+        reference: str,
+        folder: Path | None = None,
+        engines: Engines = _NO_ENGINES,
+        tables: TableReader | None = None,
     ) -> "Scene":
         """Find and compile the scene that a sweep names.
 
@@ -83,11 +102,12 @@ class Scene:
             reference: the scene, as the sweep names it.
             folder: where relative paths start.
             engines: what may simulate its runs, by name; MuJoCo alone if empty.
+            tables: reads the tables of drives; None refuses such drives.
 
         Raises:
             SceneError: there is no such scene, or it does not compile.
         """
-        return cls(find_scene(reference, folder), engines)
+        return cls(find_scene(reference, folder), engines, tables)
 
     @property
     def name(self) -> str:
@@ -138,8 +158,19 @@ class Scene:
             raise SceneError(
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
+        if drive.drive == "hold" and not self.base({}).model.nu:
+            drive = LocatedDrive("none")
+        table = None
+        if isinstance(drive.drive, FileDrive):
+            if self._tables is None:
+                raise SceneError(f"{drive.drive.file}: tables of controls cannot be read here")
+            table = DriveTable(drive.files[0].name, self._tables(drive.files[0]))
+        duration = table.end if table and table.end else BARE_DURATION
         self.drive = drive
-        self.resolver = replace(self.resolver, drive=drive.drive)
+        self.resolver = replace(self.resolver, drive=drive.drive, bare_duration=duration)
+        self.initial = InitialStateMaker(self, table)
+        with self.source.named_in_errors():
+            self.initial.servos(self.resolve({}, 0, None))
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
@@ -203,12 +234,14 @@ class Scene:
             run: the run.
             start: its initial state, n being 1.
         """
-        return self.base_of(run).prepare(run.edits(), run.effect_request, start)
+        servos = self.initial.servos(run)
+        return self.base_of(run).prepare(run.edits(), run.effect_request, start, servos)
 
     def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
         """Return a key that runs share if their models are the same."""
         straight = is_straight(self.base_of(run).model, start)
-        return json.dumps([run.structure, sorted(run.without), run.edits(), straight])
+        drive = drive_identity(run.drive)
+        return json.dumps([run.structure, sorted(run.without), run.edits(), straight, drive])
 
 
 def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
@@ -226,21 +259,38 @@ def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
 class InitialStateMaker:
     """Makes the initial states of a scene's runs."""
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, table: DriveTable | None) -> None:
         self._source = scene.source
         self._base = scene.base
+        self._table = table
         self._rules: dict[str, InitialStateRule] = {}
+        self._driving: dict[tuple[str, Drive], Driving] = {}
 
     def states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return the initial states of runs of one structure."""
-        groups = [list(group) for _, group in groupby(runs, lambda run: run.keyframe)]
+        """Return the initial states of runs of one structure.
+
+        Raises:
+            SceneError: a run does not suit its drive.
+        """
+        groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self._source.named_in_errors():
-            return InitialStates.joined(
-                [
-                    initial_states(self._rule(group[0]), [(run.initial, run.seed) for run in group])
-                    for group in groups
-                ]
-            )
+            return InitialStates.joined([self._states(group) for group in groups])
+
+    def _states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
+        if is_driven(runs[0].drive):
+            return self._driving_of(runs[0]).starts(runs)
+        return initial_states(self._rule(runs[0]), [(run.initial, run.seed) for run in runs])
+
+    def servos(self, run: ResolvedRun) -> Servos | None:
+        """Return the springs that a run's drive adds to actuators, if any."""
+        return self._driving_of(run).servos if is_driven(run.drive) else None
+
+    def _driving_of(self, run: ResolvedRun) -> Driving:
+        key = json.dumps([run.structure, run.keyframe], sort_keys=True), run.drive
+        if key not in self._driving:
+            model = self._base(run.structure).model
+            self._driving[key] = Driving.of(model, run.drive, self._rule(run), self._table)
+        return self._driving[key]
 
     def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
@@ -248,7 +298,7 @@ class InitialStateMaker:
 
     @property
     def is_timed(self) -> bool:
-        """Whether anything in a run depends on time: control, or a hold."""
+        """Whether the scene has anything that depends on time: control, or a hold."""
         manifest = self._source.manifest
         return manifest is not None and bool(manifest.control or manifest.hold)
 
@@ -256,10 +306,9 @@ class InitialStateMaker:
         """Compute what depends on time in a run, so that mistakes show before it starts.
 
         Raises:
-            SceneError: times of its control decrease, or the window of its hold is empty.
+            SceneError: times of its control decrease, the window of its hold is empty, or the run
+                does not suit its drive.
         """
-        if not self.is_timed:
-            return
         self.states([run])
         holding = self._base(run.structure).holding
         with self._source.named_in_errors():
@@ -291,4 +340,5 @@ def prepare_without_sensors(
         compiled: its structure, from `compile_without_sensors`.
     """
     base = replace(scene.base_of(run), model=compiled)
-    return base.prepare(run.edits(), run.effect_request, start).model
+    servos = scene.initial.servos(run)
+    return base.prepare(run.edits(), run.effect_request, start, servos).model

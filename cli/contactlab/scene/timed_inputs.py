@@ -1,11 +1,11 @@
-"""What depends on time in a scene: controls and forces along knots, and when something is held."""
+"""What depends on time in a scene: inputs along knots, and when something is held."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
@@ -51,7 +51,7 @@ def computed(formula: Expression, initial: Mapping[str, float]) -> float:
     return result
 
 
-_INPUTS = "ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz"
+_INPUTS = "ACTUATOR.ctrl, BODY.fx to .tz, or MOCAP_BODY.x to .qz"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class ControlProfile:
 
     Attributes:
         name: the pattern, for messages.
-        inputs: indices among the controls followed by the forces on bodies.
+        inputs: indices among the inputs; see `InitialStates`.
         times: of its knots [s].
         levels: values at its knots.
     """
@@ -71,12 +71,66 @@ class ControlProfile:
     levels: tuple[Expression, ...]
 
 
-class ControlKnots(NamedTuple):
-    """Control profiles computed for n runs; see `InitialStates`."""
+@dataclass(frozen=True)
+class Signals:
+    """What P inputs of a run do over time: each interpolates linearly between its K knots.
 
-    driven: np.ndarray
-    knots: Floats
+    Before its first knot an input has the first level, after its last knot the last; of two knots
+    at one time, the later one counts.
+
+    Attributes:
+        places: (P,) their indices among the inputs.
+        times: (P, K) times of the knots [s], non-decreasing; (1, K) if all inputs share them.
+        levels: (P, K) values there.
+    """
+
+    places: NDArray[np.intp]
+    times: Floats
     levels: Floats
+
+    @classmethod
+    def none(cls) -> "Signals":
+        """Return the signals of a run whose inputs are constant."""
+        return cls(np.empty(0, np.intp), np.empty((0, 0)), np.empty((0, 0)))
+
+    def at(self, times: Floats) -> Floats:
+        """Return (T, P) the inputs at some times [s]."""
+        if len(self.times) < len(self.places) and self.times.size > 1:
+            return _interpolated(times, self.times[0], self.levels)
+        lines = zip(np.broadcast_to(self.times, self.levels.shape), self.levels, strict=True)
+        return np.array([np.interp(times, *line) for line in lines]).reshape(-1, len(times)).T
+
+    def without(self, left: NDArray[np.bool_]) -> "Signals":
+        """Return the signals but for some, given (P,) whether each is left out."""
+        times = self.times if len(self.times) < len(left) else self.times[~left]
+        return Signals(self.places[~left], times, self.levels[~left])
+
+    def joined(self, other: "Signals") -> "Signals":
+        """Return these signals and others of the same run."""
+        most = max(self.levels.shape[1], other.levels.shape[1])
+        both = [each._padded(most) for each in (self, other) if each.places.size]
+        if len(both) < 2:
+            return both[0] if both else self
+        arrays = [(each.places, each.times, each.levels) for each in both]
+        return Signals(*(np.concatenate(parts) for parts in zip(*arrays, strict=True)))
+
+    def _padded(self, most: int) -> "Signals":
+        """Return the same signals with more knots, all of them the last one."""
+        rest = ((0, 0), (0, most - self.levels.shape[1]))
+        times = np.broadcast_to(self.times, self.levels.shape)
+        return Signals(self.places, *(np.pad(part, rest, "edge") for part in (times, self.levels)))
+
+
+def _interpolated(times: Floats, knots: Floats, levels: Floats) -> Floats:
+    """Return (T, P) what `np.interp` gives for each of P rows of levels, searching once."""
+    after = np.searchsorted(knots, times, side="right")
+    before = np.clip(after - 1, 0, len(knots) - 2)
+    width = knots[before + 1] - knots[before]
+    inside = (after > 0) & (after < len(knots)) & (width > 0)
+    along = np.where(inside, times - knots[before], 0.0)[:, None]
+    first = levels.T[np.where(after < len(knots), before, len(knots) - 1)]
+    slopes = (levels.T[before + 1] - levels.T[before]) / np.where(inside, width, 1.0)[:, None]
+    return slopes * along + first
 
 
 def read_control(
@@ -102,23 +156,19 @@ def read_control(
     return tuple(profiles)
 
 
-def control_knots(
-    profiles: Sequence[ControlProfile], runs: Sequence[Mapping[str, float]]
-) -> ControlKnots:
-    """Return the knots of profiles for each run's initial values.
+def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, float]) -> Signals:
+    """Return the signals of profiles for a run's initial values.
 
     Raises:
         SceneError: a knot cannot be computed, or times decrease.
     """
-    most = max((len(each.times) for each in profiles), default=0)
-    driven = [place for each in profiles for place in each.inputs]
-    shape = (len(runs), len(driven), most)
-    lines = ControlKnots(np.tile(np.array(driven, np.intp), (len(runs), 1)), *np.zeros((2, *shape)))
-    for run, initial in enumerate(runs):
-        rows = [_knots(each, initial, most) for each in profiles for _ in each.inputs]
-        for place, (times, levels) in enumerate(rows):
-            lines.knots[run, place], lines.levels[run, place] = times, levels
-    return lines
+    if not profiles:
+        return Signals.none()
+    most = max(len(each.times) for each in profiles)
+    places = [place for each in profiles for place in each.inputs]
+    rows = [_knots(each, initial, most) for each in profiles for _ in each.inputs]
+    times, levels = (np.array(part, np.float64) for part in zip(*rows, strict=True))
+    return Signals(np.array(places, np.intp), times, levels)
 
 
 def _profile(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> ControlProfile:
@@ -135,7 +185,7 @@ def _profile(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> Contr
 
 
 def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:
-    inputs = [_input_index(model, each) for each in match_coordinates(model, pattern)]
+    inputs = [input_index(model, each) for each in match_coordinates(model, pattern, mocap=True)]
     if None in inputs:
         raise SceneError(f"control '{pattern}' is part of the state, not an input; write {_INPUTS}")
     return tuple(index for index in inputs if index is not None)
@@ -148,13 +198,14 @@ def _set_at_start(model: mujoco.MjModel, manifest: SceneManifest) -> dict[int, s
         for name, entry in manifest.initial.items()
         for pattern in entry.sets
         for each in match_coordinates(model, pattern)
-        if (index := _input_index(model, each)) is not None
+        if (index := input_index(model, each)) is not None
     }
 
 
-def _input_index(model: mujoco.MjModel, coordinate: StateCoordinate) -> int | None:
-    """Return a coordinate's index among the controls followed by forces; None for the state."""
-    offset = {"ctrl": 0, "xfrc_applied": model.nu}.get(coordinate.field)
+def input_index(model: mujoco.MjModel, coordinate: StateCoordinate) -> int | None:
+    """Return a coordinate's index among the inputs; None for the state."""
+    applied, mocap = model.nu, model.nu + 6 * model.nbody
+    offset = {"ctrl": 0, "xfrc_applied": applied, "mocap": mocap}.get(coordinate.field)
     return None if offset is None else offset + coordinate.index
 
 

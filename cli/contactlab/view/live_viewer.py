@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 
 def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
@@ -41,11 +41,11 @@ def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> 
     """Set the inputs that change over time; the others are the user's."""
     step = np.array([round(data.time / model.opt.timestep)])
     inputs = start.inputs(0, model.opt.timestep, step)[0]
-    for place in start.driven[0]:
-        if place < model.nu:
-            data.ctrl[place] = inputs[place]
-        else:
-            data.xfrc_applied.flat[place - model.nu] = inputs[place]
+    own = np.concatenate(
+        [part.ravel() for part in (data.ctrl, data.xfrc_applied, data.mocap_pos, data.mocap_quat)]
+    )
+    own[start.driven] = inputs[start.driven]
+    apply_inputs(model, data, own)
 
 
 def _has_display() -> bool:

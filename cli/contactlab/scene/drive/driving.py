@@ -1,0 +1,164 @@
+"""What drives the runs of one structure: servos in their models, controls and signals."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError
+from contactlab.scene.drive.hold import (
+    Posture,
+    Servos,
+    carries_its_root,
+    find_servos,
+    hold_posture,
+)
+from contactlab.scene.drive.recorded import DriveTable, RecordedInputs, read_recorded
+from contactlab.scene.drive.signals import control_room, exercise_signals, noise_signals
+from contactlab.scene.initial_states import (
+    InitialStateRule,
+    InitialStates,
+    at_begin,
+    initial_states,
+)
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.timed_inputs import Signals
+from contactlab.schema.drive import Drive, FileDrive, NoiseDrive, PolicyDrive
+
+SETTLING = 0.5
+"""How long a robot that stands on its limbs settles before signals start [s]."""
+_HOLDING = 0.1
+"""Share of an exercise in which it holds first."""
+_TURN, _SHIFT = 1.0, 0.2
+"""Speeds with which what has no actuators starts an exercise [rad/s, m/s]."""
+
+
+def is_driven(drive: Drive) -> bool:
+    """Return whether a drive decides starts and signals; a policy does not, before its run."""
+    return drive != "none" and not isinstance(drive, PolicyDrive)
+
+
+@dataclass(frozen=True)
+class Driving:
+    """Drives the runs of one structure that start from one keyframe.
+
+    Attributes:
+        model: the structure's model, as written.
+        drive: what drives them.
+        rule: how their initial states are made.
+        servos: springs of the actuators that are held.
+        held: actuators that are held; others are driven by a file or by the scene itself.
+        recorded: what the drive's file says, if it has one.
+        settling: how long they hold before signals start [s].
+    """
+
+    model: mujoco.MjModel
+    drive: Drive
+    rule: InitialStateRule
+    servos: Servos
+    held: frozenset[int]
+    recorded: RecordedInputs | None
+    settling: float
+    _postures: dict[tuple[float, ...], Posture] = field(
+        default_factory=dict[tuple[float, ...], Posture]
+    )
+
+    @classmethod
+    def of(
+        cls, model: mujoco.MjModel, drive: Drive, rule: InitialStateRule, table: DriveTable | None
+    ) -> "Driving":
+        """Return what drives the runs of a model.
+
+        Raises:
+            SceneError: the drive's file does not suit the model.
+        """
+        recorded = None
+        if isinstance(drive, FileDrive) and table is not None:
+            recorded = read_recorded(model, table, held=drive.interpolation == "hold")
+        own = rule.driven_inputs | set(recorded.signals.places.tolist() if recorded else ())
+        held = frozenset(range(model.nu)) - own
+        return cls(
+            model=model,
+            drive=drive,
+            rule=rule,
+            servos=find_servos(model, rule.qpos).of(held),
+            held=held,
+            recorded=recorded,
+            settling=SETTLING if carries_its_root(model, rule.qpos) else 0.0,
+        )
+
+    def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
+        """Return the initial states of runs, driven.
+
+        Raises:
+            SceneError: a run is too long for the drive's file, or its steps too long for the noise.
+        """
+        starts = initial_states(self.rule, [(run.initial, run.seed) for run in runs])
+        driven = [self._driven(starts.pick(place), run) for place, run in enumerate(runs)]
+        return at_begin(InitialStates.joined(driven))
+
+    def _driven(self, start: InitialStates, run: ResolvedRun) -> InitialStates:
+        posture, held = self._posture(run.initial), sorted(self.held)
+        ctrl, act = start.ctrl.copy(), start.act.copy()
+        ctrl[0, held] = posture.ctrl[held]
+        addresses = np.asarray(self.model.actuator_actadr)[held]
+        act[0, addresses[addresses >= 0]] = posture.act[addresses[addresses >= 0]]
+        signals = self._signals(posture, run)
+        own = np.isin(signals.places, start.signals[0].places)
+        rest = signals.without(own)
+        start = start._replace(ctrl=ctrl, act=act, signals=(start.signals[0].joined(rest),))
+        if self.recorded is not None:
+            for coordinate, value in self.recorded.start:
+                getattr(start, coordinate.field)[0, coordinate.index] = value
+        if self.drive == "exercise" and not self.model.nu and not start.qvel.any():
+            start = start._replace(qvel=_free_motion(self.model)[None])
+        return start
+
+    def _posture(self, initial: Mapping[str, float]) -> Posture:
+        """Return what holds the start of some initial values, before any seed perturbs it."""
+        key = tuple(initial.values())
+        if key not in self._postures:
+            qpos = self.rule.nominal(initial)
+            self._postures[key] = hold_posture(self.model, self.servos, qpos, self.rule.held_ctrl)
+        return self._postures[key]
+
+    def _signals(self, posture: Posture, run: ResolvedRun) -> Signals:
+        if self.recorded is not None:
+            self.recorded.require(run.duration)
+            return self.recorded.snapped(run.timestep)
+        if isinstance(self.drive, NoiseDrive):
+            _require_resolved(self.drive, run.timestep)
+            half = control_room(self.model, self.servos, posture).half
+            span = min(self.settling, run.duration / 2), run.duration
+            signals = noise_signals(posture, half, self.drive, span, run.seed)
+        elif self.drive == "exercise" and self.model.nu:
+            room = control_room(self.model, self.servos, posture)
+            begin = min(max(self.settling, _HOLDING * run.duration), 0.4 * run.duration)
+            signals = exercise_signals(self.model, posture, room, begin, run.duration)
+        else:
+            return Signals.none()
+        return signals.without(~np.isin(signals.places, list(self.held)))
+
+
+def _require_resolved(drive: NoiseDrive, timestep: float) -> None:
+    """Require two steps for each period of the noise.
+
+    Raises:
+        SceneError: a timestep is longer.
+    """
+    if drive.rate * timestep > 0.5:
+        raise SceneError(
+            f"drive: noise up to {drive.rate:g} Hz needs timesteps of at most "
+            f"{0.5 / drive.rate:g} s, but one is {timestep:g} s; write a lower `rate`"
+        )
+
+
+def _free_motion(model: mujoco.MjModel) -> np.ndarray:
+    """Return (nv,) moderate speeds, of alternating signs, at which everything is in motion."""
+    speeds = np.where(np.arange(model.nv) % 2, -1.0, 1.0)
+    kinds = np.asarray(model.jnt_type)[model.dof_jntid]
+    slides = kinds == int(mujoco.mjtJoint.mjJNT_SLIDE)
+    free = kinds == int(mujoco.mjtJoint.mjJNT_FREE)
+    first = np.arange(model.nv) - np.asarray(model.jnt_dofadr)[model.dof_jntid] < 3
+    return speeds * np.where(slides | (free & first), _SHIFT, _TURN)

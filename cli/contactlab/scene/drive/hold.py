@@ -1,0 +1,271 @@
+"""Hold a posture: the controls that balance it, and springs where actuators have no feedback.
+
+The force of actuator i is u_i g_i + b_i, where g_i and b_i follow from two evaluations at rest. The
+forces f that balance gravity and springs solve, by least squares within the actuators' limits,
+
+    moment^T f = qfrc_bias - qfrc_passive
+
+on the degrees of freedom that actuators move. An actuator without position feedback would only
+balance there, stable or not, so a spring and a damper along its own length l are written into the
+model: b_i grows by -k l - d dl/dt, and its control by k l_0 / g_i. With M the inertia matrix, K and
+D the springs and dampers in joint space, and h the model's timestep, k and d are those of a
+critically damped oscillator of the inertia that the actuator moves, but no larger than
+
+    h^2 eig(M^-1 K) <= 0.1    and    h eig(M^-1 D) <= 0.5
+
+so that a spring stays well inside of what an explicit step carries (4 and 2).
+"""
+
+import copy
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from contactlab.contact.trace_arrays import Floats
+
+# Natural frequency of the springs [rad/s]: a few hertz; higher where legs carry a body.
+_FREQUENCY = 2 * np.pi * 4
+_CARRYING = 2 * np.pi * 12
+_SPRING_LIMIT, _DAMPER_LIMIT = 0.1, 0.5
+
+_INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
+_FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
+_NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+_LENGTHS = {
+    int(each)
+    for each in (
+        mujoco.mjtTrn.mjTRN_JOINT,
+        mujoco.mjtTrn.mjTRN_JOINTINPARENT,
+        mujoco.mjtTrn.mjTRN_SLIDERCRANK,
+        mujoco.mjtTrn.mjTRN_TENDON,
+    )
+}
+
+
+@dataclass(frozen=True)
+class Servos:
+    """Springs and dampers along the lengths of actuators, written into models.
+
+    Attributes:
+        actuators: (S,) those that get one.
+        stiffness: (S,) force by length.
+        damping: (S,) force by rate of length, added to the actuator's own.
+        forces: (S, 2) what they may exert, as their range of controls allows.
+    """
+
+    actuators: NDArray[np.intp]
+    stiffness: Floats
+    damping: Floats
+    forces: Floats
+
+    def of(self, actuators: Collection[int]) -> "Servos":
+        """Return those of some actuators."""
+        kept = np.isin(self.actuators, list(actuators))
+        gains = self.stiffness[kept], self.damping[kept]
+        return Servos(self.actuators[kept], *gains, self.forces[kept])
+
+    def write(self, model: mujoco.MjModel) -> None:
+        """Write them into a model, in place."""
+        chosen = self.actuators
+        model.actuator_biastype[chosen] = _AFFINE
+        model.actuator_biasprm[chosen, 1] -= self.stiffness
+        model.actuator_biasprm[chosen, 2] -= self.damping
+        # The control now carries the posture too; its limits are those of the force.
+        model.actuator_ctrllimited[chosen] = 0
+        model.actuator_actlimited[chosen] = 0
+        limited = np.isfinite(self.forces).all(axis=1)
+        model.actuator_forcelimited[chosen[limited]] = 1
+        model.actuator_forcerange[chosen[limited]] = self.forces[limited]
+
+
+@dataclass(frozen=True)
+class Posture:
+    """What holds one configuration.
+
+    Attributes:
+        qpos: (nq,) the configuration.
+        lengths: (nu,) lengths of the actuators.
+        inputs: (nu,) what their forces follow: activations where there are any, else controls.
+        ctrl: (nu,) controls.
+        act: (na,) activations.
+    """
+
+    qpos: Floats
+    lengths: Floats
+    inputs: Floats
+    ctrl: Floats
+    act: Floats
+
+
+def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
+    """Return springs for the actuators that have no position feedback.
+
+    Args:
+        model: the model, as written.
+        qpos: (nq,) the configuration whose inertia decides.
+    """
+    data = _at(model, qpos)
+    moment, inertia = _moment(model, data), np.zeros((model.nv, model.nv))
+    for column, unit in zip(inertia, np.eye(model.nv), strict=True):
+        mujoco.mj_mulM(model, data, column, unit)
+    gain, bias = force_law(model, qpos)
+    moving = np.abs(moment).max(axis=1, initial=0) > 0
+    chosen = np.flatnonzero(moving & (gain != 0) & _without_feedback(model))
+    rows = moment[chosen]
+    # The inertia of the motion that the actuator's own joints make, along its length.
+    along = rows / np.square(rows).sum(axis=1, keepdims=True)
+    masses = np.einsum("ij,jk,ik->i", along, inertia, along)
+    frequency = _CARRYING if _hangs_on_its_root(model, moment) else _FREQUENCY
+    step, carried = float(model.opt.timestep), _carried(inertia, rows)
+    stiffness = np.minimum(masses * frequency**2, _SPRING_LIMIT / step**2 * carried)
+    damping = np.minimum(2 * np.sqrt(stiffness * masses), _DAMPER_LIMIT / step * carried)
+    damping = np.maximum(damping + model.actuator_biasprm[chosen, 2], 0.0)
+    low, high = _force_limits(model, gain, bias)
+    return Servos(chosen, stiffness, damping, np.stack([low, high], axis=1)[chosen])
+
+
+def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floats) -> Posture:
+    """Return the controls that hold a configuration.
+
+    Args:
+        model: the model, as written.
+        servos: of its actuators.
+        qpos: (nq,) the configuration.
+        ctrl: (nu,) controls of actuators with feedback that are kept; NaN where there is none.
+    """
+    data = _at(model, qpos)
+    gain, bias = force_law(model, qpos)
+    moment = _moment(model, data)
+    moved = np.abs(moment).max(axis=0, initial=0) > 0
+    wanted = np.asarray(data.qfrc_bias - data.qfrc_passive)[moved]
+    low, high = _force_limits(model, gain, bias)
+    force = _bounded(moment.T[moved], wanted, low, high)
+    usable = np.where(gain == 0, np.inf, gain)
+    inputs = (force - bias) / usable
+    kept = np.isfinite(ctrl)
+    kept[servos.actuators] = False
+    inputs[kept] = ctrl[kept]
+    lengths, chosen = np.array(data.actuator_length), servos.actuators
+    inputs[chosen] += servos.stiffness * lengths[chosen] / gain[chosen]
+    return Posture(qpos, lengths, inputs, *_with_states(model, inputs))
+
+
+def _moment(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
+    """Return (nu, nv) how the lengths of actuators change with joints."""
+    moment = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(
+        moment,
+        data.actuator_moment.ravel(),
+        data.moment_rownnz,
+        data.moment_rowadr,
+        data.moment_colind.ravel(),
+    )
+    return moment
+
+
+def _without_feedback(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return which actuators have a length, and a force that does not depend on it."""
+    kind, bias = np.asarray(model.actuator_biastype), model.actuator_biasprm[:, 1]
+    plain = (kind == _NO_BIAS) | ((kind == _AFFINE) & (bias == 0))
+    along = np.isin(model.actuator_trntype, list(_LENGTHS))
+    return plain & along & (np.asarray(model.actuator_gaintype) == _FIXED)
+
+
+def force_law(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
+    """Return (nu,) gain and bias of the force of actuators at rest, over their input."""
+    free = copy.copy(model)
+    free.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
+    free.actuator_forcelimited[:] = 0
+    data = mujoco.MjData(free)
+    forces: list[Floats] = []
+    for level in (0.0, 1.0):
+        data.qpos[:] = qpos
+        data.ctrl[:], data.act[:] = _with_states(free, np.full(model.nu, level))
+        mujoco.mj_forward(free, data)
+        forces.append(np.array(data.actuator_force))
+    return forces[1] - forces[0], forces[0]
+
+
+def _with_states(model: mujoco.MjModel, inputs: Floats) -> tuple[Floats, Floats]:
+    """Return controls and activations that stay, such that the inputs of forces are as given."""
+    ctrl, act = inputs.copy(), np.zeros(model.na)
+    for actuator in np.flatnonzero(np.asarray(model.actuator_actnum) == 1):
+        act[model.actuator_actadr[actuator]] = inputs[actuator]
+    ctrl[is_integrated(model)] = 0.0
+    return ctrl, act
+
+
+def is_integrated(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (nu,) whether the controls of actuators are rates of their activations."""
+    return np.asarray(model.actuator_dyntype) == _INTEGRATOR
+
+
+def _force_limits(model: mujoco.MjModel, gain: Floats, bias: Floats) -> tuple[Floats, Floats]:
+    """Return (nu,) least and largest force that ranges of control, activation and force allow."""
+    low, high = np.full(model.nu, -np.inf), np.full(model.nu, np.inf)
+    ranges = (
+        (model.actuator_ctrllimited.astype(bool) & ~is_integrated(model), model.actuator_ctrlrange),
+        (model.actuator_actlimited.astype(bool), model.actuator_actrange),
+        (np.asarray(model.actuator_dyntype) == _MUSCLE, np.tile([0.0, 1.0], (model.nu, 1))),
+    )
+    for limited, bounds in ranges:
+        ends = np.sort(gain[:, None] * bounds, axis=1) + bias[:, None]
+        low = np.where(limited, np.maximum(low, ends[:, 0]), low)
+        high = np.where(limited, np.minimum(high, ends[:, 1]), high)
+    limited, bounds = model.actuator_forcelimited.astype(bool), model.actuator_forcerange
+    low = np.where(limited, np.clip(low, bounds[:, 0], bounds[:, 1]), low)
+    high = np.where(limited, np.clip(high, bounds[:, 0], bounds[:, 1]), high)
+    fixed = gain == 0
+    return np.where(fixed, bias, low), np.where(fixed, bias, high)
+
+
+def _bounded(matrix: Floats, wanted: Floats, low: Floats, high: Floats) -> Floats:
+    """Return x of least |matrix x - wanted|; those beyond their bounds are fixed there in turn.
+
+    Of several such x, nearly the shortest one.
+    """
+    found = np.clip(np.zeros(len(low)), low, high)
+    free = low < high
+    while free.any():
+        rest = wanted - matrix[:, ~free] @ found[~free]
+        found[free] = np.linalg.lstsq(matrix[:, free], rest, rcond=1e-9)[0]
+        outside = free & ((found < low) | (found > high))
+        if not outside.any():
+            break
+        found = np.clip(found, low, high)
+        free &= ~outside
+    return found
+
+
+def carries_its_root(model: mujoco.MjModel, qpos: Floats) -> bool:
+    """Return whether joints that actuators move hang on ones that none does, as legs of a robot."""
+    return _hangs_on_its_root(model, _moment(model, _at(model, qpos)))
+
+
+def _at(model: mujoco.MjModel, qpos: Floats) -> mujoco.MjData:
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def _hangs_on_its_root(model: mujoco.MjModel, moment: Floats) -> bool:
+    moved = np.abs(moment).max(axis=0, initial=0) > 0
+    above = np.asarray(model.dof_parentid)
+    return bool((~moved[above[moved & (above >= 0)]]).any())
+
+
+def _carried(inertia: Floats, rows: Floats) -> Floats:
+    """Return coefficients c such that no rate of M^-1 rows^T c rows exceeds 1.
+
+    Its rates are those of c G, with G = rows M^-1 rows^T, and by Gershgorin's theorem at most the
+    largest sum of a row of |c G|, in any units of the lengths; here in those in which G has ones on
+    its diagonal.
+    """
+    compliance = np.abs(rows @ np.linalg.solve(inertia, rows.T))
+    units = np.sqrt(np.diagonal(compliance))
+    return 1 / np.maximum((compliance / units).sum(axis=1) * units, np.finfo(float).tiny)

@@ -1,0 +1,176 @@
+"""Recorded inputs: columns of a table, matched with the inputs and the state of a model."""
+
+import fnmatch
+import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.scene.model_joints import StateCoordinate, coordinates, mocap_coordinates
+from contactlab.scene.timed_inputs import Signals, input_index
+
+TIME = "time"
+_ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
+_SNAP = 1e-6
+"""A row this close to a step, in timesteps, is at that step."""
+
+
+TableReader = Callable[[Path], Mapping[str, Floats]]
+"""Returns the columns of a file by name, each (T,)."""
+
+
+@dataclass(frozen=True)
+class DriveTable:
+    """The table that a drive names.
+
+    Attributes:
+        name: its file's name, for messages.
+        columns: its columns by name, each (T,).
+    """
+
+    name: str
+    columns: Mapping[str, Floats]
+
+    @property
+    def end(self) -> float | None:
+        """Time of the last row, after the first [s]; None without times."""
+        times = self.columns.get(TIME)
+        return None if times is None or not len(times) else float(times[-1] - times[0])
+
+
+@dataclass(frozen=True)
+class RecordedInputs:
+    """What a table says about the runs of a model.
+
+    Attributes:
+        name: of the table, for messages.
+        signals: what drives the runs.
+        start: the part of the start state that the first row has, by field: (index, value).
+    """
+
+    name: str
+    signals: Signals
+    start: tuple[tuple[StateCoordinate, float], ...]
+
+    @property
+    def end(self) -> float:
+        """Time of the last row [s]."""
+        return float(self.signals.times[0, -1])
+
+    def require(self, duration: float) -> None:
+        """Require that the table covers a run of some duration [s].
+
+        Raises:
+            SceneError: its last row is earlier.
+        """
+        if self.end < duration * (1 - _SNAP):
+            raise SceneError(
+                f"{self.name}: its last row is at {self.end:g} s of column `{TIME}`, but runs take "
+                f"{duration:g} s; write duration: {self.end:g}, or add rows"
+            )
+
+    def snapped(self, timestep: float) -> Signals:
+        """Return the signals for runs of a timestep [s]: rows at its steps are so to the bit.
+
+        Clocks that add up timesteps are off by their rounding.
+        """
+        times = self.signals.times
+        steps = np.round(times / timestep)
+        near = np.abs(times / timestep - steps) < _SNAP
+        exact = np.where(near, steps * timestep, times)
+        return Signals(self.signals.places, exact, self.signals.levels)
+
+
+def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> RecordedInputs:
+    """Return what a table says about the runs of a model; its first row is their start.
+
+    Args:
+        model: the model.
+        table: its table.
+        held: whether each row is held until the next, instead of going there linearly.
+
+    Raises:
+        SceneError: the table has no time, or a name that the model lacks, or drives nothing, or a
+            value is no number.
+    """
+    name, columns = table.name, table.columns
+    if TIME not in columns or not len(columns[TIME]):
+        raise SceneError(f"{name}: no rows, or no column `{TIME}` [s]; add both")
+    for column, values in columns.items():
+        if (bad := np.flatnonzero(~np.isfinite(values))).size:
+            raise SceneError(
+                f"{name}: row {bad[0] + 1} of column `{column}` is not a finite number; "
+                "write one, or leave the column out"
+            )
+    times = columns[TIME] - columns[TIME][0]
+    if (back := np.flatnonzero(np.diff(times) < 0)).size:
+        raise SceneError(f"{name}: `{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
+    found = {column: _coordinate(model, column, name, columns) for column in columns}
+    driven = {
+        place: columns[column]
+        for column, each in found.items()
+        if each is not None and (place := input_index(model, each)) is not None
+    }
+    if not driven:
+        raise SceneError(
+            f"{name}: no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; "
+            "name at least one"
+        )
+    signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
+    start = tuple(
+        (each, float(columns[column][0]))
+        for column, each in found.items()
+        if each is not None and input_index(model, each) is None
+    )
+    return RecordedInputs(name, _stepped(signals) if held else signals, start)
+
+
+def _coordinate(
+    model: mujoco.MjModel, column: str, name: str, columns: Mapping[str, Floats]
+) -> StateCoordinate | None:
+    """Return the input, or coordinate of the start, that a column holds; None for the time."""
+    if column == TIME:
+        return None
+    element = _ELEMENT.fullmatch(column)
+    sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
+    if element and int(element[2]) < sizes[element[1]]:
+        return StateCoordinate(element[1], int(element[2]))  # pyright: ignore[reportArgumentType]
+    known = coordinates(model) | mocap_coordinates(model)
+    joints = _actuators_of_joints(model)
+    if f"{column}.ctrl" in known:
+        return known[f"{column}.ctrl"]
+    if column in joints and f"{joints[column]}.ctrl" not in known:
+        return known[column]
+    if column in joints and not {joints[column], f"{joints[column]}.ctrl"} & columns.keys():
+        return known[f"{joints[column]}.ctrl"]
+    if (place := known.get(column.removesuffix(".qpos"))) is not None:
+        return place
+    names = [each.removesuffix(".ctrl") for each in known]
+    close = did_you_mean(column, names) or _some(names)
+    raise SceneError(f"{name}: column `{column}` is no actuator, joint or body of the model{close}")
+
+
+def _some(names: list[str]) -> str:
+    controls = [each for each in names if not fnmatch.fnmatch(each, "*.?*")][:4]
+    return f"; name them such as {', '.join(controls)}" if controls else ""
+
+
+def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:
+    """Return the joints that one actuator moves, with that actuator's name."""
+    joints: dict[str, list[str]] = {}
+    for actuator in range(model.nu):
+        if int(model.actuator_trntype[actuator]) == int(mujoco.mjtTrn.mjTRN_JOINT):
+            joint = model.joint(int(model.actuator_trnid[actuator, 0])).name
+            joints.setdefault(joint, []).append(model.actuator(actuator).name)
+    return {joint: names[0] for joint, names in joints.items() if len(names) == 1}
+
+
+def _stepped(signals: Signals) -> Signals:
+    """Return signals that stay at each level until the next knot."""
+    times, levels = np.repeat(signals.times, 2, axis=1)[:, 1:], signals.levels
+    return Signals(signals.places, times, np.repeat(levels, 2, axis=1)[:, :-1])

@@ -1,0 +1,179 @@
+"""What controls do over time around those that hold a posture: noise, and an exercise.
+
+Both are made of knots at times in seconds, so that they are the same at every timestep.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.drive.hold import Posture, Servos, force_law, is_integrated
+from contactlab.scene.timed_inputs import Signals
+from contactlab.schema.drive import NoiseDrive
+
+# Sines of each control; their sum is nearly normal.
+_SINES = 32
+# Knots of a period of the highest frequency: linear between them, 1.4 % of it is lost.
+_KNOTS = 12
+_STREAM = 3
+"""The seed's stream of random numbers for controls; the first perturbs the start."""
+
+# Peak speed of an exercise [rad/s or m/s], and how much of the way to a limit it goes.
+_SPEED = 3.0
+_SHARE = 0.8
+_WAY = 0.5
+"""How far joints and tendons without limits go [rad or m]."""
+_HOLDING, _ALONE = 0.1, 0.7
+_LEAST_WINDOW = 0.4
+"""How long each actuator moves at least [s]; with less time for each, they overlap."""
+_ARC = np.linspace(0.0, 1.0, 25)
+
+
+@dataclass(frozen=True)
+class ControlRoom:
+    """What controls may do.
+
+    Attributes:
+        half: (nu,) half the range of each control; 0 where there is none.
+        travel: (nu, 2) how far an exercise goes from the held controls, to both sides.
+        slope: (nu,) how fast a control moves when its actuator does at 1 rad/s or 1 m/s.
+    """
+
+    half: Floats
+    travel: Floats
+    slope: Floats
+
+
+def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> ControlRoom:
+    """Return what the controls of a model may do around those that hold a posture."""
+    gain, _ = force_law(model, posture.qpos)
+    usable = np.where(gain == 0, np.inf, gain)
+    stiffness = np.where(model.actuator_biastype == 0, 0.0, -model.actuator_biasprm[:, 1])
+    stiffness[servos.actuators] += servos.stiffness
+    slope = stiffness / usable
+    ways = _ways(model, posture.lengths) - posture.lengths[:, None]
+    ranges = (
+        (model.actuator_ctrllimited, model.actuator_ctrlrange, 1.0),
+        (model.actuator_forcelimited, model.actuator_forcerange, usable),
+    )
+    half = np.abs(np.ptp(ways, axis=1) / 2 * slope)
+    for limited, bounds, by in reversed(ranges):
+        half = np.where(limited, np.abs(np.ptp(bounds, axis=1) / 2 / by), half)
+    # What has no length goes through its controls.
+    bounded = model.actuator_ctrllimited.astype(bool)
+    straight = np.where(bounded[:, None], model.actuator_ctrlrange - posture.inputs[:, None], 0.0)
+    travel = np.where(slope[:, None] != 0, ways * slope[:, None], straight)
+    return ControlRoom(half, _SHARE * travel, np.abs(slope))
+
+
+def _ways(model: mujoco.MjModel, lengths: Floats) -> Floats:
+    """Return (nu, 2) the lengths of actuators between limits of their joint or tendon."""
+    ways = lengths[:, None] + np.array([-_WAY, _WAY]) * np.abs(model.actuator_gear[:, :1])
+    kinds, items = np.asarray(model.actuator_trntype), np.asarray(model.actuator_trnid)[:, 0]
+    tables = (
+        (mujoco.mjtTrn.mjTRN_JOINT, model.jnt_limited, model.jnt_range),
+        (mujoco.mjtTrn.mjTRN_JOINTINPARENT, model.jnt_limited, model.jnt_range),
+        (mujoco.mjtTrn.mjTRN_TENDON, model.tendon_limited, model.tendon_range),
+    )
+    for kind, limited, ranges in tables:
+        for actuator in np.flatnonzero(kinds == int(kind)):
+            if limited[items[actuator]]:
+                ends = np.sort(ranges[items[actuator]] * model.actuator_gear[actuator, 0])
+                ways[actuator] = (
+                    np.minimum(ends[0], lengths[actuator]),
+                    np.maximum(ends[1], lengths[actuator]),
+                )
+    return ways
+
+
+def noise_signals(
+    posture: Posture, half: Floats, noise: NoiseDrive, span: tuple[float, float], seed: int
+) -> Signals:
+    """Return noise around held controls: each a sum of sines of random frequency and phase.
+
+    Args:
+        posture: what is held.
+        half: (nu,) half the range of each control.
+        noise: its share of that, as root mean square, and its highest frequency.
+        span: when it begins and ends [s]; it grows over the first period of that frequency.
+        seed: of the random numbers.
+    """
+    generator = np.random.default_rng([seed, _STREAM])
+    frequencies = generator.uniform(0.0, noise.rate, (_SINES, len(half), 1))
+    phases = generator.uniform(0.0, 2 * np.pi, (_SINES, len(half), 1))
+    begin, end = span
+    pace = noise.rate * _KNOTS
+    times = begin + np.arange(np.ceil(max(end - begin, 0.0) * pace) + 1) / pace
+    wave = np.zeros((len(half), len(times)))
+    for frequency, phase in zip(frequencies, phases, strict=True):
+        wave += np.sin(2 * np.pi * frequency * (times - begin) + phase)
+    wave *= np.sqrt(2 / _SINES) * np.minimum((times - begin) * noise.rate, 1.0)
+    levels = posture.ctrl[:, None] + noise.noise * half[:, None] * wave
+    return Signals(np.arange(len(half)), times[None], levels)
+
+
+def exercise_signals(
+    model: mujoco.MjModel, posture: Posture, room: ControlRoom, begin: float, end: float
+) -> Signals:
+    """Return controls that go through their ranges one by one, then all together.
+
+    A control goes to one end of its travel, to the other, and back, as far as there is time for at
+    a moderate speed. If there is little time for each, one begins before the last one ends.
+
+    Args:
+        model: the model.
+        posture: what is held before.
+        room: how far controls go.
+        begin: when it begins [s].
+        end: when it ends [s].
+    """
+    count, alone = model.nu, begin + _ALONE * (end - begin)
+    stride = (alone - begin) / max(count, 1)
+    window = min(max(stride, _LEAST_WINDOW), alone - begin)
+    starts = np.minimum(begin + stride * np.arange(count), alone - window)
+    integrated = is_integrated(model)
+    lines = [
+        _line(
+            posture.ctrl[each],
+            [
+                (start, _arc(room, each, window), window),
+                (alone, _arc(room, each, end - alone), end - alone),
+            ],
+            rate=bool(integrated[each]),
+        )
+        for each, start in enumerate(starts)
+    ]
+    times, levels = (np.array(part) for part in zip(*lines, strict=True))
+    return Signals(np.arange(count), times, levels)
+
+
+def _arc(room: ControlRoom, actuator: int, window: float) -> Floats:
+    """Return how far from its held value a control is along one arc: there, across, and back."""
+    ends = room.travel[actuator]
+    # The fastest leg goes from end to end in half the window, as half a period of a cosine.
+    fastest = np.pi / 2 * np.ptp(ends) / (window / 2) if window > 0 else np.inf
+    slope = room.slope[actuator]
+    shrink = min(1.0, _SPEED * slope / fastest) if slope and fastest else 1.0
+    first = (1 - np.cos(4 * np.pi * _ARC)) / 2
+    across = np.where(_ARC < 0.25, first * ends[1], 0.0)
+    middle = (_ARC >= 0.25) & (_ARC < 0.75)
+    between = (1 + np.cos(2 * np.pi * (_ARC - 0.25))) / 2
+    across = np.where(middle, ends[0] + between * (ends[1] - ends[0]), across)
+    across = np.where(_ARC >= 0.75, first * ends[0], across)
+    return shrink * across
+
+
+def _line(
+    held: float, arcs: list[tuple[float, Floats, float]], *, rate: bool
+) -> tuple[Floats, Floats]:
+    """Return the knots of one control; of an integrated one, their rate of change."""
+    times = np.concatenate([start + window * _ARC for start, _, window in arcs])
+    offsets = np.concatenate([arc for _, arc, _ in arcs])
+    if not rate:
+        return times, held + offsets
+    steps = np.diff(times)
+    rates = np.where(steps > 0, np.diff(offsets) / np.where(steps > 0, steps, 1.0), 0.0)
+    doubled = np.repeat(times, 2)[1:-1]
+    return np.append(doubled, times[-1]), np.append(np.repeat(rates, 2), held)
