@@ -8,7 +8,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns, Rollout
 from contactlab.engines.mujoco_batch import STATE
-from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _STEPS_OF_SAMPLE = 250
 """Steps for each sample, which takes as long as three or four of them."""
@@ -48,8 +48,7 @@ def _loads(
     mujoco.mj_resetData(model, data)
     for step, inputs in zip(steps, acting, strict=True):
         mujoco.mj_setState(model, data, states[step], int(STATE))
-        data.ctrl[:] = inputs[: model.nu]
-        data.xfrc_applied[:] = inputs[model.nu :].reshape(-1, 6)
+        apply_inputs(model, data, inputs)
         mujoco.mj_forward(model, data)
         rows = data.efc_type == _EQUALITY
         np.maximum.at(loads, data.efc_id[rows], np.abs(data.efc_force[rows]))

@@ -146,12 +146,15 @@ class InitialStates(NamedTuple):
         A level counts that a jump leaves between two steps.
         """
         ranges = np.stack([self.ctrl[0]] * 2, axis=1)
-        profiles = zip(self.driven[0], self.knots[0], self.levels[0], strict=True)
-        for place, knots, levels in profiles:
-            if place < len(ranges):
-                passed = levels[(knots >= 0) & (knots <= end)]
-                ends = np.interp([0.0, end], knots, levels)
-                ranges[place] = (min(*ends, *passed), max(*ends, *passed))
+        signals = self.signals[0]
+        ends = signals.at(np.array([0.0, end]))
+        times = np.broadcast_to(signals.times, signals.levels.shape)
+        passed = (times >= 0) & (times <= end)
+        low = np.where(passed, signals.levels, np.inf).min(axis=1, initial=np.inf)
+        high = np.where(passed, signals.levels, -np.inf).max(axis=1, initial=-np.inf)
+        own = signals.places < len(ranges)
+        ranges[signals.places[own], 0] = np.minimum(low, ends.min(axis=0))[own]
+        ranges[signals.places[own], 1] = np.maximum(high, ends.max(axis=0))[own]
         return ranges
 
 
