@@ -2,6 +2,7 @@
 
 import os
 import pickle
+import platform
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
@@ -64,8 +65,11 @@ def test_folders_go_with_their_processes(tmp_path: Path, monkeypatch: pytest.Mon
     (gone / "scene").mkdir(parents=True)
     elsewhere = tmp_path / f"contactlab-of-another-{NO_PROCESS}-x"
     elsewhere.mkdir()
+    name = platform.node()
+    longer = tmp_path / f"contactlab-of-{name}-{NO_PROCESS}-1-abcdefgh"
+    longer.mkdir()
     second = ray_worker.own_folder()
-    assert set(tmp_path.iterdir()) == {first, second, elsewhere}
+    assert set(tmp_path.iterdir()) == {first, second, elsewhere, longer}
 
 
 INNER: Any = ray_worker

@@ -53,6 +53,23 @@ def test_no_address(text: str, said: str) -> None:
 
 
 @pytest.mark.parametrize(
+    "text",
+    [
+        "s3://KEY:SECRET@bucket/prefix",
+        "https://me:SECRET@host/x",
+        "gs://SECRET@bucket",
+        "s3://bucket/prefix?X-Amz-Signature=SECRET&X-Amz-Expires=1",
+        "az://container/x?sig=SECRET",
+    ],
+)
+def test_credentials_in_an_address_are_refused_and_not_repeated(text: str) -> None:
+    with pytest.raises(OutputError, match="holds credentials") as raised:
+        parse_address(text)
+    assert "SECRET" not in str(raised.value)
+    assert "KEY" not in str(raised.value)
+
+
+@pytest.mark.parametrize(
     ("scheme", "kind"), [("s3", "S3Store"), ("gs", "GCSStore"), ("az", "AzureStore")]
 )
 def test_each_scheme_has_its_storage(

@@ -7,6 +7,7 @@ cluster does not lose the process that waits for it.
 import os
 import pickle
 import platform
+import re
 import shutil
 import signal
 from collections.abc import Callable, Generator
@@ -19,6 +20,8 @@ from contactlab.run.tasks import Result, Stop, Task
 from contactlab.run.worker_pool import PersistentWorker
 
 _SCENE, _PLUGINS = "scene", "plugins"
+# The process, and what makes the name of its folder unique.
+_OWN_END = re.compile(r"(\d+)-[^-]+")
 # By the token of its sweep; one at most.
 _workers: dict[str, PersistentWorker] = {}
 
@@ -74,8 +77,9 @@ def own_folder() -> Path:
     # Machines that share a folder for temporary files do not share their processes.
     name = f"contactlab-of-{platform.node()}-"
     for other in Path(gettempdir()).glob(name + "*-*"):
-        process = other.name.removeprefix(name).partition("-")[0]
-        if not Path("/proc", process).exists():
+        # A machine's name may go on where that of another ends.
+        own = _OWN_END.fullmatch(other.name.removeprefix(name))
+        if own and not Path("/proc", own[1]).exists():
             shutil.rmtree(other, ignore_errors=True)
     return Path(mkdtemp(prefix=f"{name}{os.getpid()}-"))
 

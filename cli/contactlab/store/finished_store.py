@@ -17,7 +17,13 @@ from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE,
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, read_table, shared_fields
+from contactlab.store.runs_table import (
+    OUTCOME_COLUMNS,
+    check_table_size,
+    count_outcomes,
+    read_table,
+    shared_fields,
+)
 from contactlab.store.runs_view import Runs, store_line, store_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
@@ -80,7 +86,10 @@ class Store:
         if data is None:
             raise _no_manifest(backend)
         manifest = parse_manifest(data, address)
-        return cls(backend.local_copy(data, manifest.files), manifest, address)
+        store = cls(backend.local_copy(data, manifest.files), manifest, address)
+        if table := stored_file(store.path, TABLE):
+            check_table_size(table, manifest.runs)
+        return store
 
     @cached_property
     def _backend(self) -> Backend:

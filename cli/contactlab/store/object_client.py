@@ -24,6 +24,7 @@ from obstore.store import AzureStore, GCSStore, ObjectStore, S3Store
 
 from contactlab.errors import ContactlabError
 from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_files import MOST_DOCUMENT
 
 if TYPE_CHECKING:
     from obstore import UpdateVersion
@@ -140,6 +141,8 @@ class ObjectClient:
         try:
             with self._plain_errors(self.address / name, missing_ok=True):
                 result = obstore.get(self.store, name)
+                if (size := result.meta["size"]) > MOST_DOCUMENT:
+                    raise ValueError(f"{name} has {size:,} bytes, more than {MOST_DOCUMENT:,}")
                 version = _version(result.meta["e_tag"], result.meta["version"])
                 return StoredObject(bytes(result.bytes()), version)
         except FileNotFoundError:

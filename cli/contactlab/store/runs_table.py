@@ -31,6 +31,8 @@ GROUP = 1 << 14
 _BLOCK = 8 << 20
 """Bytes of the journal that are parsed at once."""
 _BATCH = 1024
+_MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
+"""Bytes that a table may hold unpacked: so many, and so many for each row."""
 
 
 def write_table(
@@ -167,6 +169,23 @@ def read_table(
     """
     with table_errors(shown_path or path):
         return pq.read_table(path, columns=columns)
+
+
+def check_table_size(path: Path, runs: int) -> None:
+    """Check before anything of a table is unpacked that it has no more rows, nor larger ones.
+
+    Raises:
+        StoreError: it has others; one that is missing or damaged is left to those who read it.
+    """
+    try:
+        meta = pq.read_metadata(path)
+    except (pa.ArrowException, OSError):
+        return
+    if meta.num_rows > runs:
+        raise StoreError(f"{path} is damaged: it has {meta.num_rows:,} rows for {runs:,} runs")
+    size = sum(meta.row_group(each).total_byte_size for each in range(meta.num_row_groups))
+    if size > _MOST_TABLE + runs * _MOST_ROW:
+        raise StoreError(f"{path} is damaged: it claims to hold {size:,} bytes")
 
 
 def iterate_rows(path: Path) -> Iterator[dict[str, Any]]:

@@ -7,6 +7,8 @@ from pathlib import Path
 from contactlab.errors import OutputError
 
 SCHEMES = ("s3", "gs", "az")
+# NAME:SECRET@HOST, and the parameters of signed addresses.
+_CREDENTIALS = re.compile(r"^[^/]*@|\?.*(key|secret|token|sig)", re.IGNORECASE | re.DOTALL)
 _URL = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
 
 
@@ -43,13 +45,19 @@ def parse_address(text: str | Address) -> Address:
     """Return the address of a store: `s3://bucket/prefix`, `gs://...`, `az://...`, or a path.
 
     Raises:
-        OutputError: it is a URL, but not of a store.
+        OutputError: it is a URL, but not of a store, or it holds credentials.
     """
     if not isinstance(text, str):
         return text
     url = _URL.fullmatch(text)
     if url is None:
         return Path(text)
+    if _CREDENTIALS.search(url["rest"]):
+        # The text is not repeated: it would stand in the logs of CI jobs.
+        raise OutputError(
+            f"the {url['scheme']}:// address holds credentials; write it without them, and set the "
+            "environment variables of the provider (see docs/stores.md)"
+        )
     if url["scheme"] not in SCHEMES:
         known = ", ".join(f"{scheme}://" for scheme in SCHEMES)
         raise OutputError(f"{text}: a store is a folder or an address with {known}")

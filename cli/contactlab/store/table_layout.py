@@ -1,12 +1,11 @@
 """The columns of `runs.parquet`, and how a record becomes one of its rows."""
 
-import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import pyarrow as pa
-from pydantic_core import to_json
+from pydantic_core import from_json, to_json
 
 from contactlab.schema.evidence import Accuracy, Cost, Engine, EvidenceRecord, InitialState, Timing
 
@@ -239,7 +238,7 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     """Return the record of a row, given the fields that all runs of its store share."""
     data: Row = {name: row[name] for name in _PLAIN}
     # Older stores lack some of them.
-    data |= {name: json.loads(text) for name in _JSON_TEXT if (text := row.get(name)) is not None}
+    data |= {name: from_json(text) for name in _JSON_TEXT if (text := row.get(name)) is not None}
     data |= {name: shared[name] for name in SHARED_FIELDS}
     data["engine"] = {name: row[f"engine_{name}"] for name in _ENGINE}
     # The column has a field for each setting of any run; those of other runs are null.
@@ -259,11 +258,11 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
         data["timing"] = {name: row[name] for name in _TIMING}
     if row["trace_file"] is not None:
         data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
-        data["trace"]["messages"] = json.loads(row["trace_messages"])
+        data["trace"]["messages"] = from_json(row["trace_messages"])
     if row.get("coverage") is not None:
-        data["coverage"] = json.loads(row["coverage"])
+        data["coverage"] = from_json(row["coverage"])
     if PLUGINS_COLUMN.name in row:
-        data["plugins"] = json.loads(row["plugins"])
+        data["plugins"] = from_json(row["plugins"])
     data["axes"] = {name: row[name] for name in row["axis_names"]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)

@@ -4,11 +4,14 @@ A study is a function `run(request, session) -> report`: the request says what i
 options of its command do; the report is plain data.
 """
 
+import json
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from contactlab.errors import SweepFileError
+from pydantic import TypeAdapter, ValidationError
+
+from contactlab.errors import OutputError, SweepFileError
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
@@ -17,7 +20,10 @@ from contactlab.run.tasks import Finished, Stop
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.atomic_files import atomic_write, write_error
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import read_stored
 
+CLAIMS = "sources.json"
+"""Whose results a folder of studies has."""
 Values = Mapping[str, object]
 """Canonical values by axis."""
 
@@ -45,6 +51,32 @@ class Session:
     progress: Callable[[Sequence[Finished]], None] = _ignore
     notify: Callable[[str], None] = _ignore
     stop: Stop | None = None
+
+    def claim(self, results: str, reference: str) -> None:
+        """Take a place in the folder for the results of a model, a scene or a sweep.
+
+        Args:
+            results: what they are; each has one place in a folder.
+            reference: the model, as it was named.
+
+        Raises:
+            OutputError: the place has the results of another one, or cannot be written.
+        """
+        path = Path(reference).expanduser()
+        source = str(path.resolve()) if path.exists() else reference
+        claimed = self._claimed()
+        if claimed.setdefault(results, source) != source:
+            raise OutputError(
+                f"{self.folder} has the results of {claimed[results]}; write elsewhere with -o"
+            )
+        self.write({CLAIMS: json.dumps(claimed, indent=2) + "\n"})
+
+    def _claimed(self) -> dict[str, str]:
+        data = read_stored(self.folder, CLAIMS)
+        try:
+            return TypeAdapter(dict[str, str]).validate_json(data or b"{}")
+        except ValidationError as error:
+            raise OutputError(f"{self.folder / CLAIMS} is damaged; remove it") from error
 
     def run(self, sweep: SweepRequest) -> Store:
         """Run a sweep and open its store.

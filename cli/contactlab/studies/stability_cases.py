@@ -37,11 +37,13 @@ class StabilityCase:
     Attributes:
         source: the sweep file, or the text of a generic one.
         folder: where relative paths of its scene start.
+        origin: what was named: a case, a model, a folder or a robot.
     """
 
     name: str
     source: Path | str
     folder: Path
+    origin: str
 
 
 def run(request: StabilityRequest, session: Session) -> StabilityReport:
@@ -56,6 +58,8 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
         StoppedError: the session was stopped.
     """
     cases = find_cases(request.names)
+    for case in cases:
+        session.claim(case.name, case.origin)
     results: list[StabilityResult] = []
     for number, case in enumerate(cases, 1):
         result = run_case(case, session)
@@ -86,12 +90,12 @@ def run_case(case: StabilityCase, session: Session) -> StabilityResult:
 
 def _case(name: str, known: dict[str, Path]) -> StabilityCase:
     if name in known:
-        return StabilityCase(name, known[name], known[name].parent)
+        return StabilityCase(name, known[name], known[name].parent, name)
     if is_menagerie(name):
-        return StabilityCase(menagerie_name(name), _GENERIC.format(scene=name), Path())
+        return StabilityCase(menagerie_name(name), _GENERIC.format(scene=name), Path(), name)
     path = Path(name)
     if path.suffix in _MODELS or path.is_dir():
-        return StabilityCase(path.stem, _GENERIC.format(scene=path.resolve()), Path())
+        return StabilityCase(path.stem, _GENERIC.format(scene=path.resolve()), Path(), name)
     raise SweepFileError(
         f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
         "and any model file, folder of a scene or menagerie:ROBOT"

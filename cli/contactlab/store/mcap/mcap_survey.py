@@ -19,6 +19,8 @@ _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
 _MIN_SIZE = 2 * len(MCAP0_MAGIC) + _DATA_END.size + _FOOTER.size
 _CRC_SIZE = 4
+_MOST_CHUNK = 64 << 20
+"""Bytes that a chunk may hold: one that is written has 1 MiB, and as much as one step records."""
 
 
 @dataclass(frozen=True)
@@ -148,10 +150,21 @@ def _raw_records(data: bytes, start: int, stop: int) -> Iterator[RawRecord]:
         start = end
 
 
+def unpacked(compressed: bytes | memoryview, size: int) -> bytes:
+    """Return the content of a chunk, whose size both the chunk and the compressed data state.
+
+    Raises:
+        ValueError: it is larger than any that is written, or the sizes differ.
+    """
+    if size > _MOST_CHUNK or zstandard.frame_content_size(compressed) != size:
+        raise ValueError(f"a chunk claims to hold {size:,} bytes")
+    return zstandard.decompress(compressed)
+
+
 def _read_chunk(raw: RawRecord, chunk: Chunk) -> tuple[ChunkRecords, list[RawRecord]]:
     content = chunk.data
     if chunk.compression == "zstd":
-        content = zstandard.decompress(content, chunk.uncompressed_size)
+        content = unpacked(content, chunk.uncompressed_size)
     elif chunk.compression:
         raise ValueError(f"compression '{chunk.compression}' is not supported")
     messages: list[tuple[int, int, int]] = []

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.errors import StoreError
 from contactlab.store.mcap.chunk_writer import CHUNK_HEAD, INDEX_HEAD, overlapping
-from contactlab.store.mcap.mcap_survey import find_damage
+from contactlab.store.mcap.mcap_survey import find_damage, unpacked
 from contactlab.store.mcap.message_encoder import POINT_FIELDS
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 from contactlab.store.mcap.trace_messages import (
@@ -33,6 +33,7 @@ from contactlab.store.mcap.trace_messages import (
     pair_of_topic,
     state_record,
 )
+from contactlab.store.store_files import MOST_TRACE
 
 # What a file that is sound but not ours can raise.
 _FOREIGN = (McapError, struct.error, zstandard.ZstdError, ValueError, LookupError)
@@ -132,6 +133,8 @@ class ChannelMessages:
     def sizes(self) -> NDArray[np.int64]:
         """(M,) length of each record, opcode and length included."""
         lengths = overlapping(self.data, 8)[self.offsets + 1].view("<u8")
+        if np.any(lengths > len(self.data)):
+            raise ValueError("a message is larger than its chunk")
         return lengths.astype(np.int64) + _FRAME_SIZE
 
     def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
@@ -150,10 +153,12 @@ def channel_messages(data: bytes, summary: Summary) -> dict[int, ChannelMessages
     offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
     contents: list[bytes] = []
     base = 0
+    if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
+        raise ValueError("its chunks claim to hold more than any run records")
     for chunk in summary.chunk_indexes:
         start = chunk.chunk_start_offset + CHUNK_HEAD.size
         compressed = memoryview(data)[start : start + chunk.compressed_size]
-        contents.append(zstandard.decompress(compressed, chunk.uncompressed_size))
+        contents.append(unpacked(compressed, chunk.uncompressed_size))
         for channel, start in chunk.message_index_offsets.items():
             *_, length = INDEX_HEAD.unpack_from(data, start)
             entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)

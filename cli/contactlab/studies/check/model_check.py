@@ -63,6 +63,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
     """
     names = _chosen(request.only)
     checked = open_model(request.model, request.assign, request.kind)
+    session.claim("check", request.model)
     runner = CheckRunner(checked, session)
     results = tuple(_CHECKS[name](runner) for name in names)
     report = CheckReport(

@@ -138,6 +138,7 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
         StoppedError: the session was stopped.
     """
     setup = request.setup
+    session.claim("effects", request.source)
     toggles = {each.effect: each for each in find_toggles(setup)}
     trials = ConfigurationRunner(setup, toggles, session, request.rounds)
     proven = merged([name for name, each in toggles.items() if each.proof is not None])
