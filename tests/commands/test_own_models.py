@@ -215,6 +215,36 @@ def test_a_starter_file_runs(contactlab: Run, tmp_path: Path, scene: str) -> Non
     assert (code, err) == (0, "")
 
 
+UNNAMED = PENDULUM.replace(
+    "</mujoco>",
+    """  <option timestep="0.004" integrator="implicitfast" cone="elliptic"/>
+  <actuator><motor joint="hinge" gear="5"/></actuator>
+  <keyframe><key qpos="1"/></keyframe>
+</mujoco>""",
+)
+
+
+@pytest.mark.parametrize("scene", ["pendulum.xml", "models/arm.xml", "box"])
+def test_a_starter_file_may_lie_anywhere(contactlab: Run, tmp_path: Path, scene: str) -> None:
+    write(tmp_path, box__scene_yaml=MANIFEST, box__scene_xml=BOX, sweeps__here="")
+    write(tmp_path, pendulum_xml=UNNAMED, models__arm_xml=UNNAMED)
+    bare = scene.endswith(".xml")
+    code, _, err = contactlab("init", scene, "-o", "sweeps/own.yaml")
+    # Three timesteps, two integrators, two cones and two seeds; with contact, two solrefs.
+    assert (code, f", {24 if bare else 48} runs of" in err) == (0, True)
+    text = (tmp_path / "sweeps" / "own.yaml").read_text()
+    assert f'scene: "../{scene}' in text
+    assert ("\ndrive: hold" in text, "[0.004, 0.002, 0.008]" in text) == (bare, bare)
+    assert ('# keyframe: ["key[0]", qpos0]' in text) == bare
+    assert contactlab("sweep", "sweeps/own.yaml", "--plan")[0] == 0
+
+
+def test_a_folder_that_is_not_there_is_told(contactlab: Run, tmp_path: Path) -> None:
+    write(tmp_path, pendulum_xml=PENDULUM)
+    code, _, err = contactlab("init", "pendulum.xml", "-o", "nowhere/own.yaml")
+    assert (code, err.splitlines()[0][:39]) == (2, "error: cannot write nowhere/own.yaml: N")
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

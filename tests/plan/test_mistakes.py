@@ -314,3 +314,32 @@ def test_any_text_is_read_or_refused_politely(text: str) -> None:
 
 def _no_scene(_: str) -> Any:
     raise AssertionError("a text without a scene asks for no vocabulary")
+
+
+@pytest.mark.parametrize(
+    ("line", "hint"),
+    [
+        ("timestep: 2ms", "write [0.002]"),
+        ("timestep: [500 us]", "write 0.0005, without a unit"),
+        ("drop_height: [1e1cm]", "write 0.1, without a unit"),
+        ("timestep: [2 parsec]", "write a number above 0"),
+        ("cone: [2ms]", "write one of pyramidal, elliptic"),
+    ],
+)
+def test_a_number_with_a_unit_is_told_without(line: str, hint: str, vocabulary: Any) -> None:
+    (diagnostic,) = found(f"version: 1\nscene: ball\naxes: {{{line}}}\n", vocabulary).diagnostics
+    assert diagnostic.hint == hint
+
+
+def test_a_merge_of_what_is_no_mapping_is_told(mistakes: Mistakes) -> None:
+    assert mistakes("axes: {<<: 3}\n") == [("syntax", "3")]
+
+
+def test_merges_of_merges_are_counted(mistakes: Mistakes) -> None:
+    """Each line has twice as many entries as the one before."""
+    lines = [
+        "m0: &m0 {a: 1}",
+        *(f"m{n}: &m{n} {{<<: [*m{n - 1}, *m{n - 1}]}}" for n in range(1, 64)),
+    ]
+    (first, *_) = mistakes("\n".join(lines))
+    assert first[0] == "syntax"

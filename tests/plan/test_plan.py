@@ -254,3 +254,22 @@ def test_a_million_runs_stream(vocabulary: Any) -> None:
     )
     plan = read_file(text, vocabulary, Overrides()).plan
     assert sum(1 for _ in plan.runs()) == plan.count == 1_000_000
+
+
+def test_merged_entries_are_those_that_are_written_out(read: Reader) -> None:
+    """Own entries go before merged ones, and of these the first."""
+    merged = """
+axes:
+  <<: [{timestep: [1.0e-3], cone: [elliptic]}, &more {cone: [pyramidal], iterations: [1, 2]}]
+  timestep: [2.0e-3]
+include:
+- &row {timestep: 1.0e-4, iterations: 5}
+- {cone: elliptic, <<: *row}
+"""
+    plain = """
+axes: {timestep: [2.0e-3], cone: [elliptic], iterations: [1, 2]}
+include: [{timestep: 1.0e-4, iterations: 5}, {timestep: 1.0e-4, iterations: 5, cone: elliptic}]
+"""
+    one, two = ([dict(row.values) for row in read(text).plan.rows()] for text in (merged, plain))
+    assert one == two
+    assert len(one) == 4

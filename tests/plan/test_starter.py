@@ -1,12 +1,21 @@
 """The starter file is a sweep file, for whatever the scene offers."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import pytest
 
-from contactlab.plan.starter import SCHEMA_NAME, starter
+from contactlab.plan.starter import SCHEMA_NAME, SceneAsWritten, starter
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.schema.vocabulary import AxisSpec, Vocabulary
+
+SETTINGS = {
+    "timestep": 0.002,
+    "integrator": "RK4",
+    "cone": "elliptic",
+    "solref": (0.02, 1.0),
+    "iterations": 50,
+}
 
 
 class NoAxes:
@@ -18,24 +27,62 @@ class NoAxes:
         del name
 
 
+def scene(settings: Mapping[str, object] = SETTINGS, drive: str | None = "hold") -> SceneAsWritten:
+    return SceneAsWritten("ball", settings, 1.5, drive)
+
+
+def axes_of(text: str, vocabulary: Any) -> dict[str, list[Any]]:
+    return {axis.name: list(axis.values) for axis in read_sweep(text, vocabulary).plan.axes}
+
+
 def test_the_starter_reads(vocabulary: Any) -> None:
-    text = starter("ball", vocabulary("ball"))
+    text = starter(scene(), vocabulary("ball"))
     file = read_sweep(text, vocabulary)
     assert text.splitlines()[0] == f"# yaml-language-server: $schema=./{SCHEMA_NAME}"
-    assert [axis.name for axis in file.plan.axes] == ["timestep", "integrator", "cone"]
+    assert (file.sweep.duration, file.sweep.drive, file.sweep.trace) == (1.5, "hold", "flagged")
+    assert len(file.sweep.seed_values) == 2
     assert file.plan.warnings == ()
 
 
+def test_the_first_value_of_each_axis_is_the_scene_s_own(vocabulary: Any) -> None:
+    axes = axes_of(starter(scene(), vocabulary("ball")), vocabulary)
+    assert {name: values[0] for name, values in axes.items()} == {
+        name: SETTINGS[name] for name in ("timestep", "integrator", "cone", "solref")
+    }
+    assert all(2 <= len(set(values)) <= 3 for values in axes.values())
+
+
+@pytest.mark.parametrize("timestep", [0.0005, 0.002, 0.005, 0.01, 1 / 60, 2.5e-5])
+@pytest.mark.parametrize("constant", [0.002, 0.02, 0.1])
+def test_none_needs_refsafe_that_the_scene_does_not_need(
+    timestep: float, constant: float, vocabulary: Any
+) -> None:
+    """MuJoCo raises a time constant to two timesteps."""
+    settings = {**SETTINGS, "timestep": timestep, "solref": (constant, 1.0)}
+    axes = axes_of(starter(scene(settings), vocabulary("ball")), vocabulary)
+    assert axes["timestep"][0] == timestep
+    needed = min(pair[0] for pair in axes["solref"]) < 2 * max(axes["timestep"])
+    assert needed == (constant < 2 * timestep)
+
+
+def test_what_geoms_do_not_share_is_left_out(vocabulary: Any) -> None:
+    settings = {name: value for name, value in SETTINGS.items() if name != "solref"}
+    axes = axes_of(starter(scene(settings), vocabulary("ball")), vocabulary)
+    assert list(axes) == ["timestep", "integrator", "cone"]
+
+
 def test_its_commented_lines_read_too(vocabulary: Any) -> None:
-    text = starter("ball", vocabulary("ball"))
-    for key in ("# duration", "# exclude", "# include", "# tolerances", "# expect", "#   - {w"):
+    text = starter(scene(), vocabulary("ball"))
+    for key in ("# exclude", "# include", "# tolerances", "# expect", "#   - {w"):
         assert key in text
     body = text.replace("# exclude", "exclude").replace('#   - {where: "', '  - {where: "')
     assert read_sweep(body, vocabulary).plan.count < read_sweep(text, vocabulary).plan.count
+    drive = starter(scene(drive=None), vocabulary("ball")).replace("# drive", "drive")
+    assert read_sweep(drive, vocabulary).sweep.drive == "none"
 
 
-@pytest.mark.parametrize("scene", ["ball", "my: scene #1", "./a b/c.xml"])
-def test_a_scene_without_axes_or_plain_name_reads(scene: str) -> None:
+@pytest.mark.parametrize("reference", ["ball", "my: scene #1", "./a b/c.xml"])
+def test_a_scene_without_axes_or_plain_name_reads(reference: str) -> None:
     empty = Vocabulary(NoAxes(), (), ())
-    file = read_sweep(starter(scene, empty), lambda _: empty)
-    assert (file.sweep.scene, file.plan.count) == (scene, 1)
+    file = read_sweep(starter(SceneAsWritten(reference, {}, 1.0), empty), lambda _: empty)
+    assert (file.sweep.scene, file.plan.count) == (reference, 2)

@@ -1,13 +1,18 @@
 """`contactlab init`: a commented sweep file to start from, and its schema for editors."""
 
+import errno
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError
+
+if TYPE_CHECKING:
+    from contactlab.plan.starter import SceneAsWritten
+    from contactlab.scene.scene import Scene
 
 
 def init(
@@ -20,19 +25,39 @@ def init(
 ) -> None:
     """Write a starter sweep file for a scene, and its JSON Schema beside it."""
     from contactlab.plan.starter import SCHEMA_NAME, starter
+    from contactlab.plan.sweep_file import read_sweep
     from contactlab.run.sweep_request import SceneLoader
+    from contactlab.scene.scene_source import reference_from
     from contactlab.schema.json_schemas import json_schemas
     from contactlab.store.atomic_files import write_error
 
-    text = starter(scene, SceneLoader(path.parent).vocabulary(scene))
+    if path.exists():
+        raise OutputError(f"{path} exists; choose another file with -o")
+    if not path.parent.is_dir():
+        raise write_error(path, FileNotFoundError(errno.ENOENT, ""))
+    loader, reference = SceneLoader(path.parent), reference_from(path.parent, scene)
+    own = _as_written(loader.open(reference), reference)
+    text = starter(own, loader.vocabulary(reference))
+    plan = read_sweep(text, loader.vocabulary).plan
     schema = path.parent / SCHEMA_NAME
     try:
         with path.open("x", encoding="utf-8") as file:
             file.write(text)
         published_text = json.dumps(json_schemas()["sweep.schema.json"], indent=2) + "\n"
         schema.write_text(published_text, encoding="utf-8")
-    except FileExistsError as error:
-        raise OutputError(f"{path} exists; choose another file with -o") from error
     except OSError as error:
         raise write_error(path, error) from error
-    say(f"wrote {path} and {schema}\nnext: contactlab sweep {path}")
+    say(f"wrote {path}, {plan.count} runs of {own.duration:g} s each, and {schema}")
+    say(f"next: contactlab sweep {path}")
+
+
+def _as_written(scene: "Scene", reference: str) -> "SceneAsWritten":
+    from contactlab.plan.starter import SceneAsWritten
+
+    base, bare = scene.base({}), scene.source.manifest is None
+    return SceneAsWritten(
+        reference=reference,
+        settings={name: base.settings[name] for name in base.settings.keys() - base.nonuniform},
+        duration=scene.duration,
+        drive=("hold" if base.model.nu else "exercise") if bare else None,
+    )

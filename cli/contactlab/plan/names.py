@@ -8,7 +8,7 @@ from typing import cast
 
 from contactlab.errors import did_you_mean, suggestion
 from contactlab.plan.diagnostics import Place
-from contactlab.plan.validation import Draft
+from contactlab.plan.validation import Draft, without_unit
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
@@ -41,7 +41,10 @@ class SweepContext(Draft):
             close = did_you_mean(value, spec.choices) if isinstance(value, str) else ""
             written = list(cast("tuple[object]", value)) if isinstance(value, tuple) else value
             message = f"{written!r} is not a value of '{name}'"
-            self.document.add("bad-value", place, message, f"{error}{close}")
+            plain = without_unit(value)
+            fits = plain is not None and spec.accepts(plain)
+            hint = f"write {plain:g}, without a unit" if fits else str(error)
+            self.document.add("bad-value", place, message, f"{hint}{close}")
             return UNREADABLE
 
     def swept(self) -> list[tuple[str, KeyPath]]:

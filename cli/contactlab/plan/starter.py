@@ -1,61 +1,147 @@
-"""A commented sweep file to start from."""
+"""A commented sweep file to start from: the scene as it is, and a few values around it."""
 
 import json
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 from contactlab.schema.vocabulary import Vocabulary
 
 SCHEMA_NAME = "contactlab-sweep.schema.json"
-_FIRST = {"timestep": (5e-4, 1e-3, 2e-3, 4e-3)}
 _MOST_LISTED = 40
+_SEEDS = 2
+_FEW = 4
+"""Timesteps of solref's time constant below which no longer ones are proposed."""
+_PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 
-def starter(scene: str, vocabulary: Vocabulary) -> str:
-    """Return a sweep file of a scene, ready to run, with comments on what else it can hold."""
-    axes = [f"  {name}: [{', '.join(words)}]" for name, words in _axes(vocabulary).items()]
+@dataclass(frozen=True)
+class SceneAsWritten:
+    """What a starter file says of a scene.
+
+    Attributes:
+        reference: the scene, relative to the file.
+        settings: the settings that all of its geoms and options share, by name.
+        duration: simulated time that its drive needs [s].
+        drive: what drives it; None if the scene says so itself.
+    """
+
+    reference: str
+    settings: Mapping[str, object]
+    duration: float
+    drive: str | None = None
+
+
+def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:
+    """Return a sweep file of a scene, ready to run, with comments on what else it can hold.
+
+    The first value of each axis is the scene's own.
+    """
+    axes = [_line(name, values, vocabulary) for name, values in _varied(scene, vocabulary)]
+    further = [_line(name, values, vocabulary) for name, values in _kept(scene, vocabulary)]
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     metric = next(iter(vocabulary.metrics), "")
+    timestep = _word(scene.settings.get("timestep", 1e-3))
     lines = [
         f"# yaml-language-server: $schema=./{SCHEMA_NAME}",
         "version: 1",
-        f"scene: {json.dumps(scene, ensure_ascii=False)}",
-        "# duration: 1.0       # s of simulated time; the scene's own if left out",
-        "seeds: 1              # a count, or a list such as [0, 7]",
+        f"scene: {json.dumps(scene.reference, ensure_ascii=False)}",
+        f"duration: {_word(scene.duration):<12}# s of simulated time",
+        *_drive(scene.drive),
+        f"seeds: {_SEEDS:<15}# a count, or a list such as [0, 7]",
         "",
-        "# The sweep is the product of its axes. An axis is a list, or one of",
+        "# The sweep is the product of its axes; of each, the first value is the scene's own.",
+        "# An axis is a list, or one of",
         "#   {linspace: [first, last, count]}   {logspace: [first, last, count]}",
         "#   {range: [first, last, step]}       {values: [...], role: scenario}",
         "#   {uniform: [low, high]}             {loguniform: [low, high]}   (with `sample`)",
         "# A knob is a setting that you may choose; a scenario is an external condition.",
         "axes:" if axes else "axes: {}",
-        *axes,
+        *(f"  {line}" for line in axes),
+        *(f"  # {line}" for line in further),
         "",
         "# zip:                  # axes that advance together",
         "#   - {axis_a: [1, 2], axis_b: [10, 20]}",
         "# sample: {method: sobol, n: 64, seed: 0}",
         "# exclude:              # partial matches or expressions",
-        '#   - {where: "timestep > 2e-3"}',
+        f'#   - {{where: "timestep > {timestep}"}}',
         "# include:              # further rows, or {file: runs.csv}",
         "#   - {timestep: 1e-4}",
         *([f"# tolerances: {{{metric}: 1e-3}}   # what is accurate enough"] if metric else []),
         *(["# expect:               # makes the sweep a test"] if expected else []),
-        *([f"#   - {{where: {{timestep: 1e-3}}, label: {expected}}}"] if expected else []),
-        "trace: all            # all, flagged, none or sample:N",
+        *([f"#   - {{where: {{timestep: {timestep}}}, label: {expected}}}"] if expected else []),
+        "trace: flagged        # all, flagged, none or sample:N",
         "",
         *_listing(vocabulary),
     ]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _axes(vocabulary: Vocabulary) -> dict[str, list[str]]:
-    """Return a few common axes, as far as the scene has them."""
-    axes: dict[str, list[str]] = {}
-    for name in ("timestep", "integrator", "cone"):
+def _drive(drive: str | None) -> list[str]:
+    own = f"drive: {drive}" if drive else "# drive: none"
+    return [
+        f"{own:<22}# none; hold: keep the start posture; exercise: move every actuator;",
+        f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
+    ]
+
+
+def _varied(
+    scene: SceneAsWritten, vocabulary: Vocabulary
+) -> Iterator[tuple[str, Sequence[object]]]:
+    """Yield a few common axes with their values, as far as the scene has them.
+
+    None needs refsafe, by which MuJoCo raises a time constant of solref to two timesteps.
+    """
+    timestep, solref = scene.settings.get("timestep"), scene.settings.get("solref")
+    constant = float(solref[0]) if isinstance(solref, tuple) else 0.0
+    periods = constant / timestep if isinstance(timestep, float) else 0.0
+    for name, own in _own(scene, vocabulary, ("timestep", "integrator", "cone", "solref")):
+        others: Sequence[object] = ()
+        if isinstance(own, float):
+            others = own / 2, own / 4 if 0 < periods < _FEW else own * 2
+        elif isinstance(own, tuple) and constant > 0:
+            others = ((constant / 2 if periods >= 2 * _FEW else constant * 2, own[1]),)
+        elif isinstance(own, str):
+            words = _others(name, own, vocabulary)
+            others = [word for word in words if word == "implicitfast"] or words[:1]
+        yield name, (own, *others)
+
+
+def _kept(scene: SceneAsWritten, vocabulary: Vocabulary) -> Iterator[tuple[str, Sequence[object]]]:
+    """Yield further axes, with values that a comment proposes."""
+    for name, own in _own(scene, vocabulary, ("keyframe", "solver", "solimp", "impratio")):
+        words = _others(name, own, vocabulary)
+        yield name, (own, *words, *([10.0] if own == 1.0 else []))
+
+
+def _own(
+    scene: SceneAsWritten, vocabulary: Vocabulary, names: Sequence[str]
+) -> Iterator[tuple[str, object]]:
+    for name in names:
         spec = vocabulary.axes.find(name)
-        values = (_FIRST.get(name) or spec.choices) if spec else ()
-        written = [f"{value:g}" if isinstance(value, float) else str(value) for value in values]
-        if spec and written and all(map(spec.accepts, values)):
-            axes[name] = written
-    return axes
+        if spec and name in scene.settings and spec.accepts(scene.settings[name]):
+            yield name, scene.settings[name]
+
+
+def _others(name: str, own: object, vocabulary: Vocabulary) -> Sequence[str]:
+    spec = vocabulary.axes.find(name)
+    return [word for word in (spec.choices if spec else ()) if word != own]
+
+
+def _line(name: str, values: Sequence[object], vocabulary: Vocabulary) -> str:
+    line = f"{name}: [{', '.join(map(_word, values))}]"
+    left = [word for word in _others(name, values[0], vocabulary) if word not in values]
+    return f"{line}   # also {', '.join(left)}" if left else line
+
+
+def _word(value: object) -> str:
+    """Return a value as YAML has it within brackets."""
+    if isinstance(value, tuple):
+        return f"[{', '.join(_word(part) for part in value)}]"
+    if isinstance(value, float):
+        return f"{value:g}" if float(f"{value:g}") == value else repr(value)
+    text = str(value)
+    return text if _PLAIN.fullmatch(text) else json.dumps(text)
 
 
 def _listing(vocabulary: Vocabulary) -> list[str]:

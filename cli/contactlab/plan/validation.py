@@ -3,6 +3,7 @@
 What is valid is kept as a draft for further checks, so that one pass finds all mistakes.
 """
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import UnionType
@@ -103,7 +104,18 @@ def _add_axis_form(document: Document, path: KeyPath) -> None:
     elif data is None:
         document.add("empty-axis", path, f"axis '{name}' has no values", "write a list: [...]")
     else:
-        document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{data}]")
+        value = data if (plain := without_unit(data)) is None else f"{plain:g}"
+        document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{value}]")
+
+
+_UNITS = {"us": 1e-6, "µs": 1e-6, "ms": 1e-3, "s": 1.0, "mm": 1e-3, "cm": 1e-2, "m": 1.0, "kg": 1.0}
+_WITH_UNIT = re.compile(rf"([-+]?\d*\.?\d+(?:e[-+]?\d+)?)\s*({'|'.join(_UNITS)})")
+
+
+def without_unit(value: object) -> float | None:
+    """Return the number in s, m or kg that a text such as `2ms` means; None if it is no such."""
+    parts = _WITH_UNIT.fullmatch(value) if isinstance(value, str) else None
+    return float(f"{float(parts[1]) * _UNITS[parts[2]]:.12g}") if parts else None
 
 
 def _add_length(document: Document, kind: str, path: KeyPath) -> None:

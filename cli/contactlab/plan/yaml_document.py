@@ -207,10 +207,13 @@ class _Reader:
         last = end.column + self.shift if end.line == start.line else len(place.text.rstrip())
         return replace(place, width=max(last + 1 - column, 1))
 
-    def _data(self, node: Node, path: KeyPath) -> object:
+    def _count(self) -> None:
         self.nodes += 1
         if self.nodes > MOST_NODES:
             raise YAMLError(f"more than {MOST_NODES:,} values; use include: {{file: runs.csv}}")
+
+    def _data(self, node: Node, path: KeyPath) -> object:
+        self._count()
         self.document.values[path] = self._place(node.start_mark, node.end_mark)
         if isinstance(node, MappingNode):
             return self._mapping(node, path)
@@ -221,7 +224,7 @@ class _Reader:
 
     def _mapping(self, node: MappingNode, path: KeyPath) -> dict[str, object]:
         data: dict[str, object] = {}
-        for key, value in cast("list[tuple[Node, Node]]", node.value):
+        for key, value in self._entries(node):
             place, name = self._place(key.start_mark, key.end_mark), str(key.value)
             if not isinstance(key, ScalarNode):
                 self._fail("a key must be a single word", place)
@@ -234,6 +237,29 @@ class _Reader:
             self.document.keys[(*path, name)] = place
             data[name] = self._data(value, (*path, name))
         return data
+
+    def _entries(self, node: MappingNode) -> Iterator[tuple[Node, Node]]:
+        """Yield the entries of a mapping, and those that it merges (`<<`) and does not replace."""
+        entries = cast("list[tuple[Node, Node]]", node.value)
+        names = {str(key.value) for key, _ in entries}
+        for key, value in entries:
+            if str(key.tag) != f"{_TAGS}merge":
+                yield key, value
+                continue
+            for merged in self._merged(value):
+                if str(merged[0].value) not in names:
+                    names.add(str(merged[0].value))
+                    yield merged
+
+    def _merged(self, node: Node) -> Iterator[tuple[Node, Node]]:
+        self._count()
+        sources = cast("list[Node]", node.value) if isinstance(node, SequenceNode) else [node]
+        for source in sources:
+            if isinstance(source, MappingNode):
+                yield from self._entries(source)
+            else:
+                place = self._place(source.start_mark, source.end_mark)
+                self._fail("`<<` takes a mapping, or a list of mappings", place)
 
     def _scalar(self, node: ScalarNode) -> object:
         text, tag = str(node.value), str(node.tag)

@@ -30,8 +30,9 @@ QPOS0 = "qpos0"
 
 
 def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the names or addresses of a model's keyframes."""
-    return tuple(model.key(index).name for index in range(model.nkey))
+    """Return the names or addresses of a model's keyframes, but of none that are only reserved."""
+    names = (model.key(index).name for index in range(model.nkey))
+    return tuple(name for name in names if name)
 
 
 def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:

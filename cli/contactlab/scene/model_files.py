@@ -286,6 +286,14 @@ def _plain(path: Path) -> Path:
     return Path(*parts)
 
 
+def relative_path(path: Path, folder: Path) -> Path:
+    """Return a path that leads from a folder to what another path leads to from here."""
+    end, start = _plain(path), _plain(folder)
+    shared = next(each for each in (start, *start.parents) if end.is_relative_to(each))
+    ascent = [".."] * (len(start.parts) - len(shared.parts))
+    return Path(*ascent, end.relative_to(shared))
+
+
 def _common_folder(paths: Iterable[Path]) -> Path:
     folder = min(paths).parent
     while not all(folder in path.parents for path in paths):

@@ -17,7 +17,7 @@ from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.model_files import SceneFiles, collect_files
+from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.scene_tree import check_places
 from contactlab.schema.drive import drive_files
 from contactlab.schema.scene_manifest import SceneManifest
@@ -128,6 +128,16 @@ def find_scene(reference: str, base: Path | None = None) -> SceneSource:
     if "/" in reference or (path / MANIFEST).is_file():
         return _folder(path, path.resolve().name)
     return _folder(resources.scene_folder(reference), reference)
+
+
+def reference_from(folder: Path, reference: str) -> str:
+    """Return the reference of a scene in files of a folder, as the working directory names it."""
+    path = Path(reference).expanduser()
+    named = path.suffix in MODEL_SUFFIXES or (path / MANIFEST).is_file() or "/" in reference
+    if is_menagerie(reference) or not named:
+        return reference
+    relative = relative_path(path, folder).as_posix()
+    return relative if path.suffix in MODEL_SUFFIXES else f"{relative}/"
 
 
 def stored_scene(folder: Path, model: str, name: str) -> SceneSource:
