@@ -39,6 +39,9 @@ def test_a_runs_record(contactlab: Run, store: Path, run_id: str) -> None:
     assert (code, err) == (0, "")
     for part in (run_id, "seed 0", "penetration_max", "restitution_measured", "floor-ball"):
         assert part in out
+    # A ball that drops from 0.5 m or more, and bounces.
+    assert "joints moved" in out
+    assert "floor-ball touched" in out
     record = json.loads(contactlab("show", str(store), run_id[:10], "--format", "json")[1])
     assert record == Store.open(store).record(run_id).model_dump(mode="json")
 

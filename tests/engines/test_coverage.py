@@ -118,7 +118,8 @@ def test_a_planted_motion_is_what_is_covered(make_scene: Make, timestep: float) 
     # The sag of the body, a fraction of a millimetre, is what the tendon's length is off by.
     assert taut.stretched == pytest.approx(np.hypot(5, 1) - 0.5, rel=1e-3)
     lifted = taut.stretched / np.hypot(5, 1)
-    assert found.limited
+    everything = {"contact", "friction", "rolling", "motion", "limit", "tendon", "equality"}
+    assert found.exercised == {*everything, "actuation"}
     # The weld's time constant is 20 ms, the earliest sample at 62 ms, where 1 % is left to settle.
     assert found.equalities == {"loaded": pytest.approx(2 * GRAVITY - lifted, 0.02), "unloaded": 0}
 

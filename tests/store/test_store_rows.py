@@ -14,6 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.errors import StoreError
+from contactlab.schema.coverage import Coverage, PairUse, Travel
 from contactlab.schema.evidence import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
 from contactlab.store.finished_store import Store, similar_ids
 from contactlab.store.runs_table import iterate_rows, read_table, shared_fields, write_table
@@ -68,6 +69,20 @@ TRACES = st.builds(
     bytes=COUNTS,
     messages=st.dictionaries(WORDS, COUNTS, max_size=3),
 )
+SHARES = st.floats(0, 1)
+TRAVELS = st.builds(
+    Travel,
+    moved=SHARES,
+    share=st.none() | SHARES,
+    ends=st.sampled_from([(), ("lower",), ("lower", "upper")]),
+    turned=st.none() | SHARES,
+)
+COVERAGES = st.builds(
+    Coverage,
+    joints=st.dictionaries(WORDS, TRAVELS, max_size=2),
+    equalities=st.dictionaries(WORDS, SHARES, max_size=2),
+    pairs=st.dictionaries(WORDS, st.builds(PairUse, touched=SHARES, slid=SHARES), max_size=2),
+)
 CHANGES = st.fixed_dictionaries(
     {
         # An axis keeps its kind throughout a sweep, numbers apart, and so does a setting.
@@ -97,6 +112,7 @@ CHANGES = st.fixed_dictionaries(
         "accuracy": st.none() | ACCURACIES,
         "timing": st.none() | TIMINGS,
         "trace": st.none() | TRACES,
+        "coverage": st.none() | COVERAGES,
         "started": st.none() | WORDS,
         "finished": st.none() | st.just("2026-01-01T00:00:00.000+00:00"),
     }

@@ -43,9 +43,14 @@ def show(
 
 
 def _print_record(store: "Address", record: "EvidenceRecord") -> None:
+    from contactlab.reporting.run_coverage import coverage_rows
+
     echo("\n".join(map(in_one_line, _identity(store, record))))
     labels = [(entry.label, entry.step, entry.reason) for entry in record.labels]
     print_table(("label", "first step", "reason"), labels)
+    if record.coverage is not None:
+        rows = coverage_rows(record.coverage, record.pairs)
+        print_table(("exercised", "not at all", "share of range or time"), rows)
     measured = {name: value for name, value in record.metrics.items() if value is not None}
     metrics = [(name, f"{value:.6g}", record.units[name]) for name, value in measured.items()]
     print_table(("metric", "value", "unit"), metrics)

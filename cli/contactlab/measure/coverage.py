@@ -26,8 +26,8 @@ from contactlab.schema.coverage import ActuatorUse, Coverage, End, PairUse, Trav
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
-_ROUNDING = 1e-6
-"""Share of the model's weight below which the force of an equality is rounding."""
+_LEAST_LOAD = 1e-4
+"""Share of the model's weight below which an equality bears no load worth speaking of."""
 _AT_LIMIT = 1e-9
 """Share of its range by which a force at its limit may miss it by rounding."""
 _RANGE = ("low", "high", "margin")
@@ -52,7 +52,7 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         actuators = _records(ActuatorUse, mechanism.actuators, _actuators(mechanism, trace), n)
         pairs = _records(PairUse, trace.pairs, _pairs(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
-    loads = np.where(loads < _ROUNDING * mechanism.weight, 0, loads)
+    loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)
     touched = _share(trace.contacts > 0)
     return tuple(
         Coverage(

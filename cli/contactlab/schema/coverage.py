@@ -6,11 +6,28 @@ from pydantic import AfterValidator, Field
 
 from contactlab.schema.strict_model import Model
 
+# Of runs that diverged; rounded, the largest number there is would be infinite.
+_LARGEST = 1e300
+
 
 def _short(value: float) -> float:
     """Return a number to four digits, which is as much as coverage is read for."""
-    return float(f"{value:.4g}")
+    return float(f"{min(value, _LARGEST):.4g}")
 
+
+Feature = Literal[
+    "contact",
+    "friction",
+    "spin",
+    "rolling",
+    "motion",
+    "limit",
+    "tendon",
+    "equality",
+    "actuation",
+    "clamping",
+]
+"""What of a model a run may exercise."""
 
 Short = Annotated[float, AfterValidator(_short)]
 End = Literal["lower", "upper"]
@@ -26,8 +43,8 @@ class Travel(Model):
 
     moved: Short = Field(
         default=0.0,
-        description="Greatest less least value; of free joints the largest distance from the "
-        "start [m], of ball joints the largest angle from it [rad].",
+        description="Greatest less least value; of free joints the diagonal of the box "
+        "that their path fills [m], of ball joints the largest angle from it [rad].",
     )
     share: Short | None = Field(default=None, description="The same over its range, if limited.")
     ends: tuple[End, ...] = Field(
@@ -75,7 +92,7 @@ class Coverage(Model):
     actuators: dict[str, ActuatorUse] = Field(default_factory=dict, description="Every actuator.")
     equalities: dict[str, Short] = Field(
         default_factory=dict,
-        description="Largest force of each equality at sampled steps [N or N m]; 0 below 1e-6 of "
+        description="Largest force of each equality at sampled steps [N or N m]; 0 below 1e-4 of "
         "the model's weight.",
     )
     pairs: dict[str, PairUse] = Field(
@@ -84,18 +101,23 @@ class Coverage(Model):
     touched: Short = Field(default=0.0, description="Share of time with any contact in the model.")
 
     @property
-    def moving(self) -> bool:
-        """Whether any joint moved."""
-        return any(each.counts for each in self.joints.values())
-
-    @property
-    def limited(self) -> bool:
-        """Whether a joint or a tendon moved into its limit, and did not just start there."""
-        parts = (*self.joints.values(), *self.tendons.values())
-        return any(each.ends and each.counts for each in parts)
-
-    @property
-    def rubbed(self) -> bool:
-        """Whether friction in a contact had work to do, or could have where nothing is known."""
-        known = any(each.slid or each.friction >= _RUBBED for each in self.pairs.values())
-        return known or (self.touched > 0 and not self.pairs)
+    def exercised(self) -> frozenset[Feature]:
+        """The features of the model that the run exercised."""
+        parts = [*self.joints.values(), *self.tendons.values()]
+        uses = self.pairs.values()
+        # Of pairs that are not monitored, nothing more is known than that they touched.
+        unknown = self.touched > 0 and not uses
+        holds: dict[Feature, bool] = {
+            "contact": self.touched > 0,
+            "friction": unknown or any(each.slid or each.friction >= _RUBBED for each in uses),
+            "spin": unknown or any(each.spun for each in uses),
+            "rolling": unknown or any(each.rolled for each in uses),
+            "motion": any(each.counts for each in self.joints.values()),
+            # A limit at which a joint only starts, or rests, stops nothing.
+            "limit": any(each.ends and each.counts for each in parts),
+            "tendon": any(each.counts or each.stretched for each in self.tendons.values()),
+            "equality": any(self.equalities.values()),
+            "actuation": any(each.force for each in self.actuators.values()),
+            "clamping": any(each.ends for each in self.actuators.values()),
+        }
+        return frozenset(feature for feature, held in holds.items() if held)

@@ -9,7 +9,7 @@ from contactlab.schema.strict_model import Model
 
 EFFECTS_VERSION = 1
 
-Need = Literal["needed", "free", "unused", "absent", "saves", "idle"]
+Need = Literal["needed", "free", "not exercised", "unused", "absent", "saves", "idle"]
 
 
 class Ratio(Model):
@@ -45,6 +45,7 @@ class EffectFinding(Model):
     on: bool = Field(description="In the base configuration.")
     need: Need = Field(
         description="needed: on, and off changes results; free: on, and off changes nothing; "
+        "not exercised: on, and nothing that any run does calls for it; "
         "unused: free by proof; absent: off, and on changes results; saves: off, and on takes "
         "less time and changes nothing; idle: off, and on changes nothing."
     )

@@ -15,6 +15,8 @@ FEATURES = {
     "torsional_friction",
     "rolling_friction",
 }
+# Nothing spins about the normal, and the pendulum stays within its limits.
+NOT_EXERCISED = {"limit", "torsional_friction"}
 _SENSORS = "".join(f"<jointpos name='s{index}' joint='swing'/>" for index in range(12))
 # A box slides to rest; a pendulum swings beside it, and a ball rolls and spins.
 MODEL = """
@@ -52,10 +54,20 @@ def report(ablate: Ablate) -> EffectsReport:
 
 
 def test_unused_features_are_stripped_and_metrics_hold(report: EffectsReport) -> None:
-    assert {*report.smallest_set.off} >= FEATURES | {"sensor"}
+    assert {*report.smallest_set.off} >= FEATURES - NOT_EXERCISED | {"sensor"}
     assert report.verification.holds
     assert report.verification.reason == "no metric changes by its tolerance"
     assert all("duration" not in name for name in report.smallest_set.settings)
+
+
+def test_what_no_run_exercised_is_kept_and_the_drive_is_named(report: EffectsReport) -> None:
+    found = {each.effect: each for each in report.effects}
+    assert {found[name].need for name in NOT_EXERCISED} == {"not exercised"}
+    assert {*report.smallest_set.on} >= NOT_EXERCISED
+    assert found["limit"].reason == (
+        "no joint or tendon moved into its limit; write drive: exercise"
+    )
+    assert all("limit" not in line for line in report.smallest_set.mjcf)
 
 
 def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
@@ -63,9 +75,9 @@ def test_the_stripped_model_computes_none_of_it(report: EffectsReport) -> None:
     values = {**report.base, **report.smallest_set.settings}
     run = scene.resolve(values, 0, None)
     model = scene.prepare(run, scene.starts([run])).model
-    assert (model.ntendon, model.opt.density, model.geom_condim.max()) == (0, 0.0, 3)
+    assert (model.ntendon, model.opt.density, model.geom_condim.max()) == (0, 0.0, 4)
     assert all(model.sensor(index).name.startswith("contactlab/") for index in range(model.nsensor))
-    assert not scene.resolve(values, 0, None).flags["limit"]
+    assert scene.resolve(values, 0, None).flags["limit"]
 
 
 @pytest.mark.slow

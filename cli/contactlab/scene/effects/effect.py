@@ -7,6 +7,7 @@ from typing import Literal
 import mujoco
 
 from contactlab.scene.setting_values import Settings
+from contactlab.schema.coverage import Feature
 
 NOT_IN_MODEL = "not in the model"
 """The reason of an effect that a model does not have."""
@@ -132,6 +133,7 @@ class Effect:
         on: axis values with which a study turns it on; none where studies do not.
         off: axis values with which a study turns it off; its own axis, if left out.
         studied: whether studies change it; some effects define the model itself.
+        feature: what runs must exercise to show what it does; None where every run does.
     """
 
     name: str
@@ -143,6 +145,7 @@ class Effect:
     on: Mapping[str, object] = field(default_factory=dict[str, object])
     off: Mapping[str, object] = field(default_factory=dict[str, object])
     studied: bool = True
+    feature: Feature | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,14 +12,22 @@ from contactlab.scene.effects.effect_switches import (
 )
 from contactlab.scene.effects.proofs import zero
 from contactlab.scene.model_options import FLAGS
+from contactlab.schema.coverage import Feature
 
 EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
 
 
-def _flag(name: str, kind: Kind, what: str, called_by: str, unused: Proof = never) -> Effect:
+def _flag(
+    name: str,
+    kind: Kind,
+    what: str,
+    called_by: str,
+    unused: Proof = never,
+    feature: Feature | None = None,
+) -> Effect:
     """Return the effect of one of MuJoCo's flags, which has its name."""
-    return Effect(name, kind, what, by_flag(name), called_by, unused)
+    return Effect(name, kind, what, by_flag(name), called_by, unused, feature=feature)
 
 
 _EFFECTS = (
@@ -29,6 +37,7 @@ _EFFECTS = (
         "normal force between bodies that touch",
         "geoms that can touch",
         proofs.no_contact,
+        feature="contact",
     ),
     Effect(
         "tangential_friction",
@@ -37,6 +46,7 @@ _EFFECTS = (
         by_condim(3, 1),
         "contacts that may slide",
         proofs.straight_drop,
+        feature="friction",
     ),
     Effect(
         "torsional_friction",
@@ -46,6 +56,7 @@ _EFFECTS = (
         "bodies that may spin in their contacts",
         proofs.no_turning,
         on={"torsional_friction": True},
+        feature="spin",
     ),
     Effect(
         "rolling_friction",
@@ -55,6 +66,7 @@ _EFFECTS = (
         "bodies that may roll",
         proofs.no_turning,
         on={"rolling_friction": True},
+        feature="rolling",
     ),
     Effect(
         "elliptic",
@@ -67,6 +79,7 @@ _EFFECTS = (
         ),
         "contacts with friction",
         on={"elliptic": True},
+        feature="friction",
     ),
     Effect(
         "noslip",
@@ -80,6 +93,7 @@ _EFFECTS = (
         "friction that may creep",
         proofs.no_noslip,
         on={"noslip": True},
+        feature="friction",
     ),
     Effect(
         "impratio",
@@ -94,6 +108,7 @@ _EFFECTS = (
         proofs.no_friction,
         on={"impratio": 10.0},
         off={"impratio": 1.0},
+        feature="friction",
     ),
     _flag(
         "multiccd",
@@ -101,6 +116,7 @@ _EFFECTS = (
         "several contacts between two convex shapes that meet in a face",
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
+        feature="contact",
     ),
     _flag(
         "nativeccd",
@@ -108,6 +124,7 @@ _EFFECTS = (
         "the engine's own general collision function",
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
+        feature="contact",
     ),
     Effect(
         "speculative",
@@ -117,6 +134,7 @@ _EFFECTS = (
         "bodies that may move farther than their size in a step",
         proofs.no_contact,
         on={"speculative": True},
+        feature="contact",
     ),
     _flag(
         "midphase",
@@ -124,6 +142,7 @@ _EFFECTS = (
         "sorting the geoms of a body before they are compared",
         "bodies of several geoms",
         proofs.no_crowd,
+        feature="contact",
     ),
     Effect(
         "filterparent",
@@ -187,6 +206,7 @@ _EFFECTS = (
         "gravity above zero",
         proofs.no_gravity,
         off={"gravity": 0.0},
+        feature="motion",
     ),
     Effect(
         "air",
@@ -201,15 +221,31 @@ _EFFECTS = (
         ),
         "a medium of some density or viscosity",
         proofs.no_air,
+        feature="motion",
     ),
-    _flag("spring", "physical", "springs of joints and tendons", "springs", proofs.no_spring),
-    _flag("damper", "physical", "damping of joints and tendons", "damping", proofs.no_damping),
+    _flag(
+        "spring",
+        "physical",
+        "springs of joints and tendons",
+        "springs",
+        proofs.no_spring,
+        feature="motion",
+    ),
+    _flag(
+        "damper",
+        "physical",
+        "damping of joints and tendons",
+        "damping",
+        proofs.no_damping,
+        feature="motion",
+    ),
     _flag(
         "eulerdamp",
         "numerical",
         "joint damping taken at the step's end by the Euler integrator",
         "joint damping",
         zero("no joint is damped", "dof_damping", "dof_dampingpoly", "actuator_damping"),
+        feature="motion",
     ),
     _flag(
         "frictionloss",
@@ -217,9 +253,24 @@ _EFFECTS = (
         "dry friction in joints and tendons",
         "friction loss above zero",
         zero("no joint or tendon has friction loss", "dof_frictionloss", "tendon_frictionloss"),
+        feature="motion",
     ),
-    _flag("limit", "physical", "ends of joints and tendons", "limits", proofs.no_limit),
-    _flag("equality", "physical", "equality constraints", "equalities", proofs.no_equality),
+    _flag(
+        "limit",
+        "physical",
+        "ends of joints and tendons",
+        "limits",
+        proofs.no_limit,
+        feature="limit",
+    ),
+    _flag(
+        "equality",
+        "physical",
+        "equality constraints",
+        "equalities",
+        proofs.no_equality,
+        feature="equality",
+    ),
     Effect(
         "tendon",
         "physical",
@@ -227,9 +278,19 @@ _EFFECTS = (
         by_tendons(),
         "tendons",
         proofs.idle_tendons,
+        feature="tendon",
     ),
-    _flag("actuation", "physical", "actuators", "actuators", proofs.no_actuator),
-    _flag("clampctrl", "physical", "limits of controls", "limited controls", proofs.no_ctrl_limit),
+    _flag(
+        "actuation", "physical", "actuators", "actuators", proofs.no_actuator, feature="actuation"
+    ),
+    _flag(
+        "clampctrl",
+        "physical",
+        "limits of controls",
+        "limited controls",
+        proofs.no_ctrl_limit,
+        feature="clamping",
+    ),
     Effect(
         "implicit",
         "numerical",

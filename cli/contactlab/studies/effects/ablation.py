@@ -34,6 +34,7 @@ from contactlab.studies.effects.metric_changes import (
     unmeasured_metrics,
     work_ratios,
 )
+from contactlab.studies.exercised import Exercised
 from contactlab.studies.session import Session, Values
 
 
@@ -146,7 +147,11 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     configurations = [BASE, *singles, *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
     timed = _timed(trials, "timing", configurations)
-    findings = [_finding(setup, toggles[name], outcomes, timed, proven) for name in toggles]
+    exercised = Exercised.of(outcomes[BASE].flat)
+    findings = [
+        _as_exercised(_finding(setup, toggle, outcomes, timed, proven), exercised)
+        for toggle in toggles.values()
+    ]
     search = SmallestSetSearch(trials, outcomes[BASE])
     free = search.smallest(proven, _worthwhile(findings))
     needed = [each.effect for each in findings if each.need == "needed"]
@@ -217,6 +222,14 @@ def _finding(
         cost=cost,
         work={} if toggle.proof else work_ratios(timed[BASE], timed[changed]),
     )
+
+
+def _as_exercised(finding: EffectFinding, exercised: Exercised) -> EffectFinding:
+    """Return a finding that calls nothing free that no run exercised."""
+    lack = exercised.lack(EFFECTS[finding.effect].feature)
+    if finding.need != "free" or lack is None:
+        return finding
+    return finding.model_copy(update={"need": "not exercised", "reason": lack})
 
 
 def _need(toggle: Toggle, change: ConfigurationDifference, cost: Ratio | None) -> Need:

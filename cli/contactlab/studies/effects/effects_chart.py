@@ -19,6 +19,7 @@ _COLOURS = {
     "needed": "#e42536",
     "absent": "#964a8b",
     "free": "#5790fc",
+    "not exercised": "#7a21dd",
     "saves": "#f89c20",
     "idle": "#9c9ca1",
 }
