@@ -4,8 +4,10 @@ A message says what is wrong, where, and what to write instead.
 """
 
 import difflib
+import traceback
 from collections.abc import Generator, Iterable
 from contextlib import contextmanager
+from pathlib import Path
 
 
 class ContactlabError(Exception):
@@ -80,6 +82,20 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return a suggestion to append to a message, behind a semicolon; or an empty string."""
     return f"; {hint}" if (hint := suggestion(name, known)) else ""
+
+
+def in_one_line(error: BaseException, caller: str) -> str:
+    """Return an error of the user's code in one line, after the line of that code that raised it.
+
+    Args:
+        error: as it was caught.
+        caller: `__file__` of the module that called the code.
+    """
+    frames = [each for each in traceback.extract_tb(error.__traceback__) if each.filename != caller]
+    lines = [each.lineno for each in frames if each.filename == frames[0].filename]
+    where = f"line {lines[-1]} of {Path(frames[0].filename).name}: " if lines else ""
+    text = " ".join(str(error).split())
+    return f"{where}{type(error).__name__}" + (f": {text}" if text else "")
 
 
 @contextmanager

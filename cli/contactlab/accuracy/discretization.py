@@ -1,6 +1,7 @@
 """Discretisation errors: every run against its reference, which runs share by families."""
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -47,12 +48,22 @@ class _Times(NamedTuple):
     ends: Floats
 
 
-def families(runs: Mapping[str, ResolvedRun], scene: Scene) -> list[list[str]]:
-    """Return run ids grouped by all that the runs share but numerics, and so by their reference."""
-    found: dict[str, list[str]] = {}
+def families(
+    runs: Mapping[str, ResolvedRun],
+    scene: Scene,
+    controls: Mapping[str, str | None] = MappingProxyType({}),
+) -> list[list[str]]:
+    """Return run ids grouped by all that the runs share but numerics, and so by their reference.
+
+    Args:
+        runs: the runs, by id.
+        scene: theirs.
+        controls: hash of what the policy of a run did, by its id; a reference does the same.
+    """
+    found: dict[tuple[str, str | None], list[str]] = {}
     for run_id, resolved in runs.items():
         shared = scene.run_id(with_reference_numerics(resolved, "RK4", 1.0))
-        found.setdefault(shared, []).append(run_id)
+        found.setdefault((shared, controls.get(run_id)), []).append(run_id)
     return list(found.values())
 
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from contactlab.accuracy.discretization import Note
 from contactlab.accuracy.reference import PlannedModel
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.engines import SEGMENTS, Segments, TimesSteps, Watch, Work, engine_of
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
@@ -87,10 +88,12 @@ class InterleavedTimer:
 
     Attributes:
         rounds: how often each is timed; within a round all take turns.
+        controls: what policies did in runs, by id.
     """
 
     scene: Scene
     rounds: int
+    controls: Mapping[str, RecordedControls] = field(default_factory=dict[str, RecordedControls])
     _compiled: dict[str, tuple[mujoco.MjModel, float]] = field(
         default_factory=dict[str, tuple[mujoco.MjModel, float]]
     )
@@ -100,16 +103,16 @@ class InterleavedTimer:
     ) -> Iterator[tuple[str, Note]]:
         """Yield each run's id and times, after all rounds."""
         silence_mujoco()
-        counted = [(resolved, _work_of(work[run_id])) for run_id, resolved in runs.items()]
+        counted = [(run_id, each, _work_of(work[run_id])) for run_id, each in runs.items()]
         with _no_garbage_collection():
             portions = [
-                _portion(_timing_engine(resolved), self._segments(resolved, done))
-                for resolved, done in counted
+                _portion(_timing_engine(resolved), self._segments(run_id, resolved, done))
+                for run_id, resolved, done in counted
             ]
             rounds = [
                 [
-                    self._time(resolved, done, portion)
-                    for (resolved, done), portion in zip(counted, portions, strict=True)
+                    self._time(self._segments(run_id, resolved, done), resolved, portion)
+                    for (run_id, resolved, done), portion in zip(counted, portions, strict=True)
                 ]
                 for _ in range(self.rounds)
             ]
@@ -127,18 +130,20 @@ class InterleavedTimer:
             )
 
     def _time(
-        self, resolved: ResolvedRun, work: Work, portion: _Portion
+        self, segments: Segments, resolved: ResolvedRun, portion: _Portion
     ) -> tuple[float, float, float]:
         """Return the CPU time per simulated time, and of a step [s]: median, 99th percentile."""
-        engine, segments = _timing_engine(resolved), self._segments(resolved, work)
+        engine = _timing_engine(resolved)
         seconds, steps = engine.time_segments(segments, portion.most, portion.repeats)
         single = engine.time_steps(segments, portion.single)
         p50, p99 = np.quantile(single, (0.5, 0.99)).tolist()
         return seconds / (steps * resolved.timestep), p50, p99
 
-    def _segments(self, resolved: ResolvedRun, work: Work) -> Segments:
+    def _segments(self, run_id: str, resolved: ResolvedRun, work: Work) -> Segments:
         """Return what is timed of a run; made anew each time, so that memory does not grow."""
         start = self.scene.starts([resolved])
+        if run_id in self.controls:
+            start = start.acted_on([self.controls[run_id]])
         model = prepare_without_sensors(self.scene, resolved, start, self._model(resolved)[0])
         return Segments(model, start, work.places, work.states, work.steps)
 

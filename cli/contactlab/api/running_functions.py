@@ -42,6 +42,7 @@ def sweep(
     fresh: bool = False,
     retry_failed: bool = False,
     plugins: Sequence[str | Path] = (),
+    allow_code: bool = False,
     progress: Progress | None = None,
 ) -> Store:
     """Run a sweep into a store, or resume it, and open the store.
@@ -56,6 +57,7 @@ def sweep(
         fresh: whether to replace a store that is there.
         retry_failed: whether stored runs that crashed, timed out or failed are run again.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
+        allow_code: whether a policy that drives the runs may be executed.
         progress: called as runs finish.
 
     Raises:
@@ -80,7 +82,7 @@ def sweep(
         fresh=fresh,
         retry_failed=retry_failed,
     )
-    return _session(Path(), workers, progress).run(request)
+    return _session(Path(), workers, progress, allow_code=allow_code).run(request)
 
 
 def check(
@@ -93,6 +95,7 @@ def check(
     kind: TaskKind | Literal["auto"] = "auto",
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
+    allow_code: bool = False,
     progress: Progress | None = None,
 ) -> CheckReport:
     """Check a model before it is trusted: six checks, each with its numbers and what to change.
@@ -106,6 +109,7 @@ def check(
         kind: of task, which decides what the timestep has to suit.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
+        allow_code: whether a policy that drives the runs may be executed.
         progress: called as runs finish.
 
     Raises:
@@ -121,7 +125,7 @@ def check(
         kind=None if kind == "auto" else kind,
     )
     folder = Path(output or RESULTS / "check" / model_name(str(model)))
-    return model_check.run(request, _session(folder, workers, progress))
+    return model_check.run(request, _session(folder, workers, progress, allow_code=allow_code))
 
 
 def effects(
@@ -132,6 +136,7 @@ def effects(
     output: str | Path | None = None,
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
+    allow_code: bool = False,
     progress: Progress | None = None,
 ) -> EffectsReport:
     """Find which effects a scene needs, what each costs, and the smallest set that will do.
@@ -143,6 +148,7 @@ def effects(
         output: the folder of its evidence; `results/effects/NAME` if left out.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
+        allow_code: whether a policy that drives the runs may be executed.
         progress: called as runs finish.
 
     Raises:
@@ -152,7 +158,7 @@ def effects(
     load_plugins([Path(each) for each in plugins])
     request = EffectsRequest(str(source), _assigned(set), seeds)
     folder = Path(output or RESULTS / "effects" / model_name(str(source)))
-    return ablation.run(request, _session(folder, workers, progress))
+    return ablation.run(request, _session(folder, workers, progress, allow_code=allow_code))
 
 
 def stability(
@@ -161,6 +167,7 @@ def stability(
     output: str | Path = RESULTS / "stability",
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
+    allow_code: bool = False,
     progress: Progress | None = None,
 ) -> StabilityReport:
     """Run hard cases, or generic checks of models.
@@ -170,6 +177,7 @@ def stability(
         output: the folder of the stores, one a case.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
+        allow_code: whether a policy that drives the runs may be executed.
         progress: called as runs finish.
 
     Raises:
@@ -177,7 +185,9 @@ def stability(
     """
     load_plugins([Path(each) for each in plugins])
     request = stability_cases.StabilityRequest([str(each) for each in names])
-    return stability_cases.run(request, _session(Path(output), workers, progress))
+    return stability_cases.run(
+        request, _session(Path(output), workers, progress, allow_code=allow_code)
+    )
 
 
 def tradeoff(
@@ -188,6 +198,7 @@ def tradeoff(
     output: str | Address | None = None,
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
+    allow_code: bool = False,
     progress: Progress | None = None,
 ) -> TradeoffReport:
     """Find what accuracy costs in time, and the cheapest configuration that will do.
@@ -199,6 +210,7 @@ def tradeoff(
         output: the store of a sweep; `results/tradeoff/NAME` if left out.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
+        allow_code: whether a policy that drives the runs may be executed.
         progress: called as runs finish.
 
     Raises:
@@ -211,12 +223,22 @@ def tradeoff(
         Criteria(error, tolerance or {}),
         None if output is None else parse_address(output),
     )
-    return tradeoff_sweep.run(request, _session(RESULTS / "tradeoff", workers, progress))
+    return tradeoff_sweep.run(
+        request, _session(RESULTS / "tradeoff", workers, progress, allow_code=allow_code)
+    )
 
 
-def _session(folder: Path, workers: int | None, progress: Progress | None) -> Session:
+def _session(
+    folder: Path, workers: int | None, progress: Progress | None, *, allow_code: bool
+) -> Session:
     count = _Count(progress)
-    return Session(folder, worker_count(workers), begin=count.begin, progress=count.add)
+    return Session(
+        folder,
+        worker_count(workers),
+        begin=count.begin,
+        progress=count.add,
+        allow_code=allow_code,
+    )
 
 
 class _Count:

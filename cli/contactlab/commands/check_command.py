@@ -39,6 +39,7 @@ def check(
     ] = "auto",
     workers: opt.WorkersOption = None,
     plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Check a model: timestep, free motion, flat contact, hold, repeat, shells."""
@@ -53,7 +54,7 @@ def check(
         kind=None if kind == "auto" else kind,
     )
     target = folder or RESULTS / "check" / model_name(model)
-    with study_session(target, workers, "start over") as session:
+    with study_session(target, workers, "start over", allow_code=allow_code) as session:
         report = run(request, session)
     if output == "json":
         echo(report.model_dump_json(indent=2))

@@ -28,6 +28,7 @@ def effects(
     figure: opt.FigureOption = None,
     workers: opt.WorkersOption = None,
     plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
@@ -40,7 +41,7 @@ def effects(
         check_figure(figure)
     request = EffectsRequest(source, assign or (), seeds)
     target = folder or RESULTS / "effects" / request.setup.scene.name
-    with study_session(target, workers, "start over") as session:
+    with study_session(target, workers, "start over", allow_code=allow_code) as session:
         report = run(request, session)
     if figure is not None:
         from contactlab.studies.effects.effects_chart import draw

@@ -105,6 +105,12 @@ DriveOption = Annotated[
         "controls.",
     ),
 ]
+AllowCodeOption = Annotated[
+    bool,
+    typer.Option(
+        "--allow-code", help="Let a drive run a policy, which is Python code: trust its file."
+    ),
+]
 PluginOption = Annotated[
     list[Path] | None,
     typer.Option(

@@ -27,6 +27,7 @@ def stability(
     workers: opt.WorkersOption = None,
     mujoco: opt.MujocoOption = None,
     plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
@@ -35,7 +36,7 @@ def stability(
     target = folder or RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
     opt.load_plugins(plugin)
-    with study_session(target, workers, _THEN) as session:
+    with study_session(target, workers, _THEN, allow_code=allow_code) as session:
         report = run(StabilityRequest(names or ()), session)
     cases = report.cases
     if output == "json":

@@ -40,14 +40,16 @@ def resumable(then: str = "resume") -> Generator["Stop"]:
 
 
 @contextmanager
-def study_session(folder: Path, workers: int | None, then: str = "resume") -> Generator["Session"]:
+def study_session(
+    folder: Path, workers: int | None, then: str = "resume", *, allow_code: bool = False
+) -> Generator["Session"]:
     """Yield a session that shows its progress on stderr and stops on Ctrl-C and SIGTERM."""
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.session import Session
 
     count = worker_count(workers)
     with resumable(then) as stop, progress_display() as display:
-        yield Session(folder, count, display.begin, display.advance, say, stop)
+        yield Session(folder, count, display.begin, display.advance, say, stop, allow_code)
 
 
 @contextmanager

@@ -50,6 +50,7 @@ def sweep(
     ] = None,
     mujoco: opt.MujocoOption = None,
     plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
     plan: Annotated[
         bool, typer.Option("--plan", help="Print runs, time and disk space; run nothing.")
     ] = False,
@@ -106,7 +107,9 @@ def sweep(
         )
     cluster = _on_cluster(request, executor, address, workers)
     with resumable() as stop, progress_display() as display, cluster as request:
-        manifest = run_sweep(request, display.begin, display.advance, stop)
+        manifest = run_sweep(
+            replace(request, allow_code=allow_code), display.begin, display.advance, stop
+        )
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
     print_summary(target, manifest, output)

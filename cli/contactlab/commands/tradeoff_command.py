@@ -39,6 +39,7 @@ def tradeoff(
     store: opt.SweepStoreOption = None,
     workers: opt.WorkersOption = None,
     plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
@@ -47,7 +48,7 @@ def tradeoff(
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
-    report = _report(name, store, workers, criteria)
+    report = _report(name, store, workers, criteria, allow_code=allow_code)
     if output == "json":
         print_json(report.model_dump(mode="json"))
     else:
@@ -74,7 +75,12 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
 
 
 def _report(
-    name: str, target: opt.Address | None, workers: int | None, criteria: "Criteria"
+    name: str,
+    target: opt.Address | None,
+    workers: int | None,
+    criteria: "Criteria",
+    *,
+    allow_code: bool,
 ) -> "TradeoffReport":
     """Return the report of a store, for which no engine is loaded, or of a sweep, which is run."""
     from contactlab.pareto.analysis import analyse
@@ -86,7 +92,7 @@ def _report(
         return analyse(Store.open(stored), criteria)
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
-    with study_session(RESULTS / "tradeoff", workers) as session:
+    with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
         return run(TradeoffRequest(name, criteria, target), session)
 
 

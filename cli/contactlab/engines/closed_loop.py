@@ -7,11 +7,9 @@ that starts at or after a latency more, and stay until the next ones do.
 
 import copy
 import sys
-import traceback
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from itertools import groupby, pairwise
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import mujoco
@@ -31,7 +29,9 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.mujoco_batch import STATE, driven, record_starts, recorded, start_batch
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.errors import in_one_line
 from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.model_joints import actuator_names
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import PolicyDrive
 
@@ -196,7 +196,9 @@ class _Flight:
         except MemoryError:
             raise
         except (Exception, SystemExit) as error:
-            raise _PolicyFailureError(f"policy {self._name}: {_one_line(error)}") from error
+            raise _PolicyFailureError(
+                f"policy {self._name}: {in_one_line(error, __file__)}"
+            ) from error
         if not callable(made):
             raise _PolicyFailureError(
                 f"policy {self._name} cannot be called; give it a method "
@@ -213,7 +215,7 @@ class _Flight:
             raise
         except (Exception, SystemExit) as error:
             raise _PolicyFailureError(
-                f"policy {self._name}, at {time:g} s: {_one_line(error)}"
+                f"policy {self._name}, at {time:g} s: {in_one_line(error, __file__)}"
             ) from error
         if returned.shape != self._controls.shape:
             raise _PolicyFailureError(
@@ -228,7 +230,7 @@ class _Flight:
         wanted = returned.astype(np.float64) + 0.0
         for run in [run for run in self._flying if not np.isfinite(wanted[run]).all()]:
             actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
-            name = self._models[run].actuator(actuator).name or f"actuator[{actuator}]"
+            name = actuator_names(self._models[run])[actuator]
             self._errors[run] = (
                 f"policy {self._name} returned {wanted[run, actuator]:g} for {name} at {time:g} s"
             )
@@ -334,14 +336,3 @@ def _own_sensors(model: mujoco.MjModel) -> int:
         if not model.sensor(sensor).name.startswith(PREFIX)
     ]
     return max(own, default=0)
-
-
-def _one_line(error: BaseException) -> str:
-    """Return an error in one line, after the line of the policy's file that raised it."""
-    frames = [
-        each for each in traceback.extract_tb(error.__traceback__) if each.filename != __file__
-    ]
-    own = [each for each in frames if each.filename == frames[0].filename]
-    where = f"line {own[-1].lineno} of {Path(own[-1].filename).name}: " if own else ""
-    text = " ".join(str(error).split())
-    return f"{where}{type(error).__name__}" + (f": {text}" if text else "")

@@ -197,6 +197,15 @@ class PreparedRuns:
             starts=self.starts.rows(runs),
         )
 
+    def repeating(self, controls: Sequence[RecordedControls | None]) -> "PreparedRuns":
+        """Return the runs as they were acted on, which need no policy.
+
+        Args:
+            controls: what their policies did; empty without policies.
+        """
+        acted = [each for each in controls if each is not None]
+        return replace(self, starts=self.starts.acted_on(acted), policy=None) if acted else self
+
 
 class SimulationEngine(ABC):
     """Computes trajectories of compiled scenes.

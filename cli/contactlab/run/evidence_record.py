@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.engines import engine_of
 from contactlab.measure import METRICS, Assessment
 from contactlab.plugins import Plugin
@@ -82,6 +83,7 @@ class RunOutcome:
         trajectory_hash: of its state rows.
         cpu: thread CPU time of the stepping [s]; NaN where that includes more than the engine.
         started: when its job started.
+        controls: what the policy did; None without one, and where it failed.
         twin_label: the label of the same run from an initial state 1e-6 away; None unless the
             sweep asks for it.
     """
@@ -95,6 +97,7 @@ class RunOutcome:
     trajectory_hash: str
     cpu: float
     started: str
+    controls: RecordedControls | None
     twin_label: str | None
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from contactlab.accuracy.discretization import Note, accuracies, families
 from contactlab.accuracy.timing import InterleavedTimer, timings
 from contactlab.engines import SimulationEngine, SolvesReferences, TimesSteps, engine_of
+from contactlab.errors import OutputError
 from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
@@ -28,6 +29,8 @@ from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import ERRORS, Accuracy, Timing
 from contactlab.schema.sweep_schema import AccuracyRequest
+from contactlab.store.controls_file import read_controls
+from contactlab.store.store_access import backend_at
 from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 
@@ -38,10 +41,12 @@ class RecordedOutcome(NamedTuple):
     Attributes:
         status: `ok`, or why it ended early.
         tolerances_met: whether every tolerance is met except those of errors; None without any.
+        controls: hash of what its policy did, or None.
     """
 
     status: str
     tolerances_met: bool | None
+    controls: str | None
 
 
 @dataclass(frozen=True)
@@ -76,7 +81,9 @@ class SweepSession:
         others = tolerances.keys() - set(ERRORS)
         return {
             row["run_id"]: RecordedOutcome(
-                row["status"], within_tolerances(tolerances, {name: row[name] for name in others})
+                row["status"],
+                within_tolerances(tolerances, {name: row[name] for name in others}),
+                row.get("controls"),
             )
             for row in self.store.rows()
         }
@@ -89,9 +96,9 @@ class SweepSession:
     def repeatable(self, able: Callable[[SimulationEngine], bool]) -> Planned:
         """Return the runs that completed and whose engine is able; no others are repeated."""
         return [
-            (run, resolved)
+            (replace(run, controls=outcome.controls), resolved)
             for run, resolved in self.planned
-            if self.outcomes[run.run_id].status == "ok" and able(engine_of(resolved))
+            if (outcome := self.outcomes[run.run_id]).status == "ok" and able(engine_of(resolved))
         ]
 
 
@@ -129,7 +136,8 @@ def run_passes(session: SweepSession) -> PassColumns:
 def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
     repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
     runs = {run.run_id: run for run, _ in repeatable}
-    grouped = families(_resolved(repeatable), session.scene)
+    controls = {run.run_id: run.controls for run, _ in repeatable}
+    grouped = families(_resolved(repeatable), session.scene, controls)
     jobs = [tuple(runs[run_id] for run_id in family) for family in grouped]
     notes = _pooled(session, "errors", jobs)
     return accuracies(request, session.scene, _resolved(session.planned), notes)
@@ -152,7 +160,7 @@ def _timings(session: SweepSession, rounds: int) -> dict[str, Timing]:
     runs = session.repeatable(lambda engine: isinstance(engine, TimesSteps))
     jobs = list(pack_jobs(runs, len(runs), session.scene, session.executor.workers))
     work = _pooled(session, "work", jobs)
-    times = _timed(session, rounds, _resolved(runs), work)
+    times = _timed(session, rounds, runs, work)
     return timings(_resolved(session.planned), rounds, work, times)
 
 
@@ -172,17 +180,21 @@ def _pooled(session: SweepSession, purpose: Purpose, jobs: Sequence[Job]) -> dic
 
 
 def _timed(
-    session: SweepSession, rounds: int, runs: Mapping[str, ResolvedRun], work: Mapping[str, Note]
+    session: SweepSession, rounds: int, planned: Planned, work: Mapping[str, Note]
 ) -> dict[str, Note]:
     """Return the times of all runs, which are taken together or not at all."""
     times = noted(session.store.notes(), "times")
-    runs = {run_id: resolved for run_id, resolved in runs.items() if work.get(run_id)}
+    planned = [each for each in planned if work.get(each[0].run_id)]
+    runs, backend = _resolved(planned), backend_at(session.task.store, OutputError)
+    controls = {
+        run.run_id: read_controls(backend, run.controls) for run, _ in planned if run.controls
+    }
     left = sum(run_id not in times for run_id in runs)
     session.begin(len(runs), len(runs) - left)
     if not left:
         return times
     timed: list[Finished] = []
-    for run_id, each in InterleavedTimer(session.scene, rounds).times(runs, work):
+    for run_id, each in InterleavedTimer(session.scene, rounds, controls).times(runs, work):
         timed.append(note("times", run_id, each))
         session.progress(timed[-1:])
     session.store.note([each.row for each in timed])

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from contactlab.engines import ENGINES, Proceed, bytes_of_run, engine_of, proceed_always
-from contactlab.errors import SceneError, StoreError, SweepFileError
+from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
 from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.tasks import Job, PlannedRun, Task
@@ -26,7 +26,8 @@ from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.store.control_table import read_control_table
-from contactlab.store.store_access import local_scene
+from contactlab.store.controls_file import read_controls
+from contactlab.store.store_access import backend_at, local_scene
 
 MAX_RUNS = 32
 """Runs of a job at most."""
@@ -248,11 +249,18 @@ class Preparer:
             self.scene.resolve(run.values, run.seed, self.task.sweep.duration) for run in job
         ]
         starts = self.scene.starts(resolved)
-        initial = [starts.pick(place) for place in range(len(job))]
+        initial = [self._acted_on(run, starts.pick(place)) for place, run in enumerate(job)]
         return [
             RunPlan(run, each, self._prepared(each, start), start)
             for run, each, start in zip(job, resolved, initial, strict=True)
         ]
+
+    def _acted_on(self, run: PlannedRun, start: InitialStates) -> InitialStates:
+        """Return how a run starts, with what its policy did where that is recorded."""
+        if run.controls is None:
+            return start
+        backend = backend_at(self.task.store, OutputError)
+        return start.acted_on([read_controls(backend, run.controls)])
 
     def _prepared(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
         key = self.scene.model_key(run, start)

@@ -106,7 +106,8 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
     record, scene, resolved = stored_run(store, run)
     runs = PreparedRuns.of(scene, resolved)
     starts = _stored_start(record, runs.prepared[0], runs.starts)
-    return PreparedReplay(record, replace(runs, starts=starts, steps=record.steps_asked))
+    runs = replace(runs, starts=starts, steps=record.steps_asked)
+    return PreparedReplay(record, runs.repeating([store.controls(record)]))
 
 
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:
@@ -255,11 +256,11 @@ def timed_run(store: Store, run: str) -> TimedRun:
     Raises:
         ContactlabError: there is no such run, its engine cannot time it, or it does not complete.
     """
-    _, scene, resolved = stored_run(store, run)
+    record, scene, resolved = stored_run(store, run)
     engine = engine_of(resolved)
     if not isinstance(engine, TimesSteps):
         raise ContactlabError(f"run {run}: the {resolved.engine} engine does not time its steps")
-    start = scene.starts([resolved])
+    start = PreparedRuns.of(scene, resolved).repeating([store.controls(record)]).starts
     model = prepare_without_sensors(
         scene, resolved, start, compile_without_sensors(scene, resolved)
     )

@@ -39,6 +39,7 @@ class SweepRequest:
         cluster: what runs the jobs, if not worker processes of this machine.
         retry_failed: whether stored runs that failed are run again.
         repair: whether stored runs that are damaged are run again.
+        allow_code: whether a policy may run, which is code.
     """
 
     plan: Plan
@@ -53,6 +54,7 @@ class SweepRequest:
     cluster: Executor | None = None
     retry_failed: bool = False
     repair: bool = False
+    allow_code: bool = False
 
 
 def read_request(  # noqa: PLR0913 - one argument an option

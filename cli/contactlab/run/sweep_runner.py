@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 from contactlab.engines import engine_of
@@ -18,6 +19,7 @@ from contactlab.run.evidence_record import (
 )
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
+from contactlab.run.policy_code import allowed_policy
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,
@@ -33,7 +35,9 @@ from contactlab.run.tasks import (
 from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.row_resolution import RowGroup
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
 from contactlab.store.store_address import absolute_address
 from contactlab.store.store_writer import CopyableFiles, StoreWriter, open_writer
@@ -68,6 +72,7 @@ def run_sweep(
         StoreError: the store is of another sweep.
         StoppedError: `stop` was set; the same call goes on where it stopped.
     """
+    policy = allowed_policy(request.scene.drive, allowed=request.allow_code)
     index = RunIndex(request.plan, request.scene)
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
@@ -94,7 +99,7 @@ def run_sweep(
                 f"{store.unsealed:,}",
             )
         session = SweepSession(
-            task=_task(request, store, len(index)),
+            task=replace(_task(request, store, len(index)), policy=policy),
             scene=request.scene,
             store=store,
             index=index,
@@ -169,10 +174,17 @@ def _without_none(data: dict[str, Any], key: str) -> dict[str, Any]:
     return {name: value for name, value in data.items() if name != key or value is not None}
 
 
+_TOGETHER = "runs with a policy advance together, and none has a time of its own; `timing` takes it"
+
+
+def _has_policy(group: RowGroup) -> bool:
+    return isinstance(group.first.drive, PolicyDrive)
+
+
 def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
     """Return what the engines of a sweep leave null in their records, with the reason."""
     engines = {group.first.engine: engine_of(group.first) for group in index.firsts}
-    fields: dict[str, str] = {}
+    fields = {"cost": _TOGETHER} if any(_has_policy(group) for group in index.firsts) else {}
     for each in engines.values():
         fields |= each.null_fields(driven=driven)
     return fields
@@ -220,7 +232,7 @@ def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:
     written = [as_written(value) for value in values]
     if len({isinstance(value, str) for value in written}) > 1:
         raise SweepFileError(
-            f"axis '{name}' mixes single numbers with lists of them; write all as lists"
+            f"axis '{name}' mixes single numbers with lists or shares; write all in one form"
         )
     return axis_column(name, written, spec.unit, spec.description)
 

@@ -15,6 +15,7 @@ from contactlab.accuracy.discretization import Note
 from contactlab.errors import StoppedError
 from contactlab.plan.grid import Match
 from contactlab.plugins import Plugin
+from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.schema.evidence import Engine, Provenance
 from contactlab.schema.sweep_schema import Expectation, Sweep
 from contactlab.store.store_address import Address
@@ -80,6 +81,7 @@ class Task:
         engine: MuJoCo and its version.
         provenance: versions and machine that write the records.
         plugins: what workers load before their first job.
+        policy: the code that acts in the runs, which the user allows; None without.
         purpose: what is done with the runs: they are recorded, compared with a reference, or their
             work is counted; times are taken by the process of the sweep itself.
     """
@@ -95,6 +97,7 @@ class Task:
     engine: Engine
     provenance: Provenance
     plugins: tuple[Plugin, ...] = ()
+    policy: LocatedDrive | None = None
     purpose: Purpose = "record"
 
 
@@ -107,12 +110,14 @@ class PlannedRun:
         run_id: its identity.
         values: canonical axis values by name.
         seed: of the perturbation of its initial state.
+        controls: hash of what its policy did, for passes over recorded runs.
     """
 
     index: int
     run_id: str
     values: Mapping[str, object]
     seed: int
+    controls: str | None = None
 
 
 Job = tuple[PlannedRun, ...]

@@ -28,9 +28,11 @@ from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
 from contactlab.run.planned_runs import AbandonedError, Preparer
+from contactlab.run.policy_code import load_policy
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.initial_states import InitialStates
+from contactlab.scene.model_joints import actuator_names
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.bound_trace import ACTIVATIONS
@@ -137,6 +139,7 @@ class Worker:
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._traces = TraceSink(task.store)
+        self._policy = load_policy(task.policy) if task.policy else None
         self._records = RecordMaker(task, self._scene.hash)
         model = self._scene.source.model
         self._model_xml = model.read_bytes()
@@ -178,6 +181,7 @@ class Worker:
                     trajectory_hash=trajectory_hash(rollout, place),
                     cpu=float(rollout.cost[place]),
                     started=started,
+                    controls=rollout.controls[place] if rollout.controls else None,
                     twin_label=labels.get(place),
                 )
                 finished[place] = self._finish(outcome, group)
@@ -190,7 +194,9 @@ class Worker:
         resolved = [plan.resolved for plan in plans]
         prepared = [plan.prepared for plan in plans]
         models = [each.model for each in prepared]
-        runs = PreparedRuns(self._scene, resolved, prepared, starts, resolved[0].steps)
+        runs = PreparedRuns(
+            self._scene, resolved, prepared, starts, resolved[0].steps, self._policy
+        )
         engine = engine_of(resolved[0])
         with self._preparer.watchdog() as watch:
             rollout = engine.roll_out(runs, buffers, watch, proceed)
@@ -202,7 +208,10 @@ class Worker:
 
         def check(places: Sequence[int], picked: Trace) -> SelfChecks:
             assert isinstance(engine, ChecksRuns)
-            return engine.check_runs(runs.rows(places), picked, self._grace_period())
+            again = runs.rows(places).repeating(
+                rollout.controls and [rollout.controls[each] for each in places]
+            )
+            return engine.check_runs(again, picked, self._grace_period())
 
         rule = sweep.checks if isinstance(engine, ChecksRuns) else "none"
         return rollout, measured_groups(trace, setup, rollout, rule, check)
@@ -234,6 +243,10 @@ class Worker:
     def _finish(self, outcome: RunOutcome, group: MeasuredGroup) -> Finished:
         missing = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
         record = self._records.make(outcome).model_copy(update={"effects_missed": missing})
+        if outcome.controls is not None:
+            names = actuator_names(outcome.plan.prepared.model)
+            sha256 = self._traces.add_controls(outcome.controls, names)
+            record = record.model_copy(update={"controls": sha256})
         if self._keeps_trace(outcome.plan.run, record):
             trace = self._write_trace(record, outcome, group)
             record = record.model_copy(update={"trace": trace})

@@ -23,7 +23,7 @@ from contactlab.scene.compiled_scene import (
 )
 from contactlab.scene.drive.driving import Driving, is_driven
 from contactlab.scene.drive.hold import Servos
-from contactlab.scene.drive.located_drive import LocatedDrive, beside, locate
+from contactlab.scene.drive.located_drive import LocatedDrive, locate
 from contactlab.scene.drive.recorded import DriveTable, TableReader
 from contactlab.scene.effects.effect_choice import is_straight, remove
 from contactlab.scene.initial_states import (
@@ -252,8 +252,8 @@ def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
         drive: of the sweep, with the hash of its files; None for the scene's own.
         folder: of the store's scenes.
     """
-    place = LocatedDrive("none" if drive is None else drive).hash
-    return scene.with_drive(drive and beside(drive, folder / str(place)), folder)
+    place = LocatedDrive("none" if drive is None else drive).hash or ""
+    return scene.with_drive(drive, folder / place)
 
 
 class InitialStateMaker:

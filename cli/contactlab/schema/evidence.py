@@ -240,6 +240,10 @@ class EvidenceRecord(Model):
     accuracy: Accuracy | None = Field(default=None, description="Null if the sweep requests none.")
     timing: Timing | None = Field(default=None, description="Null if the sweep requests none.")
     trace: TraceFile | None = None
+    controls: str | None = Field(
+        default=None,
+        description="SHA-256 of what its policy did, in controls/XX/SHA256.parquet; null without.",
+    )
     started: str | None = Field(default=None, description="UTC, ISO 8601.")
     finished: str | None = Field(default=None, description="UTC, ISO 8601.")
 

@@ -16,6 +16,7 @@ JOURNAL = "journal.jsonl"
 NOTES = "notes.jsonl"
 SCENES = "scenes"
 TRACES = "traces"
+CONTROLS = "controls"
 LOCK = ".lock"
 
 

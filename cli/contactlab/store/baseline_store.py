@@ -8,8 +8,10 @@ from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.atomic_files import sha256_of, write_error
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
+from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import write_compact_table
+from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_manifest import document_json
 from contactlab.store.verify_store import verify
@@ -53,6 +55,11 @@ def _copy(store: Store, target: Path) -> StoreManifest:
     shutil.copytree(store.scene_folder.parent, target / SCENES)
     shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
     write_compact_table(store.file(TABLE), target / TABLE)
+    backend = backend_at(store.address, StoreError)
+    for sha256 in {each.controls for each in store.records() if each.controls is not None}:
+        file = target / controls_name(sha256)
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_bytes(backend.read(controls_name(sha256)) or b"")
     files = {name: sha256_of(target / name) for name in store.manifest.files}
     manifest = store.manifest.model_copy(update={"files": files, "traces_left_out": True})
     (target / MANIFEST).write_text(document_json(manifest), encoding="utf-8")

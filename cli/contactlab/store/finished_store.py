@@ -10,10 +10,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.errors import StoreError, did_you_mean
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
+from contactlab.store.controls_file import read_controls
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.run_columns import RunColumns
@@ -167,6 +170,21 @@ class Store:
                 f"({some}, ...); write more of it"
             )
         return row_to_record(self.columns.row(int(matches[0])), self.columns.shared)
+
+    def controls(self, record: EvidenceRecord) -> RecordedControls | None:
+        """Return what the policy of a run did; None for runs without a policy.
+
+        Raises:
+            StoreError: it is missing or damaged, or the policy failed.
+        """
+        if record.controls is not None:
+            return read_controls(self._backend, record.controls)
+        if isinstance(record.drive, PolicyDrive):
+            raise StoreError(
+                f"run {record.run_id} has no recorded controls: {record.status_reason}; "
+                "sweep again to run its policy"
+            )
+        return None
 
     def trace(self, run: EvidenceRecord | str) -> StoredTrace:
         """Return the stored trace of a run.

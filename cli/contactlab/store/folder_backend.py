@@ -17,6 +17,7 @@ from contactlab.store.atomic_files import (
     write_error,
 )
 from contactlab.store.backend_protocol import (
+    CONTROLS,
     IDENTITY,
     JOURNAL,
     LOCK,
@@ -37,7 +38,7 @@ from contactlab.store.store_files import (
 from contactlab.store.store_manifest import document_json
 
 _FILES = (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES)
-_OWN = {SCENES, TRACES, LOCK, *_FILES}
+_OWN = {SCENES, TRACES, CONTROLS, LOCK, *_FILES}
 
 
 class FolderBackend:
@@ -149,7 +150,7 @@ class FolderSession(WriteSession):
         # The manifest goes first and the identity last: a half-removed store must not look
         # finished, nor have runs of no sweep.
         self._backend.delete([MANIFEST, JOURNAL, NOTES, TABLE, IDENTITY])
-        for name in (SCENES, TRACES):
+        for name in (SCENES, TRACES, CONTROLS):
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
     def begin(self, identity: SweepIdentity) -> None:

@@ -20,6 +20,7 @@ from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
 from contactlab.store.backend_protocol import (
+    CONTROLS,
     IDENTITY,
     JOURNAL,
     LOCK,
@@ -37,7 +38,7 @@ from contactlab.store.store_manifest import check_same_sweep, document_json, par
 
 _BATCHES = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""
-_OWN = {SCENES, TRACES, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
+_OWN = {SCENES, TRACES, CONTROLS, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
 _TEMPORARY_PREFIX = "contactlab-"
 _DOWNLOADS = 16
 _UPLOADS = 8

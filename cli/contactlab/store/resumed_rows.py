@@ -10,6 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, Status, SweepIdentity
 from contactlab.store.backend_protocol import Backend
 from contactlab.store.bound_trace import trace_problems
+from contactlab.store.controls_file import has_controls
 from contactlab.store.row_journal import FAILED_STATUSES, Row
 from contactlab.store.table_layout import row_to_record
 
@@ -78,7 +79,7 @@ class ResumedRows:
             )
 
     def keeps(self, row: Row) -> bool:
-        """Return whether a run stays: it need not be retried, and its trace is as it was written.
+        """Return whether a run stays: it need not be retried, and its trace and controls are as written.
 
         Raises:
             OutputError: the trace of a run that is to be retried cannot be removed.
@@ -86,6 +87,8 @@ class ResumedRows:
         name = row["trace_file"]
         if self.retry_failed and row["status"] in FAILED_STATUSES:
             self.backend.delete([name] if name else [])
+            return False
+        if row.get("controls") and not has_controls(self.backend, row["controls"]):
             return False
         if name is None:
             return True

@@ -3,10 +3,12 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from contactlab.contact.recorded_controls import RecordedControls
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import ContactlabError, OutputError, optional
 from contactlab.schema.evidence import TraceFile
 from contactlab.store.backend_protocol import SCENES, TRACES, Backend
+from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import FolderBackend
 from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 from contactlab.store.store_address import Address
@@ -31,7 +33,7 @@ def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
 
 
 class TraceSink:
-    """Adds traces to a store; make it in the process that uses it.
+    """Adds traces and recorded controls to a store; make it in the process that uses it.
 
     Args:
         store: the store's address.
@@ -42,6 +44,7 @@ class TraceSink:
 
     def __init__(self, store: Address) -> None:
         self._backend = backend_at(store, OutputError)
+        self._controls: set[str] = set()
 
     def add(
         self, run_id: str, trace: Trace, row: int, series: Sequence[PairSeries], extras: TraceExtras
@@ -67,6 +70,22 @@ class TraceSink:
             bytes=encoded.size,
             messages=dict(encoded.messages),
         )
+
+    def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
+        """Store what a policy did in a run, unless it is there; return its hash.
+
+        Args:
+            controls: the controls.
+            actuators: (nu) the actuators' names.
+
+        Raises:
+            OutputError: they cannot be written.
+        """
+        sha256 = controls.sha256
+        if sha256 not in self._controls:
+            self._backend.put(controls_name(sha256), encode_controls(controls, actuators))
+            self._controls.add(sha256)
+        return sha256
 
     def remove(self, run_id: str) -> None:
         """Remove the trace of a run, if there is one.

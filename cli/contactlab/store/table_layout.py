@@ -112,6 +112,7 @@ FIXED_COLUMNS = (
     Column("trace_sha256", _TEXT, "", "its SHA-256"),
     Column("trace_bytes", _WHOLE, "B", "its size"),
     Column("trace_messages", _TEXT, "", "its messages by topic, as JSON"),
+    Column("controls", _TEXT, "", "hash of what the run's policy did, which names its file"),
     Column("started", _TEXT, "", "UTC, ISO 8601"),
     Column("finished", _TEXT, "", "UTC, ISO 8601"),
     Column("provenance", _TEXT, "", "tool, host and versions, as JSON"),
@@ -236,7 +237,7 @@ def record_to_row(record: EvidenceRecord) -> Row:
 
 def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> EvidenceRecord:
     """Return the record of a row, given the fields that all runs of its store share."""
-    data: Row = {name: row[name] for name in _PLAIN}
+    data: Row = {name: row[name] for name in _PLAIN if name in row}
     # Older stores lack some of them.
     data |= {name: from_json(text) for name in _JSON_TEXT if (text := row.get(name)) is not None}
     data |= {name: shared[name] for name in SHARED_FIELDS}

@@ -12,6 +12,7 @@ from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
 from contactlab.store.bound_trace import trace_problems
+from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.rows_digest import RowsDigest
 from contactlab.store.runs_table import (
@@ -65,6 +66,7 @@ def _problems(store: Store, backend: Backend, *, thorough: bool) -> Iterator[str
             yield from _check_scene(store)
             yield from _check_plan(store)
             yield from _check_records(store, backend, model)
+            yield from _check_controls(store, backend)
         else:
             yield from damaged_traces(store)
     except (StoreError, LookupError, ValueError, OSError) as error:
@@ -177,6 +179,18 @@ def _check_plan(store: Store) -> Iterator[str]:
 def _model(store: Store) -> bytes | None:
     path = store.scene_folder / store.manifest.sweep.scene_model
     return path.read_bytes() if path.is_file() else None
+
+
+def _check_controls(store: Store, backend: Backend) -> Iterator[str]:
+    """Yield which recorded controls are missing or changed."""
+    if "controls" not in store.columns.schema.names:
+        return
+    table = read_table(store.path / TABLE, ["controls"])
+    for sha256 in table["controls"].unique().drop_null().to_pylist():
+        try:
+            read_controls(backend, sha256)
+        except StoreError as error:
+            yield str(error)
 
 
 def _check_records(store: Store, backend: Backend, model: bytes | None) -> Iterator[str]:

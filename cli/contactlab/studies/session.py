@@ -6,7 +6,7 @@ options of its command do; the report is plain data.
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
@@ -42,6 +42,7 @@ class Session:
         begin: called when a sweep begins, with the number of its runs and of those already stored.
         progress: called with runs as they finish.
         notify: called with a line of text, where there is something to tell before the report.
+        allow_code: whether policies may run, which are code.
         stop: set, from another thread or a signal handler, to end the study early.
     """
 
@@ -51,6 +52,7 @@ class Session:
     progress: Callable[[Sequence[Finished]], None] = _ignore
     notify: Callable[[str], None] = _ignore
     stop: Stop | None = None
+    allow_code: bool = False
 
     def claim(self, results: str, reference: str) -> None:
         """Take a place in the folder for the results of a model, a scene or a sweep.
@@ -85,6 +87,7 @@ class Session:
             OutputError: the store cannot be written.
             StoppedError: `stop` was set; the store can be resumed.
         """
+        sweep = replace(sweep, allow_code=self.allow_code)
         run_sweep(sweep, self.begin, self.progress, self.stop)
         return Store.open(sweep.store)
 

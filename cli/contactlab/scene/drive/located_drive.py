@@ -22,7 +22,7 @@ class LocatedDrive:
     """A drive whose files are found.
 
     Attributes:
-        drive: the drive, with the hash of its files.
+        drive: the drive, with the names and the hash of its files, wherever they lie.
         files: what it names, the first being the one that drives; empty for drives without files.
     """
 
@@ -35,6 +35,16 @@ class LocatedDrive:
         if isinstance(self.drive, FileDrive | PolicyDrive):
             return str(self.drive.sha256)[:_HASH_DIGITS]
         return None
+
+    def check(self) -> None:
+        """Check that its files are what they were.
+
+        Raises:
+            SceneError: one is missing, or changed.
+        """
+        assert isinstance(self.drive, FileDrive | PolicyDrive)
+        if (sha256 := _hash(self.files)) != self.drive.sha256:
+            raise SceneError(f"drive: {self.files[0]} is not what it was: its SHA-256 is {sha256}")
 
     def copy_to(self, folder: Path) -> None:
         """Copy its files into a folder."""
@@ -56,37 +66,32 @@ def locate(drive: Drive, folder: Path) -> LocatedDrive:
     if not isinstance(drive, FileDrive | PolicyDrive):
         return LocatedDrive(drive)
     files = tuple(folder / Path(each).expanduser() for each in drive_files(drive))
-    try:
-        sha256 = _hash(files)
-    except OSError as error:
-        raise SceneError(f"drive: cannot read {error.filename}: {error.strerror}") from error
-    if drive.sha256 not in (None, sha256):
-        raise SceneError(f"drive: {files[0]} is not what it was: its SHA-256 is {sha256}")
-    return LocatedDrive(drive.model_copy(update={"sha256": sha256}), files)
+    sha256 = drive.sha256 or _hash(files)
+    located = LocatedDrive(_named(drive, sha256), files)
+    located.check()
+    return located
+
+
+def _named(drive: FileDrive | PolicyDrive, sha256: str) -> Drive:
+    """Return a drive that names its files without their folders, and has their hash."""
+    if isinstance(drive, FileDrive):
+        return drive.model_copy(update={"file": Path(drive.file).name, "sha256": sha256})
+    files = tuple(Path(each).name for each in drive.files)
+    policy = Path(drive.policy).name
+    return drive.model_copy(update={"policy": policy, "files": files, "sha256": sha256})
 
 
 def _hash(files: tuple[Path, ...]) -> str:
-    if len(files) == 1:
-        return hashlib.sha256(files[0].read_bytes()).hexdigest()
     digest = hashlib.sha256()
     for file in files:
-        data = file.read_bytes()
-        digest.update(f"{file.name}\0{len(data)}\0".encode() + data)
+        try:
+            data = file.read_bytes()
+        except OSError as error:
+            raise SceneError(f"drive: cannot read {file}: {error.strerror}") from error
+        # That of a file alone is what everybody computes.
+        head = f"{file.name}\0{len(data)}\0" if len(files) > 1 else ""
+        digest.update(head.encode() + data)
     return digest.hexdigest()
-
-
-def beside(drive: Drive, folder: Path) -> Drive:
-    """Return a drive whose files lie in a folder, whatever their folder was."""
-    match drive:
-        case FileDrive():
-            return drive.model_copy(update={"file": str(folder / Path(drive.file).name)})
-        case PolicyDrive():
-            file, _, name = drive.policy.rpartition(":")
-            files = tuple(str(folder / Path(each).name) for each in drive.files)
-            policy = f"{folder / Path(file).name}:{name}"
-            return drive.model_copy(update={"policy": policy, "files": files})
-        case _:
-            return drive
 
 
 def _share_or_seconds(value: object) -> object:

@@ -1,0 +1,327 @@
+"""Sweeps with a policy: what it did is stored, and whatever comes later needs it no more."""
+
+import json
+import shutil
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab.errors import SceneError, StoreError
+from contactlab.run.stored_runs import replay, timed_run
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.evidence import StoreManifest
+from contactlab.store.baseline_store import write_baseline
+from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import verify
+
+CART_POLE = """
+<mujoco>
+  <option timestep="0.004" integrator="implicitfast"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 .1" pos="0 0 -1"/>
+    <body name="cart">
+      <joint name="rail" type="slide" axis="1 0 0"/><geom name="cart" size=".1" mass="1"/>
+      <body name="pole">
+        <joint name="hinge" axis="0 1 0"/>
+        <geom name="pole" type="capsule" fromto="0 0 0 0 0 .6" size=".02" mass=".1"/>
+      </body>
+    </body>
+  </worldbody>
+  <keyframe><key name="tilted" qpos="0 0.1"/></keyframe>
+  <actuator><motor name="push" joint="rail" ctrlrange="-50 50"/></actuator>
+</mujoco>
+"""
+POLICY = """
+import os
+import numpy as np
+
+class Balance:
+    def __init__(self, model):
+        self.actuators = model.nu
+
+    def __call__(self, time, qpos, qvel, sensordata):
+        place, tilt = qpos.T
+        speed, turning = qvel.T
+        wanted = 50.0 * tilt + 8.0 * turning + 2.0 * place + 4.0 * speed
+        {middle}
+        return wanted[:, None]
+"""
+
+COUNTED = "with open('calls', 'a') as file: file.write('x')"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "cart.xml").write_text(CART_POLE)
+    write_policy(tmp_path)
+    return tmp_path
+
+
+def write_policy(folder: Path, middle: str = "") -> None:
+    (folder / "balance.py").write_text(POLICY.format(middle=middle))
+
+
+def swept(
+    folder: Path,
+    name: str = "store",
+    *,
+    allow_code: bool = True,
+    workers: int = 0,
+    policy: str = "balance.py:Balance",
+    drive: dict[str, Any] | None = None,
+    **keys: Any,
+) -> StoreManifest:
+    sweep = {"version": 1, "scene": "cart.xml", "duration": 0.4, "trace": "none", **keys}
+    sweep["drive"] = {"policy": policy, **(drive or {})}
+    ask = read_request(sweep, "policy", folder / name, folder=folder, workers=workers)
+    ask = replace(ask, allow_code=allow_code)
+    return run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+
+
+def rows(folder: Path, name: str = "store") -> list[dict[str, Any]]:
+    return pq.read_table(folder / name / "runs.parquet").to_pylist()
+
+
+def test_a_policy_runs_only_where_the_user_allows_it(folder: Path) -> None:
+    write_policy(folder, "open('ran', 'w')")
+    with pytest.raises(SceneError, match=r"balance.py is Python code.*--allow-code"):
+        swept(folder, allow_code=False)
+    assert not (folder / "store").exists()
+    assert not Path("ran").exists()
+
+
+def test_runs_repeat_from_their_store_without_the_policy(folder: Path) -> None:
+    keys: dict[str, Any] = {"axes": {"drive.latency": [0.0, 0.02]}, "seeds": 2, "checks": "all"}
+    swept(folder, knife_edge=True, drive={"noise": {"qpos": 1e-3}}, **keys)
+    (folder / "balance.py").unlink()
+    for code in (folder / "store" / "scenes").rglob("*.py"):
+        code.write_text("raise SystemExit('a store runs no code')")
+    # The file is not what it was, so that the run's identity could not be trusted.
+    with pytest.raises(SceneError, match="is not what it was"):
+        replay(Store.open(folder / "store"), rows(folder)[0]["run_id"])
+
+
+def test_replays_run_no_code(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write_policy(folder, COUNTED)
+    monkeypatch.chdir(folder)
+    swept(folder, axes={"drive.latency": [0.0, 0.02]}, seeds=2, checks="all", knife_edge=True)
+    calls = (folder / "calls").stat().st_size
+    (folder / "balance.py").unlink()
+    store = Store.open(folder / "store")
+    for row in rows(folder):
+        assert row["label"] == "stable"
+        assert row["repeats"] == 1
+        assert row["knife_edge"] is False
+        assert replay(store, row["run_id"]).equal
+        assert timed_run(store, row["run_id"]).segments.steps == row["steps"]
+    assert verify(folder / "store") == []
+    assert (folder / "calls").stat().st_size == calls
+
+
+def test_equal_controls_are_stored_once(folder: Path) -> None:
+    write_policy(folder, "wanted = 0 * wanted")
+    swept(folder, seeds=4)
+    names = {row["controls"] for row in rows(folder)}
+    assert len(names) == 1
+    (file,) = (folder / "store" / "controls").rglob("*.parquet")
+    assert file.stem in names
+    table = pq.read_table(file)
+    assert table.column_names == ["time", "push"]
+    assert table["time"].to_pylist() == pytest.approx(np.arange(0, 0.4, 0.02))
+
+
+def test_records_say_what_acted(folder: Path) -> None:
+    swept(folder, drive={"rate": 40.0, "latency": "25%", "noise": {"qvel": 0.1}})
+    record = Store.open(folder / "store").record(rows(folder)[0]["run_id"])
+    assert isinstance(record.drive, PolicyDrive)
+    assert record.drive.policy == "balance.py:Balance"
+    stored = next((folder / "store" / "scenes").rglob("balance.py"))
+    assert stored.read_bytes() == (folder / "balance.py").read_bytes()
+    assert record.settings["drive.latency"] == 0.25 / 40
+    assert record.settings["drive.noise.qvel"] == 0.1
+    assert record.cost is None
+    lacking = Store.open(folder / "store").manifest.sweep.lacking
+    assert "advance together" in lacking["cost"]
+
+
+def test_its_file_is_part_of_what_runs_are(folder: Path) -> None:
+    swept(folder, "first")
+    swept(folder, "again")
+    write_policy(folder, "wanted = 2 * wanted")
+    swept(folder, "other")
+    ids = [rows(folder, name)[0]["run_id"] for name in ("first", "again", "other")]
+    assert ids[0] == ids[1] != ids[2]
+    with pytest.raises(StoreError, match="holds another sweep"):
+        swept(folder, "first")
+
+
+def test_files_that_it_reads_are_part_of_it(folder: Path) -> None:
+    (folder / "gains.txt").write_text("1.0")
+    swept(folder, "first", drive={"files": ["gains.txt"]})
+    (folder / "gains.txt").write_text("2.0")
+    swept(folder, "other", drive={"files": ["gains.txt"]})
+    assert rows(folder, "first")[0]["run_id"] != rows(folder, "other")[0]["run_id"]
+    assert list((folder / "other" / "scenes").rglob("gains.txt"))
+    with pytest.raises(SceneError, match="cannot read .*absent"):
+        swept(folder, drive={"files": ["absent"]})
+
+
+def test_latency_in_periods_is_that_in_seconds(folder: Path) -> None:
+    swept(folder, "share", axes={"drive.latency": ["50%"], "drive.rate": [25.0, 50.0]})
+    swept(folder, "seconds", axes={"drive.latency": [0.02, 0.01]})
+    share, seconds = rows(folder, "share"), rows(folder, "seconds")
+    assert share[1]["trajectory_hash"] == seconds[1]["trajectory_hash"]
+    assert share[0]["trajectory_hash"] != seconds[0]["trajectory_hash"]
+    assert [row["settings"]["drive.latency"] for row in share] == [0.02, 0.01]
+
+
+def test_an_interrupted_sweep_goes_on(folder: Path) -> None:
+    swept(folder, "whole", seeds=4)
+    swept(folder, seeds=4)
+    store = folder / "store"
+    journal = [json.dumps(row).encode() for row in rows(folder)[:2]]
+    shutil.copytree(store, folder / "copy")
+    (folder / "copy" / "manifest.json").unlink()
+    (folder / "copy" / "journal.jsonl").write_bytes(b"\n".join(journal) + b"\n")
+    shutil.rmtree(folder / "copy" / "controls")
+    shutil.copytree(store / "controls", folder / "copy" / "controls")
+    swept(folder, "copy", seeds=4)
+    hashes = [[row["trajectory_hash"] for row in rows(folder, each)] for each in ("whole", "copy")]
+    assert hashes[0] == hashes[1]
+    assert verify(folder / "copy") == []
+
+
+def test_a_damaged_or_lost_control_is_found(folder: Path) -> None:
+    swept(folder, seeds=2)
+    one, other = (folder / "store" / "controls").rglob("*.parquet")
+    one.write_bytes(other.read_bytes())
+    assert [text.split("/")[-1] for text in verify(folder / "store")] == [
+        f"{one.name} changed since it was written"
+    ]
+    one.unlink()
+    assert "is missing" in verify(folder / "store")[0]
+
+
+def test_a_baseline_keeps_them(folder: Path) -> None:
+    swept(folder)
+    write_baseline(folder / "store", folder / "baseline")
+    (folder / "balance.py").unlink()
+    assert verify(folder / "baseline") == []
+    assert replay(Store.open(folder / "baseline"), rows(folder)[0]["run_id"]).equal
+
+
+def test_errors_and_times_are_those_of_recorded_controls(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_policy(folder, COUNTED)
+    monkeypatch.chdir(folder)
+    keys: dict[str, Any] = {"axes": {"timestep": [0.002, 0.004]}, "duration": 0.2}
+    swept(folder, "plain", **keys)
+    calls = (folder / "calls").stat().st_size
+    swept(folder, accuracy={"error": "trajectory", "refine": 4}, timing={"rounds": 3}, **keys)
+    assert (folder / "calls").stat().st_size == 2 * calls
+    for row in rows(folder):
+        assert 0 < row["error_peak"] < 1e-2
+        assert row["time_min"] > 0
+
+
+BAD = {
+    "raise": ("raise ValueError('lost')", "line 13 of balance.py: ValueError: lost"),
+    "nan": ("wanted = wanted * np.nan", "returned nan for push at 0 s"),
+    "shape": ("wanted = wanted[:0]", "returned an array of shape"),
+    "exit": ("raise SystemExit(3)", "SystemExit: 3"),
+}
+
+
+@pytest.mark.parametrize("kind", BAD)
+def test_a_bad_policy_is_one_line_in_the_record(folder: Path, kind: str) -> None:
+    middle, message = BAD[kind]
+    write_policy(folder, f"if tilt.max() > 0.3: {middle}")
+    (folder / "scene.yaml").write_text(
+        "version: 1\ntitle: t\ndescription: d\nduration: 0.4\nmodel: cart.xml\n"
+        "pairs: [{geoms: [floor, cart]}]\n"
+        "initial: {tilt: {default: 0.1, unit: rad, description: t, sets: {hinge: tilt}}}\n"
+    )
+    swept(folder, scene="./", axes={"tilt": [0.1, 0.5, -0.1]})
+    good, bad, other = rows(folder)
+    assert [row["status"] for row in (good, bad, other)] == ["ok", "error", "ok"]
+    assert message in bad["status_reason"]
+    assert "\n" not in bad["status_reason"]
+    assert bad["label"] == "invalid"
+    assert bad["controls"] is None
+    with pytest.raises(StoreError, match="no recorded controls"):
+        replay(Store.open(folder / "store"), bad["run_id"])
+
+
+def test_a_policy_that_kills_its_process_or_hangs_costs_its_runs_alone(folder: Path) -> None:
+    write_policy(
+        folder,
+        "if speed.max() > 1e6: pass\n"
+        "        if time[0] > 0.1 and tilt.max() > 0.2: os._exit(3)\n"
+        "        while time[0] > 0.1 and tilt.min() < -0.2: pass",
+    )
+    (folder / "scene.yaml").write_text(
+        "version: 1\ntitle: t\ndescription: d\nduration: 0.4\nmodel: cart.xml\n"
+        "pairs: [{geoms: [floor, cart]}]\n"
+        "initial: {tilt: {default: 0.1, unit: rad, description: t, sets: {hinge: tilt}}}\n"
+    )
+    axes = {"tilt": [0.05, 0.8, -0.8]}
+    swept(folder, scene="./", axes=axes, workers=1, timeout=2.0)
+    good, ended, hung = rows(folder)
+    assert [row["status"] for row in (good, ended, hung)] == ["ok", "crashed", "timeout"]
+    assert "exited with code 3" in ended["status_reason"]
+    assert "balance.py" in hung["status_reason"]
+
+
+@pytest.mark.parametrize(
+    ("text", "policy", "message"),
+    [
+        ("import nothing_of_this_name", "balance.py:Balance", "line 1 .*ModuleNotFoundError"),
+        ("class Other: pass", "balance.py:Balance", "no class Balance; write one of Other"),
+        ("def broken(:", "balance.py:Balance", "SyntaxError"),
+        ("", "absent.py:Balance", "cannot read .*absent.py"),
+    ],
+)
+def test_what_cannot_be_loaded_is_said_at_once(
+    folder: Path, text: str, policy: str, message: str
+) -> None:
+    (folder / "balance.py").write_text(text)
+    with pytest.raises(SceneError, match=message) as caught:
+        swept(folder, policy=policy)
+    assert "\n" not in str(caught.value)
+    assert not (folder / "store").exists()
+
+
+def test_a_rate_above_that_of_the_steps_costs_those_runs_alone(folder: Path) -> None:
+    swept(folder, axes={"timestep": [0.004, 0.03]})
+    good, bad = rows(folder)
+    assert good["status"] == "ok"
+    assert "steps of 0.03 s are 33.3333 Hz" in bad["status_reason"]
+
+
+def test_what_no_drive_has_is_no_axis(folder: Path) -> None:
+    sweep = {"version": 1, "scene": "cart.xml", "axes": {"drive.latency": [0.1]}}
+    ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
+    with pytest.raises(SceneError, match=r"drive\.latency: the drive none has no such number"):
+        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+
+
+def test_a_scene_may_name_its_policy(folder: Path) -> None:
+    (folder / "scene.yaml").write_text(
+        "version: 1\ntitle: t\ndescription: d\nduration: 0.2\nmodel: cart.xml\n"
+        "pairs: [{geoms: [floor, cart]}]\ndrive: {policy: 'balance.py:Balance'}\n"
+    )
+    sweep = {"version": 1, "scene": "./", "trace": "none"}
+    ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
+    with pytest.raises(SceneError, match="--allow-code"):
+        run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    ask = replace(ask, allow_code=True)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    (folder / "balance.py").unlink()
+    assert replay(Store.open(folder / "store"), rows(folder)[0]["run_id"]).equal
