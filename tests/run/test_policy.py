@@ -168,7 +168,7 @@ def test_files_that_it_reads_are_part_of_it(folder: Path) -> None:
     swept(folder, "other", drive={"files": ["gains.txt"]})
     assert rows(folder, "first")[0]["run_id"] != rows(folder, "other")[0]["run_id"]
     assert list((folder / "other" / "scenes").rglob("gains.txt"))
-    with pytest.raises(SceneError, match="cannot read .*absent"):
+    with pytest.raises(SceneError, match=r"cannot read .*absent"):
         swept(folder, drive={"files": ["absent"]})
 
 

@@ -31,7 +31,6 @@ from contactlab.engines.mujoco_batch import STATE, driven, record_starts, record
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import in_one_line
 from contactlab.scene.compile_model import PREFIX
-from contactlab.scene.model_joints import actuator_names
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import PolicyDrive
 
@@ -230,7 +229,7 @@ class _Flight:
         wanted = returned.astype(np.float64) + 0.0
         for run in [run for run in self._flying if not np.isfinite(wanted[run]).all()]:
             actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
-            name = actuator_names(self._models[run])[actuator]
+            name = self._models[run].actuator(actuator).name
             self._errors[run] = (
                 f"policy {self._name} returned {wanted[run, actuator]:g} for {name} at {time:g} s"
             )

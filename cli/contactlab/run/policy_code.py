@@ -2,6 +2,7 @@
 
 import sys
 from types import ModuleType
+from typing import cast
 
 from contactlab.engines import PolicyClass
 from contactlab.errors import SceneError, in_one_line
@@ -47,7 +48,7 @@ def load_policy(located: LocatedDrive) -> PolicyClass:
     found = getattr(module, name, None)
     if not callable(found):
         raise SceneError(f"policy {file}: it has no class {name}{_classes(module)}")
-    return found
+    return cast("PolicyClass", found)
 
 
 def _classes(module: ModuleType) -> str:

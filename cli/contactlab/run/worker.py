@@ -32,7 +32,6 @@ from contactlab.run.policy_code import load_policy
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.model_joints import actuator_names
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.bound_trace import ACTIVATIONS
@@ -244,7 +243,8 @@ class Worker:
         missing = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
         record = self._records.make(outcome).model_copy(update={"effects_missed": missing})
         if outcome.controls is not None:
-            names = actuator_names(outcome.plan.prepared.model)
+            model = outcome.plan.prepared.model
+            names = [model.actuator(each).name for each in range(model.nu)]
             sha256 = self._traces.add_controls(outcome.controls, names)
             record = record.model_copy(update={"controls": sha256})
         if self._keeps_trace(outcome.plan.run, record):
