@@ -79,7 +79,7 @@ class ResumedRows:
             )
 
     def keeps(self, row: Row) -> bool:
-        """Return whether a run stays: it need not be retried, and its trace and controls are as written.
+        """Return whether a run stays: it need not be retried, and what it names is as written.
 
         Raises:
             OutputError: the trace of a run that is to be retried cannot be removed.
