@@ -308,7 +308,7 @@ def test_a_rate_above_that_of_the_steps_costs_those_runs_alone(folder: Path) -> 
 def test_what_no_drive_has_is_no_axis(folder: Path) -> None:
     sweep = {"version": 1, "scene": "cart.xml", "axes": {"drive.latency": [0.1]}}
     ask = read_request(sweep, "s", folder / "store", folder=folder, workers=0)
-    with pytest.raises(SceneError, match=r"drive\.latency: the drive none has no such number"):
+    with pytest.raises(SceneError, match=r"drive\.latency: the drive hold has no such number"):
         run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
 
 
