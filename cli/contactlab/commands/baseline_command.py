@@ -23,18 +23,21 @@ def update(
         opt.store_argument("STORE", "Store to take as the baseline."),
     ],
     dest: Annotated[Path, typer.Argument(help="Folder of the baseline, created or replaced.")],
+    baseline_digest: opt.BaselineDigestOption = None,
     output: opt.FormatOption = "text",
 ) -> None:
     """Write a store without its traces, small enough to commit."""
     from contactlab.store.baseline_store import write_baseline
 
-    manifest = write_baseline(store, dest)
+    written = write_baseline(store, dest, baseline_digest)
+    runs, digest = written.manifest.runs, written.digest
     size = sum(path.stat().st_size for path in dest.rglob("*") if path.is_file())
     if output == "json":
-        print_json({"baseline": str(dest), "runs": manifest.runs, "bytes": size})
+        print_json({"baseline": str(dest), "runs": runs, "bytes": size, "digest": digest})
         return
-    echo(f"{dest} holds the {manifest.runs} runs of {store} without traces: {_size(size)}")
-    echo(f"compare with it: contactlab compare {dest} STORE")
+    echo(f"{dest} holds the {runs} runs of {store} without traces: {_size(size)}")
+    echo(f"digest {digest}")
+    echo(f"compare with it: contactlab compare {dest} STORE --baseline-digest {digest}")
 
 
 def _size(size: int) -> str:

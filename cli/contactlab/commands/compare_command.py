@@ -2,7 +2,7 @@
 
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from datetime import date, datetime
 from functools import partial
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from contactlab.commands.options import Address, store_argument
+from contactlab.commands.options import Address, BaselineDigestOption, store_argument
 from contactlab.commands.terminal import echo, echo_commands
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
@@ -56,6 +56,7 @@ def compare(
     thorough: Annotated[
         bool, typer.Option("--thorough", help="Verify every record and every trace first.")
     ] = False,
+    baseline_digest: BaselineDigestOption = None,
     remeasure: Annotated[
         int | None,
         typer.Option(min=1, metavar="N", help="Time N pairs of runs again, interleaved."),
@@ -83,11 +84,12 @@ def compare(
     from contactlab.comparison.compare_stores import unreadable_report
 
     targets = _targets(files or [])
+    given = {"match": match, "baseline_digest": baseline_digest}
     timers = _timers(remeasure, baseline_python, candidate_python)
     run = partial(compare_stores, baseline, candidate, thorough=thorough, remeasure=timers)
     if accept is not None:
-        _accept(policy, match, run, (accept, reason, until.date() if until else None))
-    rules = _rules(policy, match)
+        _accept(policy, given, run, (accept, reason, until.date() if until else None))
+    rules = _rules(policy, given)
     try:
         report = run(rules)
     except StoreError as error:
@@ -116,17 +118,17 @@ def _timers(
     return Remeasure(runs, *(partial(timing_process, python) for python in pythons))
 
 
-def _rules(policy: Path | None, match: Match | None) -> "ComparePolicy":
+def _rules(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePolicy":
     from contactlab.comparison.compare_stores import DEFAULT_POLICY
     from contactlab.comparison.policies import read_policy
 
     read = DEFAULT_POLICY if policy is None else read_policy(policy)
-    return read.model_copy(update={"match": match}) if match else read
+    return read.model_copy(update={name: value for name, value in given.items() if value})
 
 
 def _accept(
     policy: Path | None,
-    match: Match | None,
+    given: Mapping[str, str | None],
     run: "Callable[[ComparePolicy], ComparisonReport]",
     entry: tuple[str, str, date | None],
 ) -> None:
@@ -135,7 +137,7 @@ def _accept(
 
     if policy is None:
         raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
-    report = run(_rules(policy if policy.exists() else None, match))
+    report = run(_rules(policy if policy.exists() else None, given))
     accept(policy, acceptance(report, *entry))
 
 

@@ -56,6 +56,12 @@ def store_argument(metavar: str, help: str) -> ArgumentInfo:  # noqa: A002 - as 
 StoreArgument = Annotated[
     Address, store_argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.")
 ]
+BaselineDigestOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="SHA256", help="Digest that the baseline must have, as `baseline update` prints it."
+    ),
+]
 RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="Run id, or its first digits.")]
 SweepStoreOption = Annotated[
     Address | None,

@@ -64,7 +64,7 @@ def compare(
         StoreError: a store is not sound, or they have no run in common.
         PolicyError: the policy names what the stores do not have.
     """
-    before, after = open_both(baseline, candidate, thorough=thorough)
+    before, after = open_both(baseline, candidate, policy, thorough=thorough)
     pairing = _pair(before, after, policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
@@ -79,7 +79,7 @@ def pair_stores(
     Raises:
         StoreError: a store is not sound, or they have no run in common.
     """
-    return _pair(*open_both(baseline, candidate, thorough=False), policy)
+    return _pair(*open_both(baseline, candidate, policy), policy)
 
 
 def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> ComparisonReport:

@@ -30,21 +30,27 @@ def described(store: Store) -> ComparedStore:
     )
 
 
-def open_both(baseline: Address, candidate: Address, *, thorough: bool) -> tuple[Store, Store]:
+def open_both(
+    baseline: Address, candidate: Address, policy: ComparePolicy, *, thorough: bool = False
+) -> tuple[Store, Store]:
     """Open two stores and verify them; thoroughly means every record and the bytes of every trace.
 
     Raises:
         PolicyError: both are the same store.
-        StoreError: one of them is missing, damaged, empty, unfinished or of another version.
+        StoreError: one of them is missing, damaged, empty, unfinished or of another version; or
+            the baseline is not the one that the policy pins.
     """
     if _are_same(baseline, candidate):
         raise PolicyError(
             f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
         )
-    return (
-        _open("baseline", baseline, thorough=thorough),
-        _open("candidate", candidate, thorough=thorough),
-    )
+    before = _open("baseline", baseline, thorough=thorough)
+    if policy.baseline_digest not in {None, before.digest}:
+        raise StoreError(
+            f"the baseline {baseline} has the digest {before.digest}, not "
+            f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
+        )
+    return before, _open("candidate", candidate, thorough=thorough)
 
 
 def _are_same(one: Address, other: Address) -> bool:

@@ -137,23 +137,51 @@ def _loaded_names() -> set[str]:
 
 def _prepared(store: Store, record: EvidenceRecord) -> tuple[Scene, ResolvedRun]:
     find_engine(record.engine.name)
+    scene = stored_sweep_scene(store)
+    return scene, resolve_record(scene, record)
+
+
+def stored_sweep_scene(store: Store) -> Scene:
+    """Return the scene of a store's sweep, with its drive, from the store's own files.
+
+    Raises:
+        SceneError: it does not compile with this engine, or a file is not what it was.
+    """
     identity = store.manifest.sweep
     source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
     scene = Scene(source, ENGINES, read_control_table)
     scene = scene.with_effects(effects_base(identity.resolved.get("effects", {})))
     if (drive := identity.resolved.get("drive")) is not None:
         scene = stored_drive(scene, parse_drive(drive), store.scene_folder.parent)
-    values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
-    if "keyframe" not in record.settings and scene.catalogue.find("keyframe"):
-        # Versions before 0.3 knew no keyframes without names.
-        values["keyframe"] = QPOS0
-    resolved = scene.resolve(values, record.seed, record.duration)
+    return scene
+
+
+def resolve_record(scene: Scene, record: EvidenceRecord) -> ResolvedRun:
+    """Return all that decides a stored run, from its axis values, seed and duration.
+
+    Raises:
+        StoreError: they do not give its id.
+    """
+    resolved = scene.resolve(canonical_values(scene, record), record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:
         raise StoreError(
             f"run {record.run_id}: the stored scene and settings give another id, "
             f"{scene.run_id(resolved)}; the store or this version's defaults changed"
         )
-    return scene, resolved
+    return resolved
+
+
+def canonical_values(scene: Scene, record: EvidenceRecord) -> dict[str, object]:
+    """Return the axis values of a stored run.
+
+    Raises:
+        StoreError: the scene has no such axis, or it takes no such value.
+    """
+    values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
+    if "keyframe" not in record.settings and scene.catalogue.find("keyframe"):
+        # Versions before 0.3 knew no keyframes without names.
+        values["keyframe"] = QPOS0
+    return values
 
 
 def replay(store: Store, run: str) -> ReplayResult:

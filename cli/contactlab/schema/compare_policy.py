@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.judged_check import Acceptances, Count
-from contactlab.schema.strict_model import Model, Tolerance, Word
+from contactlab.schema.strict_model import Model, Sha256, Tolerance, Word
 
 Level = Literal["gate", "warn", "note"]
 Better = Literal["lower", "higher", "none"]
@@ -125,6 +125,9 @@ class ComparePolicy(Acceptances):
 
     match: Literal["id", "axes"] = Field(
         default="id", description="how runs are paired: by run id, or by axis values and seed"
+    )
+    baseline_digest: Sha256 | None = Field(
+        default=None, description="digest of the only baseline, as `baseline update` prints it"
     )
     require: Require = Field(default_factory=Require, description="what must be the same")
     labels: LabelRules = Field(default_factory=LabelRules, description="how labels are compared")

@@ -14,6 +14,8 @@ from contactlab.errors import OutputError
 TEMPORARY_SUFFIX = ".tmp"
 _COMMIT_INTERVAL = 0.5
 """Pause between two syncs [s]; with the sync itself, well within a second."""
+_AT_CWD, _RENAME_EXCHANGE = -100, 2
+"""Of renameat2(2), from linux/fcntl.h and linux/fs.h."""
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 
@@ -67,6 +69,25 @@ def hashes_below(folder: Path) -> dict[str, str]:
     """Return the SHA-256 of each file below a folder, by its path relative to it."""
     files = (path for path in sorted(folder.rglob("*")) if path.is_file())
     return {path.relative_to(folder).as_posix(): sha256_of(path) for path in files}
+
+
+def exchange_folders(new: Path, target: Path) -> None:
+    """Put a folder into the place of another, and that one into its place: in one step on Linux.
+
+    Where the system or the file system cannot, the target is `old` beside the new one for a moment.
+
+    Raises:
+        OSError: it cannot be done.
+    """
+    rename = getattr(_LIBC, "renameat2", None)
+    paths = os.fsencode(new.absolute()), os.fsencode(target.absolute())
+    if rename is None or rename(_AT_CWD, paths[0], _AT_CWD, paths[1], _RENAME_EXCHANGE):
+        target.rename(old := new.with_name("old"))
+        try:
+            new.rename(target)
+        except OSError:
+            old.rename(target)
+            raise
 
 
 def sync_filesystem(folder: Path) -> None:

@@ -1,23 +1,32 @@
 """A store without traces, small enough to be kept in a repository."""
 
+import fcntl
+import os
 import shutil
-import tempfile
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.schema.evidence import StoreManifest
-from contactlab.store.atomic_files import sha256_of, write_error
+from contactlab.store.atomic_files import (
+    exchange_folders,
+    sha256_of,
+    sync_filesystem,
+    write_error,
+)
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
+from contactlab.store.rows_digest import rows_digest
 from contactlab.store.runs_table import write_compact_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
+from contactlab.store.store_files import check_tree
 from contactlab.store.store_manifest import document_json
 from contactlab.store.verify_store import verify
 
 
-def write_baseline(source: Address, target: Path) -> StoreManifest:
+def write_baseline(source: Address, target: Path, pinned: str | None = None) -> Store:
     """Copy a store without its traces, replacing an earlier baseline.
 
     Records stay complete: they name their traces with size and hash. The columns' descriptions
@@ -26,32 +35,60 @@ def write_baseline(source: Address, target: Path) -> StoreManifest:
     Args:
         source: the store's address.
         target: the baseline's folder, replaced in one step.
+        pinned: digest of the baseline that may be replaced; any if None.
 
     Returns:
-        The baseline's manifest.
+        The baseline.
 
     Raises:
         StoreError: the store is not sound.
-        OutputError: the target is no baseline, or cannot be written.
+        OutputError: the target is no baseline, or another one, or cannot be written.
     """
     if problems := verify(source, thorough=False):
         raise StoreError(f"{source} is not sound: {problems[0]} (see `contactlab verify {source}`)")
-    _check_target(source, target)
-    store = Store.unchecked(source)
     try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(prefix=f"{target.name}.", dir=target.parent) as name:
-            new = Path(name) / "new"
-            manifest = _copy(store, new)
+        with _staging(target) as folder:
+            _check_target(source, target, pinned)
+            _copy(Store.unchecked(source), folder / "new")
+            sync_filesystem(folder)
             if target.exists():
-                target.rename(Path(name) / "old")
-            new.rename(target)
+                exchange_folders(folder / "new", target)
+            else:
+                (folder / "new").rename(target)
     except OSError as error:
         raise write_error(Path(error.filename or target), error) from error
-    return manifest
+    return Store.unchecked(target)
 
 
-def _copy(store: Store, target: Path) -> StoreManifest:
+@contextmanager
+def _staging(target: Path) -> Generator[Path]:
+    """Yield an empty folder beside a baseline; one that a killed update left is swept up first."""
+    folder = target.absolute().with_name(f".{target.absolute().name}.update")
+    check_tree(folder)
+    folder.mkdir(parents=True, exist_ok=True)
+    lock = os.open(folder, os.O_RDONLY)
+    try:
+        _take(lock, target)
+        if (folder / "old").exists() and not target.exists():
+            (folder / "old").rename(target)
+        for name in ("old", "new"):
+            shutil.rmtree(folder / name, ignore_errors=True)
+        try:
+            yield folder
+        finally:
+            shutil.rmtree(folder)
+    finally:
+        os.close(lock)
+
+
+def _take(lock: int, target: Path) -> None:
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise OutputError(f"{target} is being replaced by another update; wait for it") from error
+
+
+def _copy(store: Store, target: Path) -> None:
     shutil.copytree(store.scene_folder.parent, target / SCENES)
     shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
     write_compact_table(store.file(TABLE), target / TABLE)
@@ -61,12 +98,17 @@ def _copy(store: Store, target: Path) -> StoreManifest:
         file.parent.mkdir(parents=True, exist_ok=True)
         file.write_bytes(backend.read(controls_name(sha256)) or b"")
     files = {name: sha256_of(target / name) for name in store.manifest.files}
-    manifest = store.manifest.model_copy(update={"files": files, "traces_left_out": True})
-    (target / MANIFEST).write_text(document_json(manifest), encoding="utf-8")
-    return manifest
+    records = rows_digest(target / TABLE)
+    if store.manifest.records not in {None, records}:
+        raise StoreError(f"{store.address} is not sound: its records are not those of its manifest")
+    changes = {"files": files, "records": records, "traces_left_out": True}
+    text = document_json(store.manifest.model_copy(update=changes))
+    (target / MANIFEST).write_text(text, encoding="utf-8")
 
 
-def _check_target(source: Address, target: Path) -> None:
+def _check_target(source: Address, target: Path, pinned: str | None) -> None:
+    if pinned is not None and (found := Store.unchecked(target).digest) != pinned:
+        raise OutputError(f"{target} has the digest {found}, not {pinned}; it is not replaced")
     if not target.exists() or (target.is_dir() and not any(target.iterdir())):
         return
     if isinstance(source, Path) and target.samefile(source):

@@ -1,10 +1,11 @@
 """Read a finished store."""
 
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -24,8 +25,8 @@ from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
     check_table_size,
     count_outcomes,
+    iterate_rows,
     read_table,
-    shared_fields,
 )
 from contactlab.store.runs_view import Runs, store_line, store_table
 from contactlab.store.store_access import backend_at
@@ -116,6 +117,11 @@ class Store:
         return path
 
     @property
+    def digest(self) -> str:
+        """What a store is pinned by: SHA-256 of its manifest, which binds all the rest."""
+        return sha256_of(self.file(MANIFEST))
+
+    @property
     def runs(self) -> Runs:
         """The table, for pandas, polars and others that read Arrow."""
         return Runs(self.table)
@@ -143,11 +149,19 @@ class Store:
         return self.path / SCENES / self.manifest.sweep.scene_hash
 
     def records(self) -> Iterator[EvidenceRecord]:
-        """Yield the record of every run, in plan order."""
-        shared = shared_fields(self.table.schema)
-        for batch in self.table.to_batches(max_chunksize=1024):
-            for row in batch.to_pylist():
-                yield row_to_record(row, shared)
+        """Yield the record of every run, in plan order, a batch of them in memory.
+
+        Raises:
+            StoreError: the table is damaged.
+        """
+        for row in iterate_rows(self.file(TABLE)):
+            yield self._record_of(row)
+
+    def _record_of(self, row: Mapping[str, Any]) -> EvidenceRecord:
+        try:
+            return row_to_record(row, self.columns.shared)
+        except (LookupError, TypeError, ValueError) as error:
+            raise StoreError(f"{self.address / TABLE} is damaged: {error}") from error
 
     def record(self, run: str) -> EvidenceRecord:
         """Return the record of a run.
@@ -169,7 +183,7 @@ class Store:
                 f"{len(matches)} runs in {self.address} have ids that start with '{run}' "
                 f"({some}, ...); write more of it"
             )
-        return row_to_record(self.columns.row(int(matches[0])), self.columns.shared)
+        return self._record_of(self.columns.row(int(matches[0])))
 
     def controls(self, record: EvidenceRecord) -> RecordedControls | None:
         """Return what the policy of a run did; None for runs without a policy.
