@@ -65,9 +65,12 @@ def test_no_store(contactlab: Run, tmp_path: Path, arguments: list[str]) -> None
 
 
 def test_a_sound_store(contactlab: Run, store: Path) -> None:
-    assert contactlab("verify", str(store)) == (0, "store is sound: 4 runs, 4 traces\n", "")
+    digest = sha256_of(store / "manifest.json")
+    sound = f"store is sound: 4 runs, 4 traces\ndigest {digest}\n"
+    assert contactlab("verify", str(store), "--simulate", "2") == (0, sound, "")
     code, out, _ = contactlab("verify", str(store), "--format", "json")
-    assert (code, json.loads(out)) == (0, {"sound": True, "problems": [], "runs": 4})
+    told = {"sound": True, "problems": [], "unverified": [], "runs": 4, "digest": digest}
+    assert (code, json.loads(out)) == (0, told)
 
 
 def test_a_damaged_store(contactlab: Run, store: Path, tmp_path: Path) -> None:

@@ -17,7 +17,7 @@ def files(folder: Path) -> set[str]:
 
 def test_a_baseline_has_all_but_the_traces(store: Path, tmp_path: Path) -> None:
     target = tmp_path / "deep" / "baseline"
-    manifest = write_baseline(store, target)
+    manifest = write_baseline(store, target).manifest
     assert manifest.traces_left_out
     assert files(target) == {
         "manifest.json",

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
     from contactlab.schema.drive import Drive
     from contactlab.schema.evidence import PluginInfo
+    from contactlab.store.finished_store import Store
     from contactlab.store.store_address import Address
 else:
     # The parser turns text into an address. Its type, which typer wants to see at import time,
@@ -173,6 +174,14 @@ def load_plugins(files: Sequence[Path] | None) -> None:
     from contactlab import plugins
 
     plugins.load_plugins(files or ())
+
+
+def mention_damage(store: "Store") -> None:
+    """Name damaged traces, in a command that reads a store."""
+    from contactlab.store.verify_store import trace_warning
+
+    for warning in trace_warning(store):
+        say(f"warning: {warning}")
 
 
 def mention_plugins(store: "Address", plugins: "Sequence[PluginInfo]") -> None:

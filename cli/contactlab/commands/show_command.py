@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, StoreArgument
-from contactlab.commands.terminal import echo, print_json, print_table
+from contactlab.commands.options import Format, FormatOption, StoreArgument, mention_damage
+from contactlab.commands.terminal import echo, print_json, print_table, say
+from contactlab.errors import StoreError
 from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
@@ -33,9 +34,15 @@ def show(
 
     opened = Store.open(store)
     if run is None:
+        mention_damage(opened)
         print_summary(store, opened.manifest, output)
         return
     record = opened.record(run)
+    if record.trace is not None and not opened.manifest.traces_left_out:
+        try:
+            opened.trace(record)
+        except StoreError as error:
+            say(f"warning: {error}")
     if output == "json":
         print_json(record.model_dump(mode="json"))
     else:

@@ -89,7 +89,9 @@ def _report(
 
     stored = find_store(name, target)
     if stored is not None:
-        return analyse(Store.open(stored), criteria)
+        opened = Store.open(stored)
+        opt.mention_damage(opened)
+        return analyse(opened, criteria)
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
     with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:

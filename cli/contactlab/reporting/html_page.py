@@ -25,6 +25,7 @@ from contactlab.reporting.page_tables import (
 from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
 from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.store.finished_store import Store
+from contactlab.store.verify_store import trace_warning
 
 _PACKAGE = __name__.rpartition(".")[0]
 _SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
@@ -38,6 +39,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     comparison = compare_with_baseline(data, request.baseline) if request.baseline else None
     maps = comparison.maps.items() if comparison else ()
     axes = " and ".join(data.map_axes.names) if data.map_axes else ""
+    notes = (*content.notes, *trace_warning(store))
     environment = Environment(
         loader=PackageLoader(_PACKAGE),
         autoescape=True,
@@ -56,13 +58,13 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         columns=as_json(content.columns),
         series=as_json(content.series),
         style=_read("style.css"),
-        notes=content.notes,
+        notes=notes,
         comparison=comparison,
         comparison_maps=[
             static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps
         ],
     )
-    return text, content.notes
+    return text, notes
 
 
 def _texts(data: ReportData) -> dict[str, Any]:

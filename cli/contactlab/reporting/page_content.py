@@ -233,7 +233,7 @@ def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str,
     for row, record in records.items():
         if record.trace is None or store.manifest.traces_left_out:
             continue
-        # `contactlab verify` reports a damaged trace; the page shows the others.
+        # A note on the page names damaged traces; it shows the others.
         with suppress(StoreError):
             descriptions[row] = _add_series(columns, row, store.trace(record))
     return {"runs": descriptions, "packed": pack(columns)}

@@ -1,8 +1,9 @@
 """Check a store: its files against their hashes, its content against what is recomputed from it."""
 
 import hashlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import islice, tee
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -104,14 +105,14 @@ def damaged_traces(store: Store) -> Iterator[str]:
             yield f"{file}: changed since it was written"
 
 
-def trace_warning(store: Store) -> str | None:
-    """Return a line that names damaged traces; None if a glance finds none."""
+def trace_warning(store: Store) -> tuple[str, ...]:
+    """Return a line that names damaged traces; none if a glance finds none."""
     damaged = list(damaged_traces(store))
     if not damaged:
-        return None
+        return ()
     named = "; ".join(damaged[:_MOST_NAMED])
     more = f"; and {len(damaged) - _MOST_NAMED:,} more" if len(damaged) > _MOST_NAMED else ""
-    return f"{named}{more} (see `contactlab verify {store.address}`)"
+    return (f"{named}{more} (see `contactlab verify {store.address}`)",)
 
 
 def _check_files(store: Store, backend: Backend) -> Iterator[str]:
@@ -231,5 +232,16 @@ def _traced_records(
                         f"{TABLE}: run {row['run_id']} does not fit its schema: {error}"
                     )
                     continue
+                problems += _wrong_labels(row, record)
                 if kept and record.trace is not None:
                     yield record
+
+
+def _wrong_labels(row: Mapping[str, Any], record: EvidenceRecord) -> Iterator[str]:
+    """Yield which columns of the worst label are not those of the first of its labels."""
+    worst = record.labels[0] if record.labels else None
+    expected = {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
+    if worst is not None:
+        expected["label"] = worst.label
+    for name in (name for name, value in expected.items() if row[name] != value):
+        yield f"{TABLE}: run {record.run_id}: its {name} is not that of its worst label"

@@ -1,0 +1,370 @@
+"""What counts is bound together: whoever bends a store and redoes its hashes is found out."""
+
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from contactlab.errors import StoreError
+from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems
+from contactlab.store.atomic_files import sha256_of
+from contactlab.store.finished_store import Store
+from contactlab.store.row_journal import mend_journal
+from contactlab.store.rows_digest import rows_digest
+from contactlab.store.store_manifest import document_json
+from contactlab.store.verify_store import unverified, verify
+
+Attack = Callable[[Path], None]
+
+
+@pytest.fixture(scope="module")
+def sound(make_sweeper: Callable[[Path], Any], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    sweeper = make_sweeper(tmp_path_factory.mktemp("sound"))
+    sweeper.run(
+        "{version: 1, scene: ball_drop, duration: 0.1, seeds: 2, "
+        "axes: {timestep: [1.0e-3, 2.0e-3], drop_height: [0.02, 0.1]}}"
+    )
+    return sweeper.folder / "store"
+
+
+@pytest.fixture
+def bent(sound: Path, tmp_path: Path) -> Path:
+    """A copy that may be bent."""
+    return shutil.copytree(sound, tmp_path / "bent")
+
+
+def problems(store: Path) -> list[str]:
+    """Return all that `contactlab verify` finds."""
+    return verify(store) or list(recomputed_problems(Store.unchecked(store)))
+
+
+def redo(store: Path) -> None:
+    """Make every hash of a store right again."""
+    manifest = Store.unchecked(store).manifest
+    files = {name: sha256_of(store / name) for name in manifest.files}
+    digest = rows_digest(store / "runs.parquet")
+    changed = manifest.model_copy(update={"files": files, "records": digest})
+    (store / "manifest.json").write_text(document_json(changed))
+
+
+def rewrite(store: Path, table: pa.Table) -> None:
+    pq.write_table(table, store / "runs.parquet")
+    redo(store)
+
+
+def edit(store: Path, column: str, change: Callable[[Any], Any], row: int = 0) -> None:
+    """Change a value of the table."""
+    table = pq.read_table(store / "runs.parquet")
+    values = table[column].to_pylist()
+    values[row] = change(values[row])
+    place = table.schema.get_field_index(column)
+    field = table.schema.field(column)
+    rewrite(store, table.set_column(place, field, pa.array(values, field.type)))
+
+
+def edited(column: str, change: Callable[[Any], Any]) -> Attack:
+    return lambda store: edit(store, column, change)
+
+
+def swap_traces(store: Path) -> None:
+    table = pq.read_table(store / "runs.parquet")
+    for name in ("trace_file", "trace_sha256", "trace_bytes", "trace_messages"):
+        values = table[name].to_pylist()
+        values[0], values[1] = values[1], values[0]
+        place = table.schema.get_field_index(name)
+        table = table.set_column(place, table.schema.field(name), pa.array(values))
+    rewrite(store, table)
+
+
+def reverse_rows(store: Path) -> None:
+    table = pq.read_table(store / "runs.parquet")
+    rewrite(store, table.take(list(range(table.num_rows))[::-1]))
+
+
+def in_manifest(*path: str, value: object) -> Attack:
+    """Change the manifest alone, or with the identity, which holds the same."""
+
+    def attack(store: Path) -> None:
+        for name in ("manifest.json", "sweep.json"):
+            document = json.loads((store / name).read_text())
+            place: Any = document if name == "manifest.json" else {"sweep": document}
+            for key in path[:-1]:
+                place = place.get(key, {})
+            if path[-1] in place:
+                place[path[-1]] = value
+            (store / name).write_text(json.dumps(document))
+        if path[0] == "sweep":
+            redo(store)
+
+    return attack
+
+
+def edit_model(store: Path) -> None:
+    (model,) = (store / "scenes").rglob("scene.xml")
+    model.write_text(model.read_text().replace('size="', 'size="1'))
+    redo(store)
+
+
+def add_scene_file(store: Path) -> None:
+    (scene,) = (store / "scenes").iterdir()
+    (scene / "more.xml").write_text("<mujoco/>")
+
+
+@pytest.mark.parametrize(
+    ("attack", "said"),
+    [
+        (swap_traces, "its record has another run_id than the table"),
+        (edited("label_reason", lambda _: "all is well"), "its label_reason is not that of its"),
+        (edited("label", lambda _: "chatter"), "its record has another label than the table"),
+        (edited("penetration_max", lambda depth: depth / 2), "another metrics than the table"),
+        (edited("drop_height", lambda _: 0.05), "its record has another axes than the table"),
+        (edited("seed", lambda _: 9), "its record has another seed than the table"),
+        (
+            edited("settings", lambda all_: all_ | {"iterations": 7}),
+            "its record has another settings than the table",
+        ),
+        (edited("trajectory_hash", lambda _: "0" * 32), "another trajectory_hash than the table"),
+        (edited("initial_qpos", lambda qpos: [0.0] * len(qpos)), "another initial than the table"),
+        (edited("provenance", lambda text: text.replace("3.11", "3.12")), "another provenance"),
+        (reverse_rows, "its runs, in their order, are not those of the plan's hash"),
+        (
+            in_manifest("sweep", "plan_hash", value="0" * 32),
+            "its runs, in their order, are not those of the plan's hash",
+        ),
+        (edit_model, "its model is not the scene's"),
+        (add_scene_file, "manifest.json does not name it"),
+        (in_manifest("files", value={}), "manifest.json does not name it"),
+        (in_manifest("records", value="0" * 64), "its records are not those of the manifest's"),
+    ],
+)
+def test_a_bent_store_is_not_sound(bent: Path, attack: Attack, said: str) -> None:
+    attack(bent)
+    found = problems(bent)
+    assert any(said in each for each in found), found
+
+
+def drop_traces(store: Path) -> None:
+    shutil.rmtree(store / "traces")
+    in_manifest("traces_left_out", value=True)(store)
+
+
+@pytest.mark.parametrize(
+    ("attack", "said"),
+    [
+        (edited("seed", lambda _: 9), "the stored scene and settings give another id"),
+        (edited("drop_height", lambda _: 0.05), "the stored scene and settings give another id"),
+        (edited("settings", lambda all_: all_ | {"iterations": 7}), "iterations is 7, not "),
+        (edit_model, "its files have the hash"),
+    ],
+)
+def test_without_traces_the_engine_tells(bent: Path, attack: Attack, said: str) -> None:
+    drop_traces(bent)
+    attack(bent)
+    assert any(said in each for each in problems(bent))
+
+
+@pytest.mark.parametrize(
+    ("attack", "said"),
+    [
+        (edited("penetration_max", lambda depth: depth / 2), "penetration_max is "),
+        (edited("trajectory_hash", lambda _: "0" * 32), "trajectory_hash is "),
+    ],
+)
+def test_without_traces_outcomes_are_told_by_simulating_again(
+    bent: Path, attack: Attack, said: str
+) -> None:
+    drop_traces(bent)
+    attack(bent)
+    assert problems(bent) == []
+    assert unverified(Store.open(bent)) == [
+        "trajectories, metrics and labels: the traces were left out"
+    ]
+    (found,) = simulated_problems(Store.open(bent), 100)
+    assert said in found
+
+
+def test_a_sound_store_simulates_alike(sound: Path) -> None:
+    assert problems(sound) == []
+    assert unverified(Store.open(sound)) == []
+    assert list(simulated_problems(Store.open(sound), 3)) == []
+
+
+def test_an_edited_table_is_not_opened(bent: Path) -> None:
+    table = pq.read_table(bent / "runs.parquet")
+    pq.write_table(table.slice(1), bent / "runs.parquet")
+    with pytest.raises(StoreError, match="was changed since it was written; `contactlab verify"):
+        Store.open(bent)
+    redo(bent)
+    with pytest.raises(StoreError, match=r"runs is 8, but runs\.parquet has 7"):
+        Store.open(bent)
+
+
+class StopError(Exception):
+    """Ends a sweep after its first runs."""
+
+
+def stop(_: object) -> None:
+    raise StopError
+
+
+@pytest.fixture
+def half(sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setattr("contactlab.run.planned_runs.MAX_RUNS", 3)
+    with pytest.raises(StopError):
+        sweeper.run(ball, progress=stop)
+    return sweeper.folder / "store"
+
+
+@pytest.fixture
+def whole(sweeper: Any, ball: str) -> Any:
+    sweeper.run(ball, "whole")
+    return sweeper.outcome("whole")
+
+
+def test_a_model_that_was_changed_is_not_resumed(
+    sweeper: Any, ball: str, half: Path, whole: Any
+) -> None:
+    (model,) = (half / "scenes").rglob("scene.xml")
+    model.write_text(model.read_text().replace('size="', 'size="1'))
+    with pytest.raises(StoreError, match="was changed since its runs began; add --repair to copy"):
+        sweeper.run(ball)
+    sweeper.run(ball, repair=True)
+    assert sweeper.outcome() == whole
+    assert problems(half) == []
+
+
+def zero_trace(store: Path) -> None:
+    trace = min((store / "traces").rglob("*.mcap"))
+    trace.write_bytes(bytes(trace.stat().st_size))
+
+
+def test_a_trace_of_zeros_is_run_again(sweeper: Any, ball: str, half: Path, whole: Any) -> None:
+    zero_trace(half)
+    sweeper.run(ball)
+    assert sweeper.began == [(18, 2)]
+    assert sweeper.outcome() == whole
+
+
+@pytest.mark.parametrize("spoil", [zero_trace, reverse_rows, edit_model, drop_traces])
+def test_a_finished_store_is_repaired(sweeper: Any, ball: str, spoil: Attack, whole: Any) -> None:
+    sweeper.run(ball)
+    store = sweeper.folder / "store"
+    spoil(store)
+    if spoil is drop_traces:
+        with pytest.raises(StoreError, match="is a baseline without traces; sweep again elsewhere"):
+            sweeper.run(ball, repair=True)
+        return
+    assert problems(store) != []
+    sweeper.run(ball, repair=True)
+    assert sweeper.outcome() == whole
+    assert problems(store) == []
+
+
+def test_repair_of_a_sound_store_does_nothing(sweeper: Any, ball: str) -> None:
+    sweeper.run(ball)
+    before = (sweeper.folder / "store" / "manifest.json").stat().st_mtime_ns
+    sweeper.run(ball, repair=True)
+    assert (sweeper.folder / "store" / "manifest.json").stat().st_mtime_ns == before
+
+
+def line_of(change: Callable[[dict[str, Any]], object]) -> Callable[[bytes], bytes]:
+    """Return what changes the row of a line and leaves its checksum out, as older versions did."""
+
+    def changed(line: bytes) -> bytes:
+        row = json.loads(line.partition(b"\t")[0])
+        return json.dumps(change(row) or row).encode() + b"\n"
+
+    return changed
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        (lambda line: line.replace(b'"label":"stable"', b'"label":"chatte"'), "checksum"),
+        (lambda line: line.replace(b"0", b"1", 1), "checksum"),
+        (lambda _: b"5\n", "is not a JSON object"),
+        (lambda _: b"null\n", "is not a JSON object"),
+        (lambda _: b"{}\n", "is no row of a run: run_id: Field required"),
+        (lambda _: b"[" * 100_000 + b"\n", "is not JSON"),
+        (
+            line_of(lambda row: row.pop("label") and None),
+            "is no row of a run: label: Field required",
+        ),
+        (line_of(lambda row: row.pop("steps") and None), "is no row of a run: it lacks 'steps'"),
+        (line_of(lambda row: row.update(steps="many")), "is no row of a run: steps: "),
+        (line_of(lambda row: row.update(index=0, run_id="0" * 16)), "which is not run 0 of the"),
+        (line_of(lambda row: row.update(scene_hash="0" * 16)), "not of this sweep's"),
+        (line_of(lambda row: row.update(trace_file="../../etc/passwd")), "trace_file: "),
+    ],
+)
+def test_a_damaged_journal_is_refused_in_one_line_then_repaired(
+    sweeper: Any,
+    ball: str,
+    half: Path,
+    whole: Any,
+    change: Callable[[bytes], bytes],
+    why: str,
+) -> None:
+    journal = half / "journal.jsonl"
+    lines = journal.read_bytes().splitlines(keepends=True)
+    journal.write_bytes(b"".join([lines[0], change(lines[1]), lines[2]]))
+    with pytest.raises(StoreError) as raised:
+        sweeper.run(ball)
+    assert why in str(raised.value)
+    assert "journal.jsonl, line 2 " in str(raised.value)
+    assert "add --repair to keep" in str(raised.value)
+    assert "\n" not in str(raised.value)
+    sweeper.run(ball, repair=True)
+    assert sweeper.outcome() == whole
+    assert problems(half) == []
+
+
+def test_runs_without_an_identity_are_refused_then_kept(
+    sweeper: Any, ball: str, half: Path, whole: Any
+) -> None:
+    (half / "sweep.json").unlink()
+    with pytest.raises(StoreError, match=r"has runs but no sweep\.json.*--repair.*--fresh"):
+        sweeper.run(ball)
+    sweeper.run(ball, repair=True)
+    assert sweeper.began == [(18, 3)]
+    assert sweeper.outcome() == whole
+
+
+def test_a_journal_of_an_older_version_is_resumed_with_a_word(
+    sweeper: Any, ball: str, half: Path, whole: Any, caplog: pytest.LogCaptureFixture
+) -> None:
+    journal = half / "journal.jsonl"
+    rows = [line.partition(b"\t")[0] + b"\n" for line in journal.read_bytes().splitlines()]
+    journal.write_bytes(b"".join(rows))
+    sweeper.run(ball)
+    assert sweeper.began == [(18, 3)]
+    assert sweeper.outcome() == whole
+    assert "3 runs were stored by an older version, without checksums" in caplog.text
+
+
+@pytest.mark.slow
+def test_a_journal_cut_anywhere_is_resumed(
+    sweeper: Any, ball: str, half: Path, whole: Any, tmp_path: Path
+) -> None:
+    """Whole lines stay, the torn one goes; nothing else is lost or added, nor refused."""
+    text = (half / "journal.jsonl").read_bytes()
+    cut_journal = tmp_path / "journal.jsonl"
+    ends = [0, *(place + 1 for place, byte in enumerate(text) if byte == ord("\n"))]
+    for cut in range(len(text) + 1):
+        cut_journal.write_bytes(text[:cut])
+        mended = mend_journal(tmp_path, lambda _row, _is_sealed: None, lambda _row: True)
+        whole_lines = max(end for end in ends if end <= cut)
+        assert cut_journal.read_bytes() == text[:whole_lines]
+        assert len(mended.runs) == ends.index(whole_lines)
+    begun = shutil.copytree(half, tmp_path / "begun")
+    for cut in sorted({end + by for end in ends for by in (-11, -10, -9, -1, 0, 1, 2000)}):
+        shutil.rmtree(half)
+        shutil.copytree(begun, half)
+        (half / "journal.jsonl").write_bytes(text[: max(0, cut)])
+        sweeper.run(ball)
+        assert sweeper.outcome() == whole
