@@ -7,7 +7,7 @@ from typing import Literal
 
 from contactlab.api.reading_functions import address_of
 from contactlab.pareto.criteria import Criteria
-from contactlab.plan.overrides import Overrides
+from contactlab.plan.overrides import Overrides, drive_option
 from contactlab.plugins import load_plugins
 from contactlab.resources import RESULTS, find_sweep
 from contactlab.run.sweep_request import read_request
@@ -38,6 +38,7 @@ def sweep(
     set: Settings = (),
     only: Settings = (),
     limit: int | None = None,
+    drive: str | None = None,
     workers: int | None = None,
     fresh: bool = False,
     retry_failed: bool = False,
@@ -53,6 +54,7 @@ def sweep(
         set: axes or keys to replace.
         only: axis values; runs with other values are left out.
         limit: the first so many runs only.
+        drive: what drives the runs, as `--drive` takes it.
         workers: worker processes, 0 for none; one for each core if left out.
         fresh: whether to replace a store that is there.
         retry_failed: whether stored runs that crashed, timed out or failed are run again.
@@ -79,6 +81,7 @@ def sweep(
         folder=folder,
         workers=worker_count(workers),
         overrides=Overrides(_assigned(set), _assigned(only), limit),
+        drive=drive_option(drive),
         fresh=fresh,
         retry_failed=retry_failed,
     )
@@ -133,6 +136,7 @@ def effects(
     *,
     set: Settings = (),
     seeds: int = 6,
+    drive: str | None = None,
     output: str | Path | None = None,
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
@@ -145,6 +149,7 @@ def effects(
         source: a scene, a sweep file or a model.
         set: settings of the base configuration.
         seeds: how many seeds to change effects with.
+        drive: what drives the runs, as `--drive` takes it.
         output: the folder of its evidence; `results/effects/NAME` if left out.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
@@ -156,7 +161,7 @@ def effects(
         SweepFileError: the sweep or a setting is wrong.
     """
     load_plugins([Path(each) for each in plugins])
-    request = EffectsRequest(str(source), _assigned(set), seeds)
+    request = EffectsRequest(str(source), _assigned(set), seeds, drive=drive_option(drive))
     folder = Path(output or RESULTS / "effects" / model_name(str(source)))
     return ablation.run(request, _session(folder, workers, progress, allow_code=allow_code))
 
@@ -164,6 +169,7 @@ def effects(
 def stability(
     names: Sequence[str | Path] = (),
     *,
+    drive: str | None = None,
     output: str | Path = RESULTS / "stability",
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
@@ -174,6 +180,7 @@ def stability(
 
     Args:
         names: cases of the catalogue, or models; the whole catalogue if empty.
+        drive: what drives the runs, as `--drive` takes it.
         output: the folder of the stores, one a case.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
@@ -184,7 +191,7 @@ def stability(
         SweepFileError: there is no such case.
     """
     load_plugins([Path(each) for each in plugins])
-    request = stability_cases.StabilityRequest([str(each) for each in names])
+    request = stability_cases.StabilityRequest([str(each) for each in names], drive_option(drive))
     return stability_cases.run(
         request, _session(Path(output), workers, progress, allow_code=allow_code)
     )
@@ -195,6 +202,7 @@ def tradeoff(
     *,
     error: str | None = None,
     tolerance: Mapping[str, float] | None = None,
+    drive: str | None = None,
     output: str | Address | None = None,
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
@@ -207,6 +215,7 @@ def tradeoff(
         source: a store, a sweep file or the name of a shipped sweep, which is then run.
         error: what measures accuracy: `error_final`, `oracle_error` or any metric.
         tolerance: largest acceptable values by metric, over those of the sweep.
+        drive: what drives the runs of a sweep, as `--drive` takes it.
         output: the store of a sweep; `results/tradeoff/NAME` if left out.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
@@ -222,6 +231,7 @@ def tradeoff(
         str(address_of(source)),
         Criteria(error, tolerance or {}),
         None if output is None else parse_address(output),
+        drive_option(drive),
     )
     return tradeoff_sweep.run(
         request, _session(RESULTS / "tradeoff", workers, progress, allow_code=allow_code)

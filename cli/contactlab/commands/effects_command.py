@@ -27,19 +27,21 @@ def effects(
     ] = 6,
     figure: opt.FigureOption = None,
     workers: opt.WorkersOption = None,
+    drive: opt.DriveOption = None,
     plugin: opt.PluginOption = None,
     allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.pareto.drawing import check_figure
+    from contactlab.plan.overrides import drive_option
     from contactlab.studies.effects.ablation import run
     from contactlab.studies.effects.effects_request import EffectsRequest
 
     opt.load_plugins(plugin)
     if figure is not None:
         check_figure(figure)
-    request = EffectsRequest(source, assign or (), seeds)
+    request = EffectsRequest(source, assign or (), seeds, drive=drive_option(drive))
     target = folder or RESULTS / "effects" / request.setup.scene.name
     with study_session(target, workers, "start over", allow_code=allow_code) as session:
         report = run(request, session)

@@ -14,7 +14,6 @@ from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
-    from contactlab.schema.drive import Drive
     from contactlab.schema.evidence import PluginInfo
     from contactlab.store.finished_store import Store
     from contactlab.store.store_address import Address
@@ -143,26 +142,6 @@ FigureOption = Annotated[
     Path | None, typer.Option(metavar="FILE", help="Draw the result: a .png or .svg file.")
 ]
 FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
-
-
-def drive_of(text: str | None) -> "Drive | None":
-    """Return the drive that `--drive` names.
-
-    Raises:
-        SweepFileError: it is not one.
-    """
-    from pydantic import ValidationError
-
-    from contactlab.schema.drive import read_drive
-
-    try:
-        return None if text is None else read_drive(text)
-    except ValidationError as error:
-        first = error.errors(include_url=False)[0]
-        part = ".".join(str(each) for each in first["loc"] if not str(each).startswith("@"))
-        raise SweepFileError(
-            f"--drive {text}: {part} {first['msg']}".replace(":  ", ": ")
-        ) from error
 
 
 def load_plugins(files: Sequence[Path] | None) -> None:

@@ -26,18 +26,20 @@ def stability(
     folder: opt.StudyFolderOption = None,
     workers: opt.WorkersOption = None,
     mujoco: opt.MujocoOption = None,
+    drive: opt.DriveOption = None,
     plugin: opt.PluginOption = None,
     allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
+    from contactlab.plan.overrides import drive_option
     from contactlab.studies.stability_cases import StabilityRequest, run
 
     target = folder or RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
     opt.load_plugins(plugin)
     with study_session(target, workers, _THEN, allow_code=allow_code) as session:
-        report = run(StabilityRequest(names or ()), session)
+        report = run(StabilityRequest(names or (), drive_option(drive)), session)
     cases = report.cases
     if output == "json":
         print_json(report.model_dump(mode="json"))

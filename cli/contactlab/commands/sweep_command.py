@@ -68,7 +68,7 @@ def sweep(
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
     from contactlab.plan.grid import CONFIRM_ABOVE
-    from contactlab.plan.overrides import Overrides
+    from contactlab.plan.overrides import Overrides, drive_option
     from contactlab.run.forecast import forecast
     from contactlab.run.sweep_request import read_request
     from contactlab.run.sweep_runner import run_sweep
@@ -90,7 +90,7 @@ def sweep(
         folder=path.parent,
         workers=worker_count(workers),
         overrides=Overrides(assign or (), only or (), limit),
-        drive=opt.drive_of(drive),
+        drive=drive_option(drive),
         fresh=fresh,
         retry_failed=retry_failed,
         repair=repair,

@@ -38,6 +38,7 @@ def tradeoff(
     ] = None,
     store: opt.SweepStoreOption = None,
     workers: opt.WorkersOption = None,
+    drive: opt.DriveOption = None,
     plugin: opt.PluginOption = None,
     allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
@@ -48,7 +49,7 @@ def tradeoff(
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
-    report = _report(name, store, workers, criteria, allow_code=allow_code)
+    report = _report(name, store, workers, criteria, drive, allow_code=allow_code)
     if output == "json":
         print_json(report.model_dump(mode="json"))
     else:
@@ -79,6 +80,7 @@ def _report(
     target: opt.Address | None,
     workers: int | None,
     criteria: "Criteria",
+    drive: str | None,
     *,
     allow_code: bool,
 ) -> "TradeoffReport":
@@ -92,10 +94,11 @@ def _report(
         opened = Store.open(stored)
         opt.mention_damage(opened)
         return analyse(opened, criteria)
+    from contactlab.plan.overrides import drive_option
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
     with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
-        return run(TradeoffRequest(name, criteria, target), session)
+        return run(TradeoffRequest(name, criteria, target, drive_option(drive)), session)
 
 
 def _fail_on(report: "TradeoffReport") -> None:

@@ -5,11 +5,14 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
-from contactlab.errors import suggestion
+from pydantic import ValidationError
+
+from contactlab.errors import SweepFileError, suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
 from contactlab.schema.axis_forms import FORMS
+from contactlab.schema.drive import Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
 
 _ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
@@ -48,6 +51,20 @@ class Filter:
     name: str
     values: tuple[object, ...]
     place: Place
+
+
+def drive_option(text: str | None) -> Drive | None:
+    """Return the drive that `--drive` names.
+
+    Raises:
+        SweepFileError: it is not one.
+    """
+    try:
+        return None if text is None else read_drive(text)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        where = [f"{each}:" for each in first["loc"] if not str(each).startswith("@")]
+        raise SweepFileError(" ".join([f"--drive {text}:", *where, first["msg"]])) from error
 
 
 def apply_settings(document: Document, settings: Sequence[str]) -> None:

@@ -66,6 +66,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     workers: int,
     overrides: Overrides | None = None,
     drive: Drive | None = None,
+    bare: Drive = "hold",
     fresh: bool = False,
     partly: bool = False,
     retry_failed: bool = False,
@@ -81,6 +82,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         workers: worker processes; 0 to run everything in this process.
         overrides: of the command line.
         drive: what drives the runs, whatever sweep and scene say.
+        bare: what drives a model without a manifest, if nothing else is said.
         fresh: whether to replace an existing store.
         partly: whether to leave out runs that only newer engines support, instead of refusing them.
         retry_failed: whether stored runs that failed are run again.
@@ -90,7 +92,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         SweepFileError: the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
-    scenes = SceneLoader(folder, drive)
+    scenes = SceneLoader(folder, drive, bare=bare)
     vocabulary = lenient_vocabulary(scenes.vocabulary) if partly else scenes.vocabulary
     read = read_sweep(source, vocabulary, options)
     scene, plan = scenes.for_sweep(read)
@@ -177,13 +179,14 @@ class SceneLoader:
 
     Attributes:
         folder: where relative paths of scenes, and of files of drives, start: beside the sweep.
-        drive: what drives runs, whatever sweep or scene say; of an option. Its file is relative to
-            the working directory.
+        drive: what drives runs, whatever sweep or scene say; of an option.
+        drive_folder: where the files of `drive` start.
         bare: what drives a model without a manifest, if nothing else is said.
     """
 
     folder: Path | None
     drive: Drive | None = None
+    drive_folder: Path = Path()
     bare: Drive = "hold"
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
@@ -198,7 +201,7 @@ class SceneLoader:
         if reference not in self._driven:
             scene = self._undriven(reference)
             bare = self.bare if scene.source.manifest is None else None
-            self._driven[reference] = scene.with_drive(self.drive or bare, Path())
+            self._driven[reference] = scene.with_drive(self.drive or bare, self.drive_folder)
         return self._driven[reference]
 
     def _undriven(self, reference: str) -> Scene:

@@ -25,6 +25,7 @@ from contactlab.scene.drive.driving import Driving, is_driven
 from contactlab.scene.drive.hold import Servos
 from contactlab.scene.drive.located_drive import LocatedDrive, locate
 from contactlab.scene.drive.recorded import DriveTable, TableReader
+from contactlab.scene.drive.signals import exercise_duration
 from contactlab.scene.effects.effect_choice import is_straight, remove
 from contactlab.scene.initial_states import (
     InitialStateRule,
@@ -166,6 +167,8 @@ class Scene:
                 raise SceneError(f"{drive.drive.file}: tables of controls cannot be read here")
             table = DriveTable(drive.files[0].name, self._tables(drive.files[0]))
         duration = table.end if table and table.end else BARE_DURATION
+        if drive.drive == "exercise":
+            duration = exercise_duration(self.base({}).model)
         self.drive = drive
         self.resolver = replace(self.resolver, drive=drive.drive, bare_duration=duration)
         self.initial = InitialStateMaker(self, table)

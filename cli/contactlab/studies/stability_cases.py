@@ -11,6 +11,7 @@ from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.scene_source import is_menagerie, menagerie_name
+from contactlab.schema.drive import Drive
 from contactlab.schema.stability_report import StabilityReport, StabilityResult
 from contactlab.studies.session import Session
 
@@ -25,9 +26,12 @@ class StabilityRequest:
     Attributes:
         names: cases of the catalogue; model files, folders of scenes or menagerie:ROBOT, for
             generic checks of these; every case of the catalogue if empty.
+        drive: what drives the runs; None for what sweep or scene say, and for an exercise of a
+            model without either.
     """
 
     names: Sequence[str] = ()
+    drive: Drive | None = None
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
         session.claim(case.name, case.origin)
     results: list[StabilityResult] = []
     for number, case in enumerate(cases, 1):
-        result = run_case(case, session)
+        result = run_case(case, session, request.drive)
         session.notify(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
         results += [result] if result.runs else []
     return StabilityReport(tuple(results))
@@ -80,10 +84,10 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     return [_case(name, known) for name in names or known]
 
 
-def run_case(case: StabilityCase, session: Session) -> StabilityResult:
+def run_case(case: StabilityCase, session: Session, drive: Drive | None = None) -> StabilityResult:
     """Run one case; see `run`."""
     started = time.monotonic()
-    sweep = _sweep(case, session)
+    sweep = _sweep(case, session, drive)
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
     return _result(sweep, rows, time.monotonic() - started)
 
@@ -114,7 +118,7 @@ expect:
 """
 
 
-def _sweep(case: StabilityCase, session: Session) -> SweepRequest:
+def _sweep(case: StabilityCase, session: Session, drive: Drive | None) -> SweepRequest:
     store = session.folder / case.name
     return read_request(
         case.source,
@@ -122,6 +126,8 @@ def _sweep(case: StabilityCase, session: Session) -> SweepRequest:
         store,
         folder=case.folder,
         workers=session.workers,
+        drive=drive,
+        bare="exercise",
         fresh=(store / "manifest.json").is_file(),
         partly=True,
     )

@@ -11,6 +11,7 @@ from contactlab.pareto.analysis import analyse
 from contactlab.pareto.criteria import Criteria, chosen_error, find_store
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -27,11 +28,13 @@ class TradeoffRequest:
         source: a store, a sweep file or the name of a shipped sweep.
         criteria: which error stands for accuracy, and tolerances over the sweep's.
         store: where the store of a sweep goes; if None, under its name in the session's folder.
+        drive: what drives the runs of a sweep, whatever it and its scene say.
     """
 
     source: str
     criteria: Criteria
     store: Address | None = None
+    drive: Drive | None = None
 
 
 def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
@@ -66,6 +69,7 @@ def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
             folder=path.parent,
             workers=session.workers,
             overrides=Overrides(assign=settings),
+            drive=request.drive,
         )
 
     return read(*_added(read().plan.sweep, request.criteria))

@@ -11,7 +11,7 @@ model: b_i grows by -k l - d dl/dt, and its control by k l_0 / g_i. With M the i
 D the springs and dampers in joint space, and h the model's timestep, k and d are those of a
 critically damped oscillator of the inertia that the actuator moves, but no larger than
 
-    h^2 eig(M^-1 K) <= 0.1    and    h eig(M^-1 D) <= 0.5
+    h^2 eig(M^-1 K) <= 0.1    and    h eig(M^-1 D) <= 0.25
 
 so that a spring stays well inside of what an explicit step carries (4 and 2).
 """
@@ -29,7 +29,7 @@ from contactlab.contact.trace_arrays import Floats
 # Natural frequency of the springs [rad/s]: a few hertz; higher where legs carry a body.
 _FREQUENCY = 2 * np.pi * 4
 _CARRYING = 2 * np.pi * 12
-_SPRING_LIMIT, _DAMPER_LIMIT = 0.1, 0.5
+_SPRING_LIMIT, _DAMPER_LIMIT = 0.1, 0.25
 
 _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)

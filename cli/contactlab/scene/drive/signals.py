@@ -20,15 +20,19 @@ _KNOTS = 12
 _STREAM = 3
 """The seed's stream of random numbers for controls; the first perturbs the start."""
 
-# Peak speed of an exercise [rad/s or m/s], and how much of the way to a limit it goes.
-_SPEED = 3.0
-_SHARE = 0.8
+# Peak speed of an exercise [rad/s or m/s].
+_SPEED = 6.0
 _WAY = 0.5
 """How far joints and tendons without limits go [rad or m]."""
-_HOLDING, _ALONE = 0.1, 0.7
+_ALONE = 0.7
 _LEAST_WINDOW = 0.4
 """How long each actuator moves at least [s]; with less time for each, they overlap."""
 _ARC = np.linspace(0.0, 1.0, 25)
+
+
+def exercise_duration(model: mujoco.MjModel) -> float:
+    """Return how long an exercise of a model takes [s], where nothing else says."""
+    return min(1.0 + 0.5 * model.nu, 10.0) if model.nu else 2.0
 
 
 @dataclass(frozen=True)
@@ -65,7 +69,7 @@ def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> Con
     bounded = model.actuator_ctrllimited.astype(bool)
     straight = np.where(bounded[:, None], model.actuator_ctrlrange - posture.inputs[:, None], 0.0)
     travel = np.where(slope[:, None] != 0, ways * slope[:, None], straight)
-    return ControlRoom(half, _SHARE * travel, np.abs(slope))
+    return ControlRoom(half, travel, np.abs(slope))
 
 
 def _ways(model: mujoco.MjModel, lengths: Floats) -> Floats:

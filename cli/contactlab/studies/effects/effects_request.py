@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -11,6 +11,7 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import Drive
 from contactlab.studies.session import Values, read_settings
 
 _SWEEPS = {".yaml", ".yml"}
@@ -25,12 +26,15 @@ class EffectsRequest:
         assign: settings of the base configuration, `NAME=VALUE` each.
         seeds: how many seeds to change effects with.
         rounds: how often configurations are timed; None leaves costs out.
+        drive: what drives the runs; None for what sweep or scene say, and for an exercise of a
+            model without either.
     """
 
     source: str
     assign: Sequence[str] = ()
     seeds: int = 6
     rounds: int | None = 3
+    drive: Drive | None = None
 
     @cached_property
     def setup(self) -> "AblationSetup":
@@ -45,10 +49,13 @@ class EffectsRequest:
         """
         path = Path(self.source)
         is_sweep = path.suffix in _SWEEPS
-        scenes = SceneLoader(path.parent if is_sweep else Path())
+        folder = path.parent if is_sweep else Path()
+        scenes = SceneLoader(folder, self.drive, bare="exercise")
         sweep_of_scene = {"version": 1, "scene": self.source}
         read = read_sweep(path if is_sweep else sweep_of_scene, scenes.vocabulary)
         reference, sweep = read.sweep.scene, read.sweep
+        if self.drive is None and sweep.drive is not None:
+            scenes = replace(scenes, drive=sweep.drive, drive_folder=folder)
         assigned, _ = read_settings(scenes, reference, self.assign)
         scenarios, axes = _scenarios(read.plan), read.plan.axes
         # The values that the sweep gives to every run, its effects among them.

@@ -1,0 +1,155 @@
+"""What holds a posture: actuators of every kind carry a loaded arm, within what steps carry."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab.engines import Buffers, PreparedRuns, find_engine
+from contactlab.scene.drive.hold import find_servos, hold_posture
+from contactlab.scene.scene import Scene
+
+# Two links of 1 kg, stretched out against gravity: 2 kg at 0.5 m on average, 9.81 N m and more.
+ARM = """<mujoco><option timestep="0.002" {option}/><worldbody>
+<body pos="0 0 2"><joint name="upper" axis="0 1 0" {joint}/>
+<geom type="capsule" size=".03" fromto="0 0 0 .5 0 0" mass="1" contype="0"/>
+<site name="near" pos=".4 0 .05"/>
+<body pos=".5 0 0"><joint name="lower" axis="0 1 0" {joint}/>
+<geom type="capsule" size=".03" fromto="0 0 0 .5 0 0" mass="1" contype="0"/>
+</body></body></worldbody>
+<tendon><fixed name="sum"><joint joint="upper" coef="1"/><joint joint="lower" coef=".5"/></fixed>
+<fixed name="own"><joint joint="lower" coef="2"/></fixed></tendon>
+<actuator>{actuators}</actuator></mujoco>"""
+
+KINDS = {
+    "motors": '<motor joint="{joint}" gear="3" ctrlrange="-20 20" ctrllimited="true"/>',
+    "position": '<position joint="{joint}" kp="400" kv="4"/>',
+    "velocity": '<velocity joint="{joint}" kv="5"/>',
+    "intvelocity": '<intvelocity joint="{joint}" kp="400" kv="4" actrange="-3 3"/>',
+    "filtered motors": '<general joint="{joint}" dyntype="filter" dynprm=".05" gainprm="9"/>',
+    "exact filters": '<general joint="{joint}" dyntype="filterexact" dynprm=".02" gainprm="4"/>',
+    "integrated motors": '<general joint="{joint}" dyntype="integrator" gainprm="5"/>',
+    "damped": '<general joint="{joint}" gainprm="10" biastype="affine" biasprm="1 0 -.5"/>',
+}
+TENDONS = '<motor tendon="sum" gear="2"/><motor tendon="own" gear="-3"/>'
+
+
+def arm(folder: Path, actuators: str, option: str = "", joint: str = "") -> Scene:
+    """Return the arm with some actuators, held."""
+    path = folder / "arm.xml"
+    path.write_text(ARM.format(actuators=actuators, option=option, joint=joint))
+    return Scene.open(str(path)).with_drive("hold", folder)
+
+
+def end_of(scene: Scene, seconds: float, timestep: float = 0.002) -> np.ndarray:
+    """Return the configuration at the end of a run of the seed 0, and its start."""
+    runs = PreparedRuns.of(scene, scene.resolve({"timestep": timestep}, 0, seconds))
+    rollout = find_engine("mujoco").roll_out(runs, Buffers())
+    assert rollout.steps == (runs.steps,)
+    return rollout.state[0, -1, 1 : 1 + scene.base({}).model.nq]
+
+
+@pytest.mark.parametrize("kind", [*KINDS, "tendons"])
+def test_a_loaded_arm_stays(kind: str, tmp_path: Path) -> None:
+    """Balance is exact: what is left is the seed's perturbation, 1e-4 rad at most."""
+    each = (
+        TENDONS
+        if kind == "tendons"
+        else "".join(KINDS[kind].format(joint=name) for name in ("upper", "lower"))
+    )
+    scene = arm(tmp_path, each)
+    assert np.abs(end_of(scene, 2.0)).max() < 1e-3
+    limp = scene.with_drive("none", tmp_path)
+    assert np.abs(end_of(limp, 2.0)).max() > 0.02
+
+
+@pytest.mark.parametrize("factor", [0.25, 1.0, 4.0])
+@pytest.mark.parametrize("integrator", ["Euler", "RK4", "implicitfast"])
+def test_springs_suit_other_timesteps_and_integrators(
+    factor: float, integrator: str, tmp_path: Path
+) -> None:
+    """At four timesteps, h^2 k / I is 1.6 at most; an explicit step carries 4."""
+    actuators = "".join(KINDS["motors"].format(joint=name) for name in ("upper", "lower"))
+    scene = arm(tmp_path, actuators, f'integrator="{integrator}"')
+    assert np.abs(end_of(scene, 1.0, 0.002 * factor)).max() < 1e-3
+
+
+def test_rates_of_springs_and_dampers_are_bounded(tmp_path: Path) -> None:
+    """The generalized eigenvalues of springs and dampers, from dense matrices."""
+    actuators = "".join(KINDS["motors"].format(joint=name) for name in ("upper", "lower"))
+    model = arm(tmp_path, actuators, 'gravity="0 0 0"').base({}).model
+    for timestep in (1e-4, 2e-3, 5e-2):
+        model.opt.timestep = timestep
+        servos = find_servos(model, model.qpos0)
+        rows, inertia = np.eye(2) * 3, np.zeros((2, 2))
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        for place in range(2):
+            mujoco.mj_mulM(model, data, inertia[place], np.eye(2)[place])
+        for gains, limit in (
+            (servos.stiffness, 0.1 / timestep**2),
+            (servos.damping, 0.25 / timestep),
+        ):
+            spring = rows.T @ np.diag(gains) @ rows
+            rates = np.linalg.eigvals(np.linalg.solve(inertia, spring)).real
+            assert rates.max() <= limit * (1 + 1e-9)
+            assert rates.min() > 0
+
+
+def test_forces_stay_within_what_ranges_allow(tmp_path: Path) -> None:
+    """An arm too heavy for its motors sinks, and they never exceed gain times range."""
+    weak = '<motor joint="{joint}" gear="1" ctrlrange="-1 1" ctrllimited="true"/>'
+    scene = arm(tmp_path, "".join(weak.format(joint=name) for name in ("upper", "lower")))
+    runs = PreparedRuns.of(scene, scene.resolve({}, 0, 0.5))
+    model, start = runs.models[0], runs.starts
+    data = mujoco.MjData(model)
+    data.qpos[:], data.ctrl[:] = start.qpos[0], start.ctrl[0]
+    for _ in range(250):
+        mujoco.mj_step(model, data)
+        assert np.abs(data.actuator_force).max() <= 1
+    assert np.abs(data.qpos).max() > 0.1
+
+
+def test_a_keyframes_controls_are_kept(tmp_path: Path) -> None:
+    text = ARM.format(
+        actuators="".join(KINDS["position"].format(joint=name) for name in ("upper", "lower")),
+        option="",
+        joint="",
+    ).replace("</mujoco>", '<keyframe><key qpos=".1 .2" ctrl=".3 .4"/></keyframe></mujoco>')
+    path = tmp_path / "arm.xml"
+    path.write_text(text)
+    scene = Scene.open(str(path)).with_drive("hold", tmp_path)
+    run = scene.resolve({"keyframe": "key[0]"}, 0, None)
+    assert scene.starts([run]).ctrl.tolist() == [[0.3, 0.4]]
+
+
+def test_a_posture_follows_initial_values_and_the_springs_do_not(tmp_path: Path) -> None:
+    """Runs that are compared have the same gains, and each its own controls."""
+    actuators = "".join(KINDS["motors"].format(joint=name) for name in ("upper", "lower"))
+    scene = arm(tmp_path, actuators)
+    (tmp_path / "scene.yaml").write_text(
+        "version: 1\ntitle: t\ndescription: d\nmodel: arm.xml\nduration: 1\ndrive: hold\n"
+        "initial: {lift: {default: 0, unit: rad, description: l, sets: {upper: lift}}}\n"
+    )
+    scene = Scene.open(str(tmp_path / "scene.yaml").removesuffix("/scene.yaml"))
+    runs = [scene.resolve({"lift": lift}, 0, None) for lift in (0.0, -0.5)]
+    prepared = PreparedRuns.of(scene, *runs)
+    first, second = prepared.models
+    assert (first.actuator_biasprm == second.actuator_biasprm).all()
+    rollout = find_engine("mujoco").roll_out(prepared, Buffers())
+    drift = rollout.state[:, -1, 1:3] - rollout.state[:, 0, 1:3]
+    assert np.abs(drift).max() < 1e-3
+
+
+def test_antagonists_share_a_load_within_their_bounds(tmp_path: Path) -> None:
+    """Muscle-like actuators only pull: the one that cannot help stays at its least."""
+    pulls = '<motor joint="upper" gear="{gear}" ctrlrange="0 1" ctrllimited="true"/>'
+    actuators = pulls.format(gear=20) + pulls.format(gear=-20)
+    model = arm(tmp_path, actuators).base({}).model
+    servos = find_servos(model, model.qpos0).of(())
+    posture = hold_posture(model, servos, model.qpos0, np.full(2, np.nan))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert posture.ctrl[0] == 0
+    assert posture.ctrl[1] == pytest.approx(-data.qfrc_bias[0] / 20)

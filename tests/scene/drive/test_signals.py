@@ -1,0 +1,108 @@
+"""Noise has its band and share at every timestep; an exercise moves every actuator."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from contactlab.engines import Buffers, PreparedRuns, find_engine
+from contactlab.errors import SceneError
+from contactlab.scene.scene import Scene
+from contactlab.scene.timed_inputs import Signals
+from contactlab.schema.drive import NoiseDrive
+
+ARM = """<mujoco><option timestep="0.002" gravity="0 0 0"/><worldbody><body>
+<joint name="turn" axis="0 1 0" range="-60 90" limited="true"/>
+<geom type="capsule" size=".03" fromto="0 0 0 .5 0 0" mass="1"/>
+<body pos=".5 0 0"><joint name="slide" type="slide" axis="1 0 0" range="-.1 .2" limited="true"/>
+<geom size=".05" mass=".2"/></body></body></worldbody><actuator>
+<motor name="motor" joint="turn" ctrlrange="-4 4" ctrllimited="true"/>
+<position name="servo" joint="slide" kp="200" kv="15" ctrlrange="-.1 .2"/></actuator></mujoco>"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Scene:
+    """Two joints, one turned by a motor, one moved by a servo."""
+    (tmp_path / "arm.xml").write_text(ARM)
+    return Scene.open(str(tmp_path / "arm.xml"))
+
+
+def controls(scene: Scene, timestep: float, seconds: float, seed: int = 0) -> np.ndarray:
+    """Return (T, nu) the controls of a run."""
+    run = scene.resolve({"timestep": timestep}, seed, seconds)
+    return scene.starts([run]).inputs(0, timestep, np.arange(run.steps))[:, :2]
+
+
+def test_noise_has_its_band_and_its_share(scene: Scene, tmp_path: Path) -> None:
+    """Power above the rate is what linear knots leave: less than 1e-3 with 12 in a period.
+
+    The mean square of a sum of sines over 400 s is that of its expectation to 3 %: the slowest
+    of 32 frequencies below 5 Hz turn over tens of times.
+    """
+    noisy = scene.with_drive(NoiseDrive(noise=0.3, rate=5.0), tmp_path)
+    found = controls(noisy, 0.01, 400.0)[20:]
+    offsets = found - controls(scene.with_drive("hold", tmp_path), 0.01, 0.01)
+    assert np.sqrt(np.mean(offsets**2, axis=0)) == pytest.approx([0.3 * 4, 0.3 * 0.15], rel=0.03)
+    power = np.abs(np.fft.rfft(offsets * np.hanning(len(offsets))[:, None], axis=0)) ** 2
+    frequency = np.fft.rfftfreq(len(offsets), 0.01)
+    assert (power[frequency > 5.05].sum(axis=0) < 1e-3 * power.sum(axis=0)).all()
+    # The whole band is used: a quarter of it has a quarter of the power, give or take a half.
+    low = power[frequency < 1.25].sum(axis=0) / power.sum(axis=0)
+    assert ((low > 0.1) & (low < 0.45)).all()
+
+
+def test_noise_is_the_same_at_every_timestep_and_another_for_each_seed(
+    scene: Scene, tmp_path: Path
+) -> None:
+    noisy = scene.with_drive(NoiseDrive(noise=0.2, rate=10.0), tmp_path)
+    coarse, fine = controls(noisy, 0.004, 1.0), controls(noisy, 0.001, 1.0)
+    assert np.allclose(coarse, fine[::4], rtol=0, atol=1e-12)
+    assert not np.allclose(coarse, controls(noisy, 0.004, 1.0, seed=1))
+
+
+def test_steps_too_long_for_the_noise_are_refused(scene: Scene, tmp_path: Path) -> None:
+    noisy = scene.with_drive(NoiseDrive(noise=0.2, rate=60.0), tmp_path)
+    controls(noisy, 0.008, 0.1)
+    with pytest.raises(SceneError, match=r"60 Hz needs timesteps of at most 0\.00833333 s"):
+        controls(noisy, 0.009, 0.1)
+
+
+def test_an_exercise_moves_each_alone_then_all(scene: Scene, tmp_path: Path) -> None:
+    exercised = scene.with_drive("exercise", tmp_path)
+    run = exercised.resolve({"timestep": 1e-3}, 0, 10.0)
+    inputs = exercised.starts([run]).inputs(0, 1e-3, np.arange(run.steps))[:, :2]
+    moving = np.abs(inputs - inputs[0]) > 1e-9
+    assert not moving[:1000].any()
+    alone = [(moving[:, each] & ~moving[:, 1 - each]).sum() for each in (0, 1)]
+    assert min(alone) > 2000
+    assert moving.all(axis=1)[7400:9900].mean() > 0.9
+    rollout = find_engine("mujoco").roll_out(PreparedRuns.of(exercised, run), Buffers())
+    qpos = rollout.state[0, :, 1:3]
+    low, high = np.array([[-np.pi / 3, -0.1], [np.pi / 2, 0.2]])
+    assert (qpos.min(axis=0) < 0.9 * low).all()
+    assert (qpos.max(axis=0) > 0.9 * high).all()
+
+
+def test_what_has_no_actuators_starts_moving(tmp_path: Path) -> None:
+    (tmp_path / "free.xml").write_text(
+        '<mujoco><worldbody><body pos="0 0 3"><freejoint/><geom size=".1"/><body pos="0 0 .3">'
+        '<joint type="ball"/><geom size=".1"/></body></body></worldbody></mujoco>'
+    )
+    scene = Scene.open(str(tmp_path / "free.xml"))
+    start = scene.with_drive("exercise", tmp_path).starts([scene.resolve({}, 0, None)])
+    assert not start.qvel.any()
+    exercised = scene.with_drive("exercise", tmp_path)
+    assert exercised.starts([exercised.resolve({}, 0, None)]).qvel.all()
+    held = scene.with_drive("hold", tmp_path)
+    assert held.run_id(held.resolve({}, 0, None)) == scene.run_id(scene.resolve({}, 0, None))
+
+
+def test_shared_knots_interpolate_as_numpy_does() -> None:
+    """To the bit, jumps and ends included."""
+    generator = np.random.default_rng(3)
+    times = np.sort(np.round(generator.uniform(0, 1, 60), 2))
+    levels = generator.normal(size=(4, 60))
+    asked = np.concatenate([np.linspace(-0.2, 1.2, 701), times])
+    found = Signals(np.arange(4), times[None], levels).at(asked)
+    for place in range(4):
+        assert found[:, place].tobytes() == np.interp(asked, times, levels[place]).tobytes()
