@@ -133,7 +133,7 @@ def test_equal_controls_are_stored_once(folder: Path) -> None:
     assert file.stem in names
     table = pq.read_table(file)
     assert table.column_names == ["time", "push"]
-    assert table["time"].to_pylist() == pytest.approx(np.arange(0, 0.4, 0.02))
+    assert table["time"].to_pylist() == pytest.approx(np.arange(21) * 0.02)
 
 
 def test_records_say_what_acted(folder: Path) -> None:
@@ -325,3 +325,64 @@ def test_a_scene_may_name_its_policy(folder: Path) -> None:
     run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
     (folder / "balance.py").unlink()
     assert replay(Store.open(folder / "store"), rows(folder)[0]["run_id"]).equal
+
+
+def test_recorded_controls_drive_a_sweep_as_the_policy_did(folder: Path) -> None:
+    swept(folder, drive={"latency": 0.01})
+    (controls,) = (folder / "store" / "controls").rglob("*.parquet")
+    sweep = {"version": 1, "scene": "cart.xml", "duration": 0.4}
+    drive = {"file": str(controls), "interpolation": "hold"}
+    ask = read_request({**sweep, "drive": drive}, "s", folder / "again", folder=folder, workers=0)
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    assert rows(folder, "again")[0]["trajectory_hash"] == rows(folder)[0]["trajectory_hash"]
+
+
+def test_other_engines_run_no_policy(folder: Path) -> None:
+    with pytest.raises(SceneError, match="the impulse engine runs no policies"):
+        swept(folder, axes={"engine": ["impulse"]})
+
+
+ARM = """
+<mujoco>
+  <option timestep="0.002" integrator="implicitfast"/>
+  <worldbody>
+    <body name="upper" pos="0 0 1">
+      <joint name="shoulder" axis="0 1 0" damping=".5"/>
+      <geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="2"/>
+      <body name="lower" pos=".4 0 0">
+        <joint name="elbow" axis="0 1 0" damping=".5"/>
+        <geom type="capsule" fromto="0 0 0 .3 0 0" size=".03" mass="1"/>
+      </body>
+    </body>
+  </worldbody>
+  <keyframe><key name="out" qpos="0.3 -0.5"/></keyframe>
+  <actuator><motor joint="shoulder"/><motor joint="elbow"/></actuator>
+</mujoco>
+"""
+HOLD = """
+import mujoco
+import numpy as np
+
+class Hold:
+    def __init__(self, model):
+        data = mujoco.MjData(model)
+        mujoco.mj_resetDataKeyframe(model, data, 0)
+        mujoco.mj_forward(model, data)
+        self.place, self.weight = data.qpos.copy(), data.qfrc_bias.copy()
+
+    def __call__(self, time, qpos, qvel, sensordata):
+        return self.weight + 20.0 * (self.place - qpos) - 1.0 * qvel
+"""
+
+
+def test_a_policy_holds_an_arm(folder: Path) -> None:
+    """Gravity compensated at the posture leaves feedback only the perturbed start to correct."""
+    (folder / "arm.xml").write_text(ARM)
+    (folder / "hold.py").write_text(HOLD)
+    keys: dict[str, Any] = {"scene": "arm.xml", "duration": 3.0, "seeds": 2, "trace": "all"}
+    swept(folder, policy="hold.py:Hold", drive={"rate": 250.0}, **keys)
+    store = Store.open(folder / "store")
+    for row in rows(folder):
+        qpos = store.trace(row["run_id"]).qpos
+        assert np.abs(qpos[-1] - [0.3, -0.5]).max() < 1e-6
+        assert np.abs(qpos - [0.3, -0.5]).max() < 1e-3

@@ -13,7 +13,7 @@ class RecordedControls:
     """The controls of one run, each held until the next.
 
     Attributes:
-        times: (K,) when they took effect [s], increasing from 0.
+        times: (K,) when they took effect [s], increasing from 0; the last is the run's end.
         levels: (K, nu) the controls.
     """
 

@@ -133,6 +133,7 @@ class _Flight:
         self._controls = self._batch.bind("ctrl")
         self._pushed = bool((runs.starts.driven >= self._controls.shape[1]).any())
         self._timestep = runs.resolved[0].timestep
+        self._duration = max(runs.resolved[0].duration, runs.steps * self._timestep)
         self._calls = self._call_steps()
         self._delay = _first_step(self._drives[0].latency_seconds / self._timestep)
         self._noise = [self._drawn(run) for run in runs.resolved]
@@ -318,8 +319,10 @@ class _Flight:
         if error:
             return _Flown(warnings, error, None)
         steps = [step for step in self._acted if step < self._ends[run]]
-        levels = np.array([self._acted[step][run] for step in steps])
-        return _Flown(warnings, None, RecordedControls(np.array(steps) * self._timestep, levels))
+        levels = [self._acted[step][run] for step in steps]
+        # A last row at the end, so that as a table they last as long as the run.
+        times = np.append(np.array(steps) * self._timestep, self._duration)
+        return _Flown(warnings, None, RecordedControls(times, np.array([*levels, levels[-1]])))
 
 
 def _first_step(time: float) -> int:

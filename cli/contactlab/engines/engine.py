@@ -216,12 +216,14 @@ class SimulationEngine(ABC):
         omits_unused_effects: whether effects of MuJoCo that provably change nothing may be left
             out of its models; else all that a model has stays on.
         accepts_every_run: whether it refuses nothing, so that runs need not be asked about.
+        runs_policies: whether it calls `PreparedRuns.policy`; what that did drives any engine.
     """
 
     name: str
     summary: str
     omits_unused_effects: bool = False
     accepts_every_run: bool = False
+    runs_policies: bool = False
 
     @property
     @abstractmethod

@@ -33,6 +33,7 @@ class MujocoEngine(SimulationEngine):
     summary = "MuJoCo"
     omits_unused_effects = True
     accepts_every_run = True
+    runs_policies = True
 
     @property
     def version(self) -> str:

@@ -24,6 +24,7 @@ from contactlab.scene.resolution import ID_BYTES, ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.store.control_table import read_control_table
 from contactlab.store.controls_file import read_controls
@@ -136,6 +137,11 @@ class _Check:
                 "positive one there, or sweep `timestep`"
             )
         engine = engine_of(row.group.first)
+        if isinstance(row.group.first.drive, PolicyDrive) and not engine.runs_policies:
+            raise SceneError(
+                f"the {engine.name} engine runs no policies; sweep with engine: mujoco, then drive "
+                "this engine by a file of the store's controls"
+            )
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
             raise SceneError(why)
         if row.group.first.drive not in ("none", "hold"):

@@ -19,7 +19,7 @@ from tempfile import gettempdir, mkdtemp
 from contactlab.run.tasks import Result, Stop, Task
 from contactlab.run.worker_pool import PersistentWorker
 
-_SCENE, _PLUGINS = "scene", "plugins"
+_SCENES, _PLUGINS = "scenes", "plugins"
 # The process, and what makes the name of its folder unique.
 _OWN_END = re.compile(r"(\d+)-[^-]+")
 # By the token of its sweep; one at most.
@@ -29,11 +29,11 @@ _workers: dict[str, PersistentWorker] = {}
 def pack_bundle(task: Task) -> bytes:
     """Return a task as it is sent to nodes.
 
-    Plug-in files are in the bundle. So are the scene's files if the store is no folder, and has no
-    copy of the scene that nodes could read.
+    Plug-in files are in the bundle. So are the files of the scene and of its drive if the store is
+    no folder, and has no copy of them that nodes could read.
     """
-    scene = {} if isinstance(task.store, Path) else _read(task.scene_folder)
-    files = {f"{_SCENE}/{name}": data for name, data in scene.items()}
+    scenes = {} if isinstance(task.store, Path) else _read(task.scene_folder.parent)
+    files = {f"{_SCENES}/{name}": data for name, data in scenes.items()}
     files |= {f"{_PLUGINS}/{p.file.name}": p.file.read_bytes() for p in task.plugins if p.file}
     return pickle.dumps((task, files))
 
@@ -41,7 +41,7 @@ def pack_bundle(task: Task) -> bytes:
 def unpack_bundle(bundle: bytes, folder: Path) -> Task:
     """Return the task of a bundle, after writing the bundle's files into a folder."""
     task, files = pickle.loads(bundle)  # noqa: S301 - our own
-    for part in (_SCENE, _PLUGINS):
+    for part in (_SCENES, _PLUGINS):
         shutil.rmtree(folder / part, ignore_errors=True)
     for name, data in files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -50,7 +50,9 @@ def unpack_bundle(bundle: bytes, folder: Path) -> Task:
         replace(each, file=folder / _PLUGINS / each.file.name) if each.file else each
         for each in task.plugins
     )
-    scene = task.scene_folder if isinstance(task.store, Path) else folder / _SCENE
+    scene = task.scene_folder
+    if not isinstance(task.store, Path):
+        scene = folder / _SCENES / scene.name
     return replace(task, scene_folder=scene, plugins=plugins)
 
 

@@ -138,7 +138,7 @@ class Worker:
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._traces = TraceSink(task.store)
-        self._policy = load_policy(task.policy) if task.policy else None
+        self._policy = task.policy and load_policy(task.policy.found_in(self._scene.drive))
         self._records = RecordMaker(task, self._scene.hash)
         model = self._scene.source.model
         self._model_xml = model.read_bytes()

@@ -36,6 +36,10 @@ class LocatedDrive:
             return str(self.drive.sha256)[:_HASH_DIGITS]
         return None
 
+    def found_in(self, copy: "LocatedDrive") -> "LocatedDrive":
+        """Return it, or its copy of the same hash where its own files are missing."""
+        return self if all(file.is_file() for file in self.files) else copy
+
     def check(self) -> None:
         """Check that its files are what they were.
 
