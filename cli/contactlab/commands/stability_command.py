@@ -59,6 +59,8 @@ def _print(done: "Sequence[StabilityResult]") -> None:
     header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
     print_table(header, rows)
     for each in done:
+        if each.not_exercised:
+            echo(f"{each.name} not exercised: {each.not_exercised}")
         for miss in each.misses[:_MOST_MISSES]:
             echo(f"{each.name} {miss}")
         if len(each.misses) > _MOST_MISSES:

@@ -29,6 +29,7 @@ from contactlab.pareto.pareto import (
     front_of,
     next_more_accurate,
 )
+from contactlab.schema.coverage import Feature
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
@@ -38,6 +39,7 @@ from contactlab.schema.tradeoff_report import (
     Recommendation,
     TradeoffReport,
 )
+from contactlab.store.exercised import Exercised, feature_of
 from contactlab.store.finished_store import Store
 
 _DEFAULT = Criteria()
@@ -85,8 +87,30 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         robust=_recommendation(store, runs, safe),
         next_step=_next_step(front, best) if best else None,
         blockers=tuple(_blockers(evaluated)),
-        notes=tuple(_notes(evaluated, runs, resolved, best, idle)),
+        notes=(
+            *_notes(evaluated, runs, resolved, best, idle),
+            *_not_exercised(store, runs),
+        ),
     )
+
+
+_COVERAGE = ("run_id", "coverage", "drive")
+
+
+def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
+    """Yield which swept knobs concern what no run exercised, so that their values say nothing."""
+    concerned: dict[Feature, list[str]] = {}
+    for name, values in runs.knobs.items():
+        if len(values) > 1 and (feature := feature_of(name)):
+            concerned.setdefault(feature, []).append(name)
+    if not concerned:
+        return
+    # Of older stores there is no more than the ids.
+    known = [name for name in _COVERAGE if name in store.columns.schema.names]
+    exercised = Exercised.of(store.table.select(known).to_pylist())
+    for feature, names in concerned.items():
+        if lack := exercised.lack([feature]):
+            yield f"{', '.join(names)}: not exercised: {lack}"
 
 
 def _point(summary: Configuration) -> FrontPoint:

@@ -17,6 +17,7 @@ from contactlab.reporting.packing import pack, packed_integers, rounded_floats, 
 from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import PageRequest, ReportData
+from contactlab.reporting.run_coverage import coverage_rows
 from contactlab.reporting.run_series import read_mode_bands, read_signals
 from contactlab.reporting.vega_rendering import Spec
 from contactlab.schema.evidence import EvidenceRecord
@@ -218,6 +219,7 @@ def _details(record: EvidenceRecord) -> dict[str, Any]:
     return {
         "labels": [[each.label, each.reason, each.step] for each in record.labels],
         "settings": record.settings | record.axes,
+        "coverage": coverage_rows(record.coverage, record.pairs) if record.coverage else [],
         "expectation_reason": record.expectation_reason,
         "status": record.status,
         "steps": record.steps,

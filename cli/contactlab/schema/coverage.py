@@ -101,6 +101,19 @@ class Coverage(Model):
     touched: Short = Field(default=0.0, description="Share of time with any contact in the model.")
 
     @property
+    def present(self) -> frozenset[Feature]:
+        """The features of which the model has parts, contacts apart."""
+        parts = {**self.joints, **self.tendons}.values()
+        holds: dict[Feature, bool] = {
+            "motion": bool(self.joints),
+            "limit": any(each.share is not None for each in parts),
+            "tendon": bool(self.tendons),
+            "equality": bool(self.equalities),
+            "actuation": bool(self.actuators),
+        }
+        return frozenset(feature for feature, held in holds.items() if held)
+
+    @property
     def exercised(self) -> frozenset[Feature]:
         """The features of the model that the run exercised."""
         parts = [*self.joints.values(), *self.tendons.values()]

@@ -24,6 +24,9 @@ class StabilityResult(Model):
     misses: tuple[str, ...] = Field(description="Unmet expectations, by the start of a run's id.")
     seconds: float = Field(description="Wall time [s].")
     store: str = Field(description="The evidence.")
+    not_exercised: str | None = Field(
+        default=None, description="What of a model no run exercised, and the drive that would."
+    )
     left_out: tuple[str, ...] = Field(
         description="Why runs that need a newer engine were left out."
     )

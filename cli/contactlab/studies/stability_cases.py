@@ -13,6 +13,7 @@ from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.scene_source import is_menagerie, menagerie_name
 from contactlab.schema.drive import Drive
 from contactlab.schema.stability_report import StabilityReport, StabilityResult
+from contactlab.store.exercised import Exercised
 from contactlab.studies.session import Session
 
 FOLDER = "stability"
@@ -89,7 +90,8 @@ def run_case(case: StabilityCase, session: Session, drive: Drive | None = None) 
     started = time.monotonic()
     sweep = _sweep(case, session, drive)
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
-    return _result(sweep, rows, time.monotonic() - started)
+    seconds = time.monotonic() - started
+    return _result(sweep, rows, seconds, whole=isinstance(case.source, str))
 
 
 def _case(name: str, known: dict[str, Path]) -> StabilityCase:
@@ -134,8 +136,10 @@ def _sweep(case: StabilityCase, session: Session, drive: Drive | None) -> SweepR
 
 
 def _result(
-    sweep: SweepRequest, rows: Sequence[Mapping[str, Any]], seconds: float
+    sweep: SweepRequest, rows: Sequence[Mapping[str, Any]], seconds: float, *, whole: bool
 ) -> StabilityResult:
+    """Return the result of a case, which is about all of its model's parts if it is `whole`."""
+    exercised = Exercised.of(rows)
     expected = [row for row in rows if row["expectation_met"] is not None]
     stable = [row for row in expected if "stable" in (row["expected"] or ["stable"])]
     failed = [row for row in stable if not row["expectation_met"]]
@@ -158,6 +162,7 @@ def _result(
         seconds=seconds,
         store=str(sweep.store),
         left_out=sweep.left_out,
+        not_exercised=exercised.lack(exercised.present) if whole else None,
     )
 
 
@@ -165,4 +170,5 @@ def _verdict(result: StabilityResult) -> str:
     left_out = "; left out: " + "; ".join(result.left_out) if result.left_out else ""
     if not result.runs:
         return "skipped" + left_out
-    return ("ok" if result.passed else "NOT AS EXPECTED") + left_out
+    idle = f"; not exercised: {result.not_exercised}" if result.not_exercised else ""
+    return ("ok" if result.passed else "NOT AS EXPECTED") + idle + left_out

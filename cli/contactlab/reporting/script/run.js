@@ -73,6 +73,7 @@ function runPanel(columns, row) {
     element("h3", {}, `Run ${run}: ${metadata.labels.legend[code]}`),
     labels.length ? element("ul", {}, ...labels.map((each) => element("li", {}, each))) : null,
     pairsOf(recordOf(columns, row)),
+    details?.coverage.length ? table(["exercised", "not at all", "share of range or time"], details.coverage) : null,
     element("div", { id: "timeline", class: "picture", role: "img", "aria-label": `Run ${run} over time` }),
     commandsOf(columns, row),
     trace ? element("p", { class: "caption" }, "Its trace, for Foxglove, PlotJuggler or Rerun: ", element("code", {}, `${metadata.store}/${trace}`)) : null,

@@ -16,6 +16,7 @@ from contactlab.schema.effects_report import (
     Verification,
 )
 from contactlab.schema.evidence import Setting
+from contactlab.store.exercised import Exercised
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,
@@ -34,7 +35,6 @@ from contactlab.studies.effects.metric_changes import (
     unmeasured_metrics,
     work_ratios,
 )
-from contactlab.studies.exercised import Exercised
 from contactlab.studies.session import Session, Values
 
 
@@ -226,7 +226,8 @@ def _finding(
 
 def _as_exercised(finding: EffectFinding, exercised: Exercised) -> EffectFinding:
     """Return a finding that calls nothing free that no run exercised."""
-    lack = exercised.lack(EFFECTS[finding.effect].feature)
+    feature = EFFECTS[finding.effect].feature
+    lack = None if feature is None else exercised.lack([feature])
     if finding.need != "free" or lack is None:
         return finding
     return finding.model_copy(update={"need": "not exercised", "reason": lack})

@@ -1,0 +1,63 @@
+"""What no run did, in words: the union over runs, and the drive that would do it."""
+
+from typing import Any
+
+import pytest
+
+from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
+from contactlab.store.exercised import Exercised, feature_of
+
+STILL = Coverage(joints={"j": Travel(moved=0.001, share=0.001)}, actuators={"a": ActuatorUse()})
+MOVED = Coverage(joints={"j": Travel(moved=0.5, share=0.5)}, actuators={"a": ActuatorUse(force=1)})
+STUCK = Coverage(pairs={"a-b": PairUse(touched=1, stuck=1, friction=1e-4)}, touched=1)
+SLID = Coverage(pairs={"a-b": PairUse(touched=1, slid=0.1, friction=0.5)}, touched=1)
+
+
+def exercised(*coverages: Coverage | None, drive: str = '"hold"') -> Exercised:
+    texts = [each and each.model_dump_json(exclude_defaults=True) for each in coverages]
+    return Exercised.of({"coverage": text, "drive": drive} for text in texts)
+
+
+def test_one_run_that_does_it_is_enough() -> None:
+    assert exercised(STILL, MOVED).lack(["motion", "actuation"]) is None
+    assert exercised(STILL).lack(["motion"]) == "no joint moved; write drive: exercise"
+    assert exercised(STUCK).lack(["contact"]) is None
+    assert exercised(STUCK, SLID).lack(["friction"]) is None
+
+
+def test_an_exercise_that_did_not_do_it_asks_for_a_file() -> None:
+    said = exercised(STUCK, drive='"exercise"').lack(["friction"])
+    assert said == (
+        "nothing rubbed in a contact; write drive: {file: FILE}, of controls that do it"
+    )
+
+
+def test_of_runs_without_coverage_nothing_is_said() -> None:
+    assert exercised(STILL, None).lack(["motion", "limit", "friction"]) is None
+    assert Exercised.of([{"run_id": "old"}]).lack(["motion"]) is None
+
+
+def test_only_parts_that_the_model_has_are_asked_about() -> None:
+    assert exercised(STILL).present == {"motion", "limit", "actuation"}
+    assert exercised(STUCK).present == set()
+
+
+def test_a_joint_that_only_starts_at_its_limit_does_not_exercise_it() -> None:
+    start = Travel(moved=1e-4, share=1e-3, ends=("upper",))
+    assert exercised(Coverage(joints={"j": start})).lack(["limit"]) is not None
+    reached = Travel(moved=0.1, share=0.1, ends=("upper",))
+    assert exercised(Coverage(joints={"j": reached})).lack(["limit"]) is None
+
+
+@pytest.mark.parametrize(
+    ("setting", "feature"),
+    [
+        ("friction", "friction"),
+        ("friction.slide", "friction"),
+        ("friction.roll", "rolling"),
+        ("solref.timeconst", "contact"),
+        ("timestep", None),
+    ],
+)
+def test_settings_concern_a_feature_or_everything(setting: str, feature: Any) -> None:
+    assert feature_of(setting) == feature
