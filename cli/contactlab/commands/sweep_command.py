@@ -122,11 +122,8 @@ def _on_cluster(
 ) -> Generator["SweepRequest"]:
     """Yield the request with the cluster that it runs on, if any; the cluster is left at the end.
 
-    Args:
-        request: what to run.
-        executor: where jobs run.
-        address: the cluster to join; None starts one with the request's number of workers.
-        workers: processes to use of a cluster that is joined; all of it if None.
+    Without an address one is started, with the request's number of workers; of a cluster that is
+    joined so many workers are used, or all.
     """
     if executor == "local":
         yield request

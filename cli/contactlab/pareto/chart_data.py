@@ -46,11 +46,6 @@ def is_failed(each: Configuration) -> bool:
     return each.error is None or not set(each.outcomes.labels) <= _MEASURED
 
 
-def without(values: Settings, names: tuple[str, ...]) -> Settings:
-    """Return settings without some of them."""
-    return {name: value for name, value in values.items() if name not in names}
-
-
 def _names(
     report: TradeoffReport, shown: tuple[Configuration, ...], front: tuple[Configuration, ...]
 ) -> dict[MethodKey, str]:
@@ -193,7 +188,8 @@ def _above(error: float, frame: ChartFrame) -> float:
 
 def _chosen(values: Settings, report: TradeoffReport) -> str:
     """Return the words at a recommended configuration; empty at others."""
-    for name, pick in ((RECOMMENDED, report.recommendation), (ROBUST, report.robust)):
-        if pick and without(pick.configuration, report.idle) == without(values, report.idle):
-            return name
+    knobs = [name for name in report.knobs if name not in report.idle]
+    for word, pick in ((RECOMMENDED, report.recommendation), (ROBUST, report.robust)):
+        if pick and all(pick.configuration[name] == values[name] for name in knobs):
+            return word
     return ""

@@ -188,13 +188,14 @@ def _evaluate_one(
 ) -> Evaluated:
     labels = Counter(runs.labels[row] for row in members.rows)
     failures = {name: count for name, count in labels.items() if name != _STABLE}
-    worst = {name: _worst(runs, members.rows, name) for name in criteria.tolerances}
+    worst = {name: _most(magnitudes(runs, members.rows, name)) for name in criteria.tolerances}
     exceeded = tuple(
         name
         for name, limit in criteria.tolerances.items()
         if (value := worst[name]) is None or value > limit
     )
-    time = _known(runs, members.rows, criteria.time.name)
+    time = runs.numbers[criteria.time.name][members.rows]
+    time = time[np.isfinite(time)]
     reasons = [
         *(f"{count} of {len(members.rows)} runs are {name}" for name, count in failures.items()),
         *(_excess(name, worst[name], criteria.tolerances[name]) for name in exceeded),
@@ -204,7 +205,7 @@ def _evaluate_one(
     estimate = 0.0
     if criteria.error.kind == "discretisation":
         estimate = largest(runs, members.rows, ESTIMATES[criteria.error.name]) or 0.0
-    error = _worst(runs, members.rows, criteria.error.name)
+    error = _most(magnitudes(runs, members.rows, criteria.error.name))
     mean = float(np.mean(time)) if len(time) else None
     summary = Configuration(
         configuration=members.values,
@@ -236,15 +237,10 @@ def margin(tolerance: float, worst: float | None) -> float | None:
 
 def largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
     """Return the largest magnitude of a column over some runs; None if any has no value."""
-    if name not in runs.numbers:
-        return None
-    sizes = np.abs(runs.numbers[name][rows])
-    return None if np.isnan(sizes).any() else float(sizes.max())
+    return _most(np.abs(runs.numbers[name][rows])) if name in runs.numbers else None
 
 
-def _worst(runs: StoredRuns, rows: list[int], name: str) -> float | None:
-    """Return the magnitude that a tolerance bounds; None if any run has no value."""
-    sizes = magnitudes(runs, rows, name)
+def _most(sizes: Floats) -> float | None:
     return None if np.isnan(sizes).any() else float(sizes.max())
 
 
@@ -258,11 +254,6 @@ def magnitudes(runs: StoredRuns, rows: Sequence[int] | NDArray[np.integer], name
     if estimate is None or estimate not in runs.numbers:
         return sizes
     return np.maximum(sizes, np.nan_to_num(runs.numbers[estimate][rows]))
-
-
-def _known(runs: StoredRuns, rows: list[int], name: str) -> np.ndarray:
-    values = runs.numbers[name][rows]
-    return values[np.isfinite(values)]
 
 
 def _excess(name: str, worst: float | None, tolerance: float) -> str:

@@ -1,6 +1,6 @@
 """Figures for papers: the charts of a page, and some that it has no room for, such as impacts."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -234,18 +234,17 @@ def cone_panel(impacts: Rows) -> Spec:
 
 def figure_specs(data: ReportData) -> Iterator[tuple[str, Spec]]:
     """Yield name and specification of each figure for which the store has the data."""
-    figures: dict[str, Callable[[ReportData], Spec | None]] = {
-        "labels": default_map,
-        "error": _error_map,
-        "work-precision": tradeoff_chart,
-        "bounces": _bounces,
-        "cone": _cone,
-        "effects": _effects,
+    bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
+    impacts = first_impacts(data.store)
+    figures = {
+        "labels": default_map(data),
+        "error": _error_map(data),
+        "work-precision": tradeoff_chart(data),
+        "bounces": themed(bounce_panels(bouncing)) if bouncing else None,
+        "cone": themed(cone_panel(impacts)) if impacts else None,
+        "effects": _effects(data),
     }
-    for name, figure in figures.items():
-        spec = figure(data)
-        if spec is not None:
-            yield name, spec
+    yield from ((name, spec) for name, spec in figures.items() if spec is not None)
 
 
 def _error_map(data: ReportData) -> Spec | None:
@@ -258,16 +257,6 @@ def _error_map(data: ReportData) -> Spec | None:
         frame = MapFrame.of(data.map_axes)
         return themed(number_map(frame, pieces, texts, title, resolution).to_dict())
     return None
-
-
-def _bounces(data: ReportData) -> Spec | None:
-    runs = bouncing_runs(data.store, data.axes, ~data.labels.failed)
-    return themed(bounce_panels(runs)) if runs else None
-
-
-def _cone(data: ReportData) -> Spec | None:
-    impacts = first_impacts(data.store)
-    return themed(cone_panel(impacts)) if impacts else None
 
 
 def _effects(data: ReportData) -> Spec | None:

@@ -42,7 +42,10 @@ _RENAMED = {"prefixItems": "items", "$defs": "definitions"}
 
 def json_schemas() -> dict[str, Node]:
     """Return the JSON Schema of every exchanged file, by file name."""
-    written = {name: draft07(model.model_json_schema()) for name, model in WRITTEN.items()}
+    written: dict[str, Node] = {
+        name: {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
+        for name, model in WRITTEN.items()
+    }
     emitted: dict[str, Node] = {
         name: {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}
         for name, model in EMITTED.items()
@@ -60,28 +63,23 @@ def write_json_schemas(folder: Path) -> list[Path]:
 
 def schema_drift(folder: Path) -> list[str]:
     """Return the names of schemas in a folder that are missing or differ from the models."""
-    return [name for name, text in _texts().items() if _read(folder / name) != text]
-
-
-def draft07(schema: Mapping[str, object]) -> Node:
-    """Rewrite a schema of draft 2020-12 in terms of draft-07.
-
-    Tuples become `items` lists, "or null" branches go (a key is left out instead), and generated
-    titles go. Without this, editors miss tuples of the wrong length.
-    """
-    return {"$schema": _DRAFT_07, **_rewritten(schema)}
+    return [
+        name
+        for name, text in _texts().items()
+        if not (folder / name).is_file() or (folder / name).read_text(encoding="utf-8") != text
+    ]
 
 
 def _texts() -> dict[str, str]:
     return {name: json.dumps(schema, indent=2) + "\n" for name, schema in json_schemas().items()}
 
 
-def _read(path: Path) -> str | None:
-    return path.read_text(encoding="utf-8") if path.is_file() else None
-
-
 def _rewritten(schema: Mapping[str, object]) -> Node:
-    """Rewrite one schema; the values of `properties` and `$defs` are schemas by free names."""
+    """Rewrite one schema of draft 2020-12 in terms of draft-07, which editors understand.
+
+    Tuples become `items` lists, "or null" branches go (a key is left out instead), and generated
+    titles go. The values of `properties` and `$defs` are schemas by free names.
+    """
     node: Node = {}
     for key, value in schema.items():
         if key in {"title", "discriminator"} or (key == "default" and value is None):
