@@ -1,7 +1,6 @@
 """The page: a store in one HTML file that needs nothing else."""
 
 from importlib import resources
-from typing import Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -13,16 +12,13 @@ from contactlab.reporting.page_charts import label_bar, tradeoff_chart
 from contactlab.reporting.page_content import page_content
 from contactlab.reporting.page_tables import (
     change_table,
-    expectation_summary,
     expectations,
     front_table,
-    header_lines,
-    label_table,
     map_table,
     recommendation_texts,
     unexpected_runs,
 )
-from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
+from contactlab.reporting.report_data import PageRequest, read_report_data
 from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
@@ -48,7 +44,17 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         lstrip_blocks=True,
     )
     text = environment.get_template("page.html").render(
-        **_texts(data),
+        manifest=data.store.manifest,
+        store=str(data.store.address),
+        labels=data.labels,
+        recommendation=recommendation_texts(data),
+        no_tradeoff=data.no_tradeoff,
+        front=front_table(data),
+        map=map_table(data),
+        boundary=data.boundary.meaning if data.boundary else "",
+        changes=change_table(data, knob_changes(data.axes, data.labels, data.quantities)),
+        expectations=expectations(data.store.manifest),
+        unexpected=unexpected_runs(data.store),
         bar=static_svg(label_bar(data.labels), "All runs by label"),
         heatmap=static_svg(default_map(data), f"Labels over {axes}"),
         chart=static_svg(chart, "Error against time of each configuration"),
@@ -65,30 +71,6 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         ],
     )
     return text, notes
-
-
-def _texts(data: ReportData) -> dict[str, Any]:
-    manifest = data.store.manifest
-    outcome, summary = expectation_summary(manifest)
-    changes = knob_changes(data.axes, data.labels, data.quantities)
-    return {
-        "title": f"{manifest.sweep.name}: {manifest.sweep.scene}",
-        "description": manifest.sweep.resolved.get("description") or "",
-        "store": str(data.store.address),
-        "runs": manifest.runs,
-        "header": list(header_lines(manifest)),
-        "outcome": outcome,
-        "summary": summary,
-        "labels": label_table(data.labels),
-        "recommendation": recommendation_texts(data),
-        "no_tradeoff": data.no_tradeoff,
-        "front": front_table(data),
-        "map": map_table(data),
-        "boundary": data.boundary.meaning if data.boundary else "",
-        "changes": change_table(data, changes),
-        "expectations": expectations(manifest),
-        "unexpected": unexpected_runs(data.store),
-    }
 
 
 def _read(name: str) -> str:

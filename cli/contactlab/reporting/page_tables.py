@@ -14,7 +14,6 @@ from contactlab.pareto.recommendation_text import (
 from contactlab.reporting.knob_changes import KnobChange
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.report_columns import (
-    RunLabels,
     number_with_unit,
     summary_metrics,
     with_unit,
@@ -37,30 +36,6 @@ class TextTable(NamedTuple):
     header: tuple[str, ...]
     rows: list[tuple[str, ...]]
     more: int = 0
-
-
-def header_lines(manifest: StoreManifest) -> Iterator[tuple[str, str]]:
-    """Yield name and text of what was run, by what, where and when."""
-    sweep, made = manifest.sweep, manifest.provenance
-    revision = f", {made.git_revision[:12]}" if made.git_revision else ""
-    yield "scene", f"{sweep.scene} ({sweep.scene_hash})"
-    yield "runs", f"{manifest.runs:,} of {sweep.runs_asked:,}, {manifest.traces:,} traces"
-    yield "engine", f"{sweep.engine.name} {sweep.engine.version}"
-    yield "machine", f"{made.host.cpu_model}, {made.host.cores} cores, {made.host.os}"
-    yield "written by", f"contactlab {made.contactlab}{revision}, Python {made.python}"
-    yield "finished", manifest.finished[:16].replace("T", " ") + " UTC"
-    if sweep.overrides:
-        yield "overrides", " ".join(sweep.overrides)
-
-
-def expectation_summary(manifest: StoreManifest) -> tuple[str, str]:
-    """Return whether expectations are met (met, unmet or none), and that in words."""
-    met, unmet = (manifest.expectations.get(name, 0) for name in ("met", "unmet"))
-    if not met + unmet:
-        return "none", "no expectations defined"
-    if unmet:
-        return "unmet", f"{unmet:,} of {met + unmet:,} runs are not as expected"
-    return "met", f"{met:,} of {met:,} runs are as expected"
 
 
 def expectations(manifest: StoreManifest) -> list[tuple[str, str, str]]:
@@ -90,13 +65,6 @@ def unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
     rows = zip(*columns.values(), strict=True)
     unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
     return list(islice(unmet, _MOST_UNEXPECTED))
-
-
-def label_table(labels: RunLabels) -> list[tuple[str, str, str, int, str, str]]:
-    """Return letter, colour, name, runs, fraction and meaning of each label, the worst first."""
-    fractions = [f"{count / max(1, sum(labels.counts)):.1%}" for count in labels.counts]
-    columns = (labels.letters, labels.colours, labels.names, labels.counts, fractions)
-    return list(zip(*columns, labels.meanings, strict=True))
 
 
 def map_table(data: ReportData) -> TextTable | None:
