@@ -26,13 +26,12 @@ from contactlab.measure.entries import (
     Metric,
     Requirement,
     Threshold,
-    first_step,
     label,
     limits,
     metric,
     oracle,
-    runs_where,
 )
+from contactlab.measure.masks import first_step, runs_where
 from contactlab.measure.run_integrity import STABLE
 
 __all__ = [

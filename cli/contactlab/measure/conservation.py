@@ -15,15 +15,8 @@ from contactlab.measure.context import (
     speed_squared,
     worst_body,
 )
-from contactlab.measure.entries import (
-    Finding,
-    Findings,
-    MeasuredRuns,
-    Threshold,
-    first_step,
-    label,
-    metric,
-)
+from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.masks import first_step
 
 _SETTLED = 1e-6
 _LENGTH = 1e-3

@@ -12,11 +12,11 @@ from inspect import cleandoc
 from typing import Literal, NamedTuple, TypedDict, Unpack
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import PluginError, SceneError, did_you_mean
 from contactlab.measure.context import Context
+from contactlab.measure.masks import runs_where
 from contactlab.registry import Registry
 from contactlab.schema.compare_policy import MetricRule
 
@@ -332,13 +332,3 @@ def limits(overrides: Mapping[str, float]) -> dict[str, float]:
             raise SceneError(f"no threshold '{name}'{hint}; there are {', '.join(THRESHOLDS)}")
     usual = {each.name: each.default for each in THRESHOLDS.values() if each.default is not None}
     return {**usual, **overrides}
-
-
-def runs_where(mask: NDArray[np.bool_]) -> list[int]:
-    """Return the runs in which a mask (n,) holds."""
-    return np.flatnonzero(mask).tolist()
-
-
-def first_step(mask: NDArray[np.bool_]) -> int:
-    """Return the first step in which a mask (N,) holds; 0 if none."""
-    return int(mask.argmax())

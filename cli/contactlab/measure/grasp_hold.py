@@ -26,16 +26,8 @@ from contactlab.measure.context import (
     hold_window,
     worst_pair,
 )
-from contactlab.measure.entries import (
-    Finding,
-    Findings,
-    MeasuredRuns,
-    Threshold,
-    first_step,
-    label,
-    metric,
-    runs_where,
-)
+from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.masks import first_step, runs_where
 
 
 @metric(unit="1/s", better="lower", tolerance=5.0, equivalence=True)

@@ -15,8 +15,8 @@ from contactlab.measure.entries import (
     OracleResult,
     label,
     metric,
-    runs_where,
 )
+from contactlab.measure.masks import runs_where
 
 
 def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:

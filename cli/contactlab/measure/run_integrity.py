@@ -12,10 +12,9 @@ from contactlab.measure.entries import (
     Label,
     MeasuredRuns,
     Threshold,
-    first_step,
     label,
-    runs_where,
 )
+from contactlab.measure.masks import first_step, runs_where
 
 LABELS.add(Label("crashed", "The process that simulated the run died.", 100, voids=True))
 LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, voids=True))
