@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 
 from contactlab.comparison.acceptances import apply_acceptances
+from contactlab.comparison.codes import NAMES, NOT_COMPARABLE, SAME
 from contactlab.comparison.label_checks import PairLabels, label_checks
 from contactlab.comparison.metric_checks import metric_checks
 from contactlab.comparison.opened_stores import (
@@ -28,7 +29,7 @@ from contactlab.comparison.run_checks import (
     new_runs_check,
     recommendation_check,
 )
-from contactlab.comparison.verdicts import NAMES, NOT_COMPARABLE, SAME, CheckSubject
+from contactlab.comparison.verdicts import CheckSubject
 from contactlab.comparison.wording import plural
 from contactlab.errors import ContactlabError, ExpectationError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy

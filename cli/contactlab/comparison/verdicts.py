@@ -1,22 +1,17 @@
-"""Verdicts, as numbers so that a million of them are one array, and the checks that they make."""
+"""The checks that verdicts make."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.comparison.codes import CHANGED, MISSING, NAMES, NOT_COMPARABLE, SAME, WORSE
 from contactlab.schema.compare_policy import Level
 from contactlab.schema.comparison_report import Check, CheckKind, RunPair, Verdict
 from contactlab.schema.judged_check import CheckOutcome
 
 Verdicts = NDArray[np.int8]
-
-# Ordered from good to bad, so that the worst of many is their maximum.
-NAMES: tuple[Verdict, ...] = ("same", "better", "changed", "worse", "missing", "not comparable")
-SAME, BETTER, CHANGED, WORSE, MISSING, NOT_COMPARABLE = range(len(NAMES))
-assert set(NAMES) == set(get_args(Verdict))
 
 MOST_SHOWN = 5
 _OUTCOMES: dict[Level, CheckOutcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
