@@ -14,11 +14,7 @@ from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
-    from contactlab.schema.tradeoff_report import (
-        Method,
-        Recommendation,
-        TradeoffReport,
-    )
+    from contactlab.schema.tradeoff_report import Method, Recommendation, TradeoffReport
 
 _MOST_METHODS = 12
 _MOST_RATES = 40

@@ -6,12 +6,7 @@ from typing import NamedTuple
 from contactlab.comparison.policies import REMEASURED
 from contactlab.comparison.wording import format_number, format_settings, plural, value_change
 from contactlab.printable import in_one_line
-from contactlab.schema.comparison_report import (
-    Check,
-    ComparedStore,
-    ComparisonReport,
-    RunPair,
-)
+from contactlab.schema.comparison_report import Check, ComparedStore, ComparisonReport, RunPair
 from contactlab.schema.judged_check import CheckOutcome
 
 WORDS: dict[CheckOutcome, str] = {

@@ -8,12 +8,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import COLOURS, INK
-from contactlab.reporting.report_columns import (
-    GridAxis,
-    Quantity,
-    RunLabels,
-    combination_codes,
-)
+from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels, combination_codes
 from contactlab.reporting.vega_rendering import Rows, Spec, layer_of
 
 _MOST_VALUES = 12

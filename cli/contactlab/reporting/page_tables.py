@@ -13,11 +13,7 @@ from contactlab.pareto.recommendation_text import (
 )
 from contactlab.reporting.knob_changes import KnobChange
 from contactlab.reporting.map_cells import label_counts
-from contactlab.reporting.report_columns import (
-    number_with_unit,
-    summary_metrics,
-    with_unit,
-)
+from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
 from contactlab.reporting.report_data import ReportData
 from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.sweep_schema import Sweep
