@@ -4,6 +4,13 @@ from importlib import resources
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from contactlab.pareto.recommendation_text import (
+    blocker_texts,
+    next_step_text,
+    robust_text,
+    setting_text,
+    settings_text,
+)
 from contactlab.reporting.baseline_maps import compare_with_baseline
 from contactlab.reporting.heatmap import default_map
 from contactlab.reporting.knob_changes import knob_changes
@@ -15,9 +22,10 @@ from contactlab.reporting.page_tables import (
     expectations,
     front_table,
     map_table,
-    recommendation_texts,
+    number_text,
     unexpected_runs,
 )
+from contactlab.reporting.report_columns import number_with_unit
 from contactlab.reporting.report_data import PageRequest, read_report_data
 from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.store.finished_store import Store
@@ -43,11 +51,27 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         trim_blocks=True,
         lstrip_blocks=True,
     )
+    report = data.tradeoff
+    chosen = [
+        each
+        for each in (report.configurations if report else ())
+        if report
+        and report.recommendation
+        and each.configuration == report.recommendation.configuration
+    ]
     text = environment.get_template("page.html").render(
+        number=number_text,
+        with_unit=number_with_unit,
+        setting=setting_text,
+        settings=settings_text,
         manifest=data.store.manifest,
         store=str(data.store.address),
         labels=data.labels,
-        recommendation=recommendation_texts(data),
+        tradeoff=report,
+        sentences=[robust_text(report), next_step_text(report)] if report else [],
+        blockers=blocker_texts(report) if report else [],
+        titles={axis.name: axis.title for axis in data.axes},
+        worst=chosen[0].worst if chosen else {},
         no_tradeoff=data.no_tradeoff,
         front=front_table(data),
         map=map_table(data),

@@ -1,23 +1,16 @@
 """The text of a page: what was run, tables, and the recommendation in words."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import islice
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-from contactlab.pareto.recommendation_text import (
-    blocker_texts,
-    next_step_text,
-    robust_text,
-    setting_text,
-    settings_text,
-)
+from contactlab.pareto.recommendation_text import setting_text
 from contactlab.reporting.knob_changes import KnobChange
 from contactlab.reporting.map_cells import label_counts
-from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
+from contactlab.reporting.report_columns import summary_metrics, with_unit
 from contactlab.reporting.report_data import ReportData
 from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.schema.tradeoff_report import Configuration, Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
 
 _MOST_UNEXPECTED = 50
@@ -84,50 +77,6 @@ def map_table(data: ReportData) -> TextTable | None:
     return TextTable((corner, *axes.x.ticks), rows)
 
 
-def recommendation_texts(data: ReportData) -> dict[str, Any]:
-    """Return the recommendation in words, for the page's template; empty without a trade-off.
-
-    Where no configuration is feasible, `blockers` says why, and most others are empty.
-    """
-    report = data.tradeoff
-    if report is None:
-        return {}
-    chosen = report.recommendation
-    texts = {
-        "margins": list(_margins(report, chosen)),
-        "robust": robust_text(report),
-        "next_step": next_step_text(report),
-        "notes": report.notes,
-        "command": f"contactlab tradeoff {data.store.address}",
-    }
-    if chosen is None:
-        none = dict.fromkeys(("settings", "error", "time", "mjcf", "other"), "")
-        return {**texts, **none, "blockers": blocker_texts(report)}
-    titles = {axis.name: axis.title for axis in data.axes}
-    settings = chosen.configuration.items()
-    speed = f"{chosen.time:.3g} CPU s per simulated s ({chosen.real_time_factor:,.0f} x real time)"
-    return {
-        **texts,
-        "settings": [(titles.get(name, name), setting_text(value)) for name, value in settings],
-        "error": number_with_unit(_number(chosen.error), report.error.unit),
-        "time": speed,
-        "mjcf": "\n".join(chosen.mjcf),
-        "other": settings_text(chosen.other, chosen.other),
-        "blockers": [],
-    }
-
-
-def _margins(
-    report: TradeoffReport, chosen: Recommendation | None
-) -> Iterator[tuple[str, float, str, str]]:
-    """Yield name, limit, worst value and margin of each tolerance."""
-    values = chosen.configuration if chosen else None
-    worst = next((each.worst for each in report.configurations if each.configuration == values), {})
-    for name, limit in report.tolerances.items():
-        margin = chosen.margins.get(name) if chosen else None
-        yield name, limit, _number(worst.get(name)), "-" if margin is None else f"x {margin:.3g}"
-
-
 def front_table(data: ReportData) -> TextTable | None:
     """Return the first configurations, the feasible before others and the cheapest first."""
     report = data.tradeoff
@@ -140,14 +89,16 @@ def front_table(data: ReportData) -> TextTable | None:
         "CPU s per s",
         "feasible",
     )
-    rows = [_configuration_row(each, report.varying) for each in ordered[:_MOST_CONFIGURATIONS]]
+    rows = [
+        (
+            *(setting_text(each.configuration[name]) for name in report.varying),
+            number_text(each.error),
+            number_text(each.time),
+            "yes" if each.feasible else "no: " + "; ".join(each.reasons),
+        )
+        for each in ordered[:_MOST_CONFIGURATIONS]
+    ]
     return TextTable(header, rows, max(0, len(ordered) - _MOST_CONFIGURATIONS))
-
-
-def _configuration_row(each: Configuration, varying: Sequence[str]) -> tuple[str, ...]:
-    feasible = "yes" if each.feasible else "no: " + "; ".join(each.reasons)
-    values = (setting_text(each.configuration[name]) for name in varying)
-    return (*values, _number(each.error), _number(each.time), feasible)
 
 
 def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable | None:
@@ -163,7 +114,7 @@ def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable |
             each.after,
             f"{each.pairs:,}",
             f"{each.failed[0]:.0%} → {each.failed[1]:.0%}",
-            *(_number(each.ratios[name]) for name in names),
+            *(number_text(each.ratios[name]) for name in names),
         )
         for each in changes
     ]
@@ -184,5 +135,6 @@ def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str
     return present[:_MOST_RATIOS]
 
 
-def _number(value: float | None) -> str:
+def number_text(value: float | None) -> str:
+    """Return a number to three digits; a dash where there is none."""
     return "-" if value is None else f"{value:.3g}"
