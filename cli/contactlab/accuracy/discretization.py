@@ -117,7 +117,6 @@ def _samples(family: Sequence[PlannedModel]) -> int:
 
 
 def _common(run: PlannedModel, samples: int) -> _Times:
-    """Spread times over a run."""
     resolved = run.resolved
     return _Times(np.empty(0), resolved.timestep * _spread(1, resolved.steps, samples))
 

@@ -241,45 +241,31 @@ def tradeoff(
 def _session(
     folder: Path, workers: int | None, progress: Progress | None, *, allow_code: bool
 ) -> Session:
-    count = _Count(progress)
-    return Session(
-        folder,
-        worker_count(workers),
-        begin=count.begin,
-        progress=count.add,
-        allow_code=allow_code,
-    )
+    done = total = 0
 
+    def advance(runs: int) -> None:
+        nonlocal done
+        done += runs
+        if progress is not None:
+            progress(done, total)
 
-class _Count:
-    """Counts the runs of a sweep for a caller who wants to see them finish."""
+    def begin(runs: int, stored: int) -> None:
+        nonlocal total
+        total = runs
+        advance(stored - done)
 
-    def __init__(self, report: Progress | None) -> None:
-        self._report = report
-        self._done = self._total = 0
+    def add(finished: Sequence[object]) -> None:
+        advance(len(finished))
 
-    def begin(self, total: int, done: int) -> None:
-        """Begin a sweep, of which some runs are stored already."""
-        self._total = total
-        self._advance(done - self._done)
-
-    def add(self, finished: Sequence[object]) -> None:
-        """Count finished runs."""
-        self._advance(len(finished))
-
-    def _advance(self, runs: int) -> None:
-        self._done += runs
-        if self._report is not None:
-            self._report(self._done, self._total)
+    return Session(folder, worker_count(workers), begin, add, allow_code=allow_code)
 
 
 def _assigned(settings: Settings) -> list[str]:
     """Return settings as the command line has them: `NAME=VALUE,VALUE`."""
     if not isinstance(settings, Mapping):
         return list(settings)
-    return [f"{name}={_text(value)}" for name, value in settings.items()]
-
-
-def _text(value: object) -> str:
-    values = value if isinstance(value, list | tuple) else [value]
-    return ",".join(json.dumps(each) for each in values)
+    listed = {
+        name: value if isinstance(value, list | tuple) else [value]
+        for name, value in settings.items()
+    }
+    return [f"{name}={','.join(map(json.dumps, values))}" for name, values in listed.items()]

@@ -121,7 +121,6 @@ def _write(path: Path, report: "TradeoffReport") -> None:
 
 
 def _print(report: "TradeoffReport") -> None:
-    """Print a report: Pareto front, convergence, and the recommendation."""
     echo("\n".join(_head(report)))
     _print_front(report)
     if len(report.methods) < len(report.configurations):

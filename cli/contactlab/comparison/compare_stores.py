@@ -182,7 +182,6 @@ def _exit_code(checks: Sequence[Check]) -> int:
 
 
 def _verdict(checks: Sequence[Check]) -> Verdict:
-    """Return the verdict on the stores as a whole."""
     skipped = [check for check in checks if _is_open(check)]
     failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
     if failed and not any(check.kind == "evidence" for check in skipped):
@@ -197,7 +196,6 @@ def _verdict(checks: Sequence[Check]) -> Verdict:
 
 
 def _headline(checks: Sequence[Check]) -> str:
-    """Return the whole comparison in one line."""
     verdict = _verdict(checks)
     failed = sum(check.outcome == "failed" for check in checks)
     skipped = sum(_is_open(check) for check in checks)

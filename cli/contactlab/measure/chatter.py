@@ -165,7 +165,6 @@ def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
 
 
 def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
-    """Return the largest normal force [N] of contacts."""
     return np.array(
         [
             series.normal[touch.run[place], touch.start[place] : touch.stop[place]].max()

@@ -148,7 +148,6 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
 
 
 def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
-    """Return the friction bound of a pair in every run."""
     first, second = pair.friction[:, 0], pair.friction[:, 1]
     stretch = np.where(first == second, 1, first / second)
     rows = zip(first.tolist(), stretch.tolist(), elliptic.tolist(), strict=True)
@@ -156,7 +155,6 @@ def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
 
 
 def _gather(slots: Floats) -> _SlotColumns:
-    """Gather the columns of one run's slots (N, S, 23)."""
     if slots.strides[-1] != slots.itemsize:
         slots = np.ascontiguousarray(slots)
     return _SlotColumns(

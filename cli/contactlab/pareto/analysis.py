@@ -191,7 +191,6 @@ def _notes(
     chosen: Evaluated | None,
     idle: Sequence[str],
 ) -> Iterator[str]:
-    """Yield what limits the validity of the numbers."""
     yield from _time_notes(criteria)
     yield from _error_notes(evaluated, criteria)
     yield from _model_notes(evaluated, runs, criteria, chosen)

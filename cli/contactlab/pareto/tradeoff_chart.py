@@ -91,7 +91,6 @@ def _points(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Char
 
 
 def _failures(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart:
-    """Return the failures, as crosses at the upper edge."""
     rows = [each for each in shown.points if each["state"] == "failed"]
     crosses = _chart("failures", rows).mark_text(text="\u2715", size=13, dy=8)
     return crosses.encode(x, y, colour)

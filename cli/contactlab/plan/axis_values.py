@@ -116,7 +116,6 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
 
 
 def _listed(context: SweepContext, path: KeyPath, name: str, axis: Axis) -> list[object]:
-    """Return the canonical values of a listed axis."""
     written = isinstance(axis, Values | tuple)
     below = path if isinstance(axis, tuple) else (*path, _form(axis))
     return _canonical(context, name, listed_values(axis), below, written=written)

@@ -135,7 +135,6 @@ def _add_length(document: Document, kind: str, path: KeyPath) -> None:
 
 
 def _name(path: KeyPath) -> str:
-    """Return the last key of a path, or an empty string."""
     return next((part for part in reversed(path) if isinstance(part, str)), "")
 
 

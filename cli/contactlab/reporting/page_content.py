@@ -147,7 +147,6 @@ def _columns(
     rows: NDArray[np.int64],
     table: ToleranceTable | None,
 ) -> dict[str, NDArray[Any]]:
-    """Return the columns of some runs, and of the configurations."""
     labels, (met, given) = data.labels, data.store.columns.numbers("expectation_met")
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
     expected = np.where(given, np.nan_to_num(met) + 1, 0).astype(np.int64)
@@ -215,7 +214,6 @@ def _records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:
 
 
 def _details(record: EvidenceRecord) -> dict[str, Any]:
-    """Return what a page shows of a run beside its numbers."""
     return {
         "labels": [[each.label, each.reason, each.step] for each in record.labels],
         "settings": record.settings | record.axes,

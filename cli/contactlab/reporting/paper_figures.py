@@ -248,7 +248,6 @@ def figure_specs(data: ReportData) -> Iterator[tuple[str, Spec]]:
 
 
 def _error_map(data: ReportData) -> Spec | None:
-    """Return the map of the error that stands for accuracy."""
     if data.map_axes is None or data.tradeoff is None:
         return None
     for error in data.quantities_named(data.tradeoff.error.name):

@@ -183,7 +183,6 @@ class ConfigurationRunner:
         }
 
     def _values(self, changed: Changed, scenario: Values) -> Values:
-        """Return the axis values of a configuration in a scenario."""
         values = {**self.setup.base, **scenario}
         for name in changed:
             values |= self.toggles[name].values
