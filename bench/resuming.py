@@ -21,6 +21,8 @@ from pathlib import Path
 import numpy as np
 from bench.planning import EnoughError, grid, spent_by
 
+from contactlab.store.row_journal import row_size, sealed
+
 SIZES = (100_000, 1_000_000)
 _OTHERS = "duration: 0.1\ntrace: none\nchecks: none\n"
 # By how many places a run may finish late.
@@ -62,7 +64,8 @@ def make_journal(file: Path) -> None:
     with journal.open("wb") as made_up:
         for place in np.argsort(np.arange(len(ids)) + late).tolist():
             head = b'{"run_id":"%b","index":%d' % (ids[place].encode(), place)
-            made_up.write(_HEAD.sub(head, rows[place % len(rows)]))
+            row = rows[place % len(rows)]
+            made_up.write(sealed(_HEAD.sub(head, row[: row_size(row)])))
 
 
 def _enough(_: object) -> None:

@@ -42,6 +42,7 @@ def sweep(
     workers: int | None = None,
     fresh: bool = False,
     retry_failed: bool = False,
+    repair: bool = False,
     plugins: Sequence[str | Path] = (),
     allow_code: bool = False,
     progress: Progress | None = None,
@@ -58,6 +59,7 @@ def sweep(
         workers: worker processes, 0 for none; one for each core if left out.
         fresh: whether to replace a store that is there.
         retry_failed: whether stored runs that crashed, timed out or failed are run again.
+        repair: whether stored runs that are damaged are run again.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
         allow_code: whether a policy that drives the runs may be executed.
         progress: called as runs finish.
@@ -84,6 +86,7 @@ def sweep(
         drive=drive_option(drive),
         fresh=fresh,
         retry_failed=retry_failed,
+        repair=repair,
     )
     return _session(Path(), workers, progress, allow_code=allow_code).run(request)
 

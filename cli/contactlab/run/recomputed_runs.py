@@ -11,10 +11,16 @@ from pydantic_core import from_json, to_json
 from contactlab.errors import ContactlabError
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import engine, provenance
-from contactlab.run.stored_runs import canonical_values, resolve_record, stored_sweep_scene
+from contactlab.run.stored_runs import (
+    canonical_values,
+    replay,
+    resolve_record,
+    stored_sweep_scene,
+)
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.run.worker import Worker
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.backend_protocol import SCENES
@@ -73,6 +79,11 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
             if stored["status"] not in {"ok", "stopped"}:
                 continue
             record = store.record(stored["run_id"])
+            if isinstance(record.drive, PolicyDrive):
+                # Its code is not run: the controls that it gave are.
+                if not (result := replay(store, record.run_id)).equal:
+                    yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
+                continue
             (finished,) = worker.run((_planned(scene, record),))
             again = from_json(finished.row)
             for name in (each for each in names if again[each] != stored[each]):

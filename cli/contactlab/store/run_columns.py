@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
@@ -152,7 +153,10 @@ class RunColumns:
     def byte_strings(self, name: str) -> NDArray[np.bytes_]:
         """Return (n,) strings as fixed-length bytes, for ids and hashes; empty where null."""
         column = self._read(name).fill_null("")
-        return column.to_numpy(zero_copy_only=False).astype("S")
+        lengths = pc.call_function("binary_length", [column])
+        width = pc.call_function("max", [lengths]).as_py() or 1
+        padded = pc.call_function("utf8_rpad", [column], pc.PadOptions(width, "\0"))
+        return np.frombuffer(padded.buffers()[2], f"S{width}", len(padded))
 
     def identify(self, rows: Sequence[int]) -> list[dict[str, Any]]:
         """Return run id, seed and axis values of some runs."""
