@@ -239,6 +239,18 @@ def test_a_starter_file_may_lie_anywhere(contactlab: Run, tmp_path: Path, scene:
     assert contactlab("sweep", "sweeps/own.yaml", "--plan")[0] == 0
 
 
+@pytest.mark.slow
+def test_a_tradeoff_of_a_model_is_that_of_its_starter_file(contactlab: Run, tmp_path: Path) -> None:
+    write(tmp_path, pendulum_xml=UNNAMED)
+    assert contactlab("init", "pendulum.xml", "-o", "own.yaml")[0] == 0
+    for source in ("pendulum.xml", "own.yaml"):
+        code, _, err = contactlab("tradeoff", source, "-o", Path(source).stem, "--workers", "0")
+        assert code == 0, err
+    one, two = (Store.open(tmp_path / name).table for name in ("pendulum", "own"))
+    assert one["run_id"].to_pylist() == two["run_id"].to_pylist()
+    assert one["error_final"].to_pylist() == two["error_final"].to_pylist()
+
+
 def test_a_folder_that_is_not_there_is_told(contactlab: Run, tmp_path: Path) -> None:
     write(tmp_path, pendulum_xml=PENDULUM)
     code, _, err = contactlab("init", "pendulum.xml", "-o", "nowhere/own.yaml")

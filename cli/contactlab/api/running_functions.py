@@ -215,7 +215,8 @@ def tradeoff(
     """Find what accuracy costs in time, and the cheapest configuration that will do.
 
     Args:
-        source: a store, a sweep file or the name of a shipped sweep, which is then run.
+        source: a store; or a sweep file, the name of a shipped sweep, a model file or
+            menagerie:ROBOT, which are then run.
         error: what measures accuracy: `error_final`, `oracle_error` or any metric.
         tolerance: largest acceptable values by metric, over those of the sweep.
         drive: what drives the runs of a sweep, as `--drive` takes it.

@@ -3,16 +3,12 @@
 import errno
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError
-
-if TYPE_CHECKING:
-    from contactlab.plan.starter import SceneAsWritten
-    from contactlab.scene.scene import Scene
 
 
 def init(
@@ -24,8 +20,9 @@ def init(
     ] = Path("sweep.yaml"),
 ) -> None:
     """Write a starter sweep file for a scene, and its JSON Schema beside it."""
-    from contactlab.plan.starter import SCHEMA_NAME, starter
+    from contactlab.plan.starter import SCHEMA_NAME
     from contactlab.plan.sweep_file import read_sweep
+    from contactlab.run.starter_sweep import starter_sweep
     from contactlab.run.sweep_request import SceneLoader
     from contactlab.scene.scene_source import reference_from
     from contactlab.schema.json_schemas import json_schemas
@@ -36,8 +33,7 @@ def init(
     if not path.parent.is_dir():
         raise write_error(path, FileNotFoundError(errno.ENOENT, ""))
     loader, reference = SceneLoader(path.parent), reference_from(path.parent, scene)
-    own = _as_written(loader.open(reference), reference)
-    text = starter(own, loader.vocabulary(reference))
+    text = starter_sweep(reference, loader)
     plan = read_sweep(text, loader.vocabulary).plan
     schema = path.parent / SCHEMA_NAME
     try:
@@ -47,17 +43,5 @@ def init(
         schema.write_text(published_text, encoding="utf-8")
     except OSError as error:
         raise write_error(path, error) from error
-    say(f"wrote {path}, {plan.count} runs of {own.duration:g} s each, and {schema}")
+    say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {schema}")
     say(f"next: contactlab sweep {path}")
-
-
-def _as_written(scene: "Scene", reference: str) -> "SceneAsWritten":
-    from contactlab.plan.starter import SceneAsWritten
-
-    base, bare = scene.base({}), scene.source.manifest is None
-    return SceneAsWritten(
-        reference=reference,
-        settings={name: base.settings[name] for name in base.settings.keys() - base.nonuniform},
-        duration=scene.duration,
-        drive=("hold" if base.model.nu else "exercise") if bare else None,
-    )

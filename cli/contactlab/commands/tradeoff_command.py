@@ -22,7 +22,10 @@ _MOST_RATES = 40
 
 def tradeoff(
     name: Annotated[
-        str, typer.Argument(metavar="STORE|SWEEP", help="Store, sweep file or shipped sweep.")
+        str,
+        typer.Argument(
+            metavar="STORE|SWEEP|MODEL", help="Store, sweep, model file or menagerie:ROBOT."
+        ),
     ],
     *,
     error: opt.ErrorOption = None,

@@ -5,12 +5,15 @@ The analysis of a stored sweep stands by itself in `contactlab.pareto`, without 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
 
 from contactlab import resources
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.criteria import Criteria, chosen_error, find_store
 from contactlab.plan.overrides import Overrides
-from contactlab.run.sweep_request import SweepRequest, read_request
+from contactlab.run.starter_sweep import starter_sweep
+from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request
+from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
@@ -25,7 +28,8 @@ class TradeoffRequest:
     """Which configurations to evaluate, and by what.
 
     Attributes:
-        source: a store, a sweep file or the name of a shipped sweep.
+        source: a store, a sweep file, the name of a shipped sweep; or a model file or
+            menagerie:ROBOT, for the sweep that `init` writes for it.
         criteria: which error stands for accuracy, and tolerances over the sweep's.
         store: where the store of a sweep goes; if None, under its name in the session's folder.
         drive: what drives the runs of a sweep, whatever it and its scene say.
@@ -58,21 +62,30 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
 
 
 def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
-    path = resources.find_sweep(request.source)
-    store = request.store or session.folder / path.stem
+    source, name, folder = _source(request.source)
+    store = request.store or session.folder / name
 
     def read(*settings: str) -> SweepRequest:
         return read_request(
-            path,
-            path.stem,
+            source,
+            name,
             store,
-            folder=path.parent,
+            folder=folder,
             workers=session.workers,
             overrides=Overrides(assign=settings),
             drive=request.drive,
         )
 
     return read(*_added(read().plan.sweep, request.criteria))
+
+
+def _source(reference: str) -> tuple[Path | str, str, Path]:
+    """Return the file or the text of a sweep, its name, and where its relative paths start."""
+    if is_menagerie(reference) or Path(reference).suffix in MODEL_SUFFIXES:
+        loader = SceneLoader(Path())
+        return starter_sweep(reference, loader), loader.open(reference).name, Path()
+    path = resources.find_sweep(reference)
+    return path, path.stem, path.parent
 
 
 def _added(sweep: Sweep, criteria: Criteria) -> Iterator[str]:
