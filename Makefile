@@ -9,7 +9,7 @@ endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel
-.PHONY: bench clean
+.PHONY: attack bench clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -51,6 +51,12 @@ wheel: .venv/dev
 # The tests with the lowest versions that pyproject.toml allows.
 test-lowest: .venv/dev
 	sh .ci/lowest
+
+# Bends stores in 2,000 ways, then gives every reader bent files for ATTACK_SECONDS.
+ATTACK_SECONDS ?= 3600
+attack: .venv/dev
+	$(BIN)/python -m tests.attack.attack
+	ATTACK_SECONDS=$(ATTACK_SECONDS) $(BIN)/python -m tests.attack.fuzz
 
 bench: .venv/dev
 	$(BIN)/python -m bench.overhead

@@ -14,6 +14,7 @@ from ruamel.yaml.reader import ReaderError
 
 from contactlab.errors import SweepFileError
 from contactlab.plan.diagnostics import Diagnostic, Place, Severity, SourceText
+from contactlab.schema.strict_model import check_extent
 
 KeyPath = tuple[str | int, ...]
 MOST_NODES = 1_000_000
@@ -183,6 +184,7 @@ class _Reader:
 
     def read(self, text: str, path: KeyPath = ()) -> object:
         try:
+            check_extent(text)
             root = cast("Node | None", self.yaml.compose(text))
             return None if root is None else self._data(root, path)
         except MarkedYAMLError as error:
@@ -194,6 +196,8 @@ class _Reader:
             place = Place(self.source, len(before), len(before[-1]) + 1)
             self._fail("a character that YAML does not allow", place)
         except YAMLError as error:
+            self._fail(str(error), Place(self.source, 1, 1))
+        except ValueError as error:
             self._fail(str(error), Place(self.source, 1, 1))
         except RecursionError:
             self._fail("nested too deeply", Place(self.source, 1, 1))

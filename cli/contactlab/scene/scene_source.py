@@ -21,6 +21,7 @@ from contactlab.scene.model_files import SceneFiles, collect_files, relative_pat
 from contactlab.scene.scene_tree import check_places
 from contactlab.schema.drive import drive_files
 from contactlab.schema.scene_manifest import SceneManifest
+from contactlab.schema.strict_model import check_extent
 
 _SCHEME = "menagerie:"
 
@@ -176,10 +177,12 @@ def read_manifest(path: Path) -> SceneManifest:
         SceneError: it is not YAML, or keys are unknown, missing or invalid; it lists all of them.
     """
     try:
-        data = YAML(typ="safe", pure=True).load(path)
+        text = path.read_text(encoding="utf-8-sig")
+        check_extent(text)
+        data = YAML(typ="safe", pure=True).load(text)
         return SceneManifest.model_validate(data)
     except ValidationError as error:
         errors = [f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
         raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
-    except (YAMLError, ValueError, OSError) as error:
+    except (YAMLError, ValueError, OSError, RecursionError) as error:
         raise SceneError(f"{path}: not YAML: {error}") from error

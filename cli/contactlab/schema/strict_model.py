@@ -1,12 +1,14 @@
 """The base of all models of files: closed, frozen, strict about numbers and words."""
 
 import math
+import re
 from collections.abc import Sequence
 from typing import Annotated, cast
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
+_BRACKET = re.compile(r"[\[\]{}]")
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[float, Field(strict=True, allow_inf_nan=False, gt=0)]
 Whole = Annotated[int, Field(strict=True)]
@@ -27,6 +29,26 @@ def _inner_name(name: str) -> str:
 
 
 InnerName = Annotated[str, AfterValidator(_inner_name)]
+
+
+_MOST_TEXT, _MOST_DEPTH = 64 << 20, 100
+
+
+def check_extent(text: str) -> None:
+    """Check that a YAML text is no larger, and its brackets no deeper, than any that is meant.
+
+    Parsers take a time that grows with the square of the depth.
+
+    Raises:
+        ValueError: it is.
+    """
+    if len(text) > _MOST_TEXT:
+        raise ValueError(f"it has more than {_MOST_TEXT:,} characters")
+    depth = 0
+    for bracket in _BRACKET.finditer(text):
+        depth += 1 if bracket[0] in "[{" else -min(depth, 1)
+        if depth > _MOST_DEPTH:
+            raise ValueError("nested too deeply")
 
 
 class Model(BaseModel):

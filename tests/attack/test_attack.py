@@ -1,0 +1,44 @@
+"""A seeded sample of `make attack`: bent stores are found out, bent files are read or refused."""
+
+from pathlib import Path
+
+import pytest
+from tests.attack.attack import OUTCOMES, attack
+from tests.attack.fuzz import fuzz
+from tests.attack.mutations import CONTENT, FILES
+from tests.attack.readers import Reader, readers
+
+NAMES = (
+    "sweep",
+    "scene",
+    "model",
+    "policy",
+    "manifest",
+    "identity",
+    "trace",
+    "trace with checksums",
+    "table",
+    "journal",
+    "journal with checksums",
+)
+
+
+def test_no_bent_store_is_sound(tmp_path: Path) -> None:
+    count = 2 * len(FILES) + 4 * len(CONTENT)
+    found = attack(tmp_path, count, seed=7)
+    assert sum(found.counts.values()) == count
+    assert set(found.counts) <= set(OUTCOMES[:4]), found.cases
+    assert found.counts["detected"] > 0.8 * count
+
+
+@pytest.fixture(scope="module")
+def known(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Reader]:
+    found = readers(tmp_path_factory.mktemp("readers"))
+    assert tuple(found) == NAMES
+    return found
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_bent_file_is_read_or_refused(known: dict[str, Reader], name: str) -> None:
+    known[name].read(known[name].sound)
+    fuzz(known[name], 20, number=7)
