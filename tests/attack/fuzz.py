@@ -61,7 +61,7 @@ def fuzz(reader: Reader, examples: int, number: int | None = None) -> None:
         deadline=None,
         phases=[Phase.generate],
         report_multiple_bugs=False,
-        suppress_health_check=list(HealthCheck),
+        suppress_health_check=(HealthCheck.too_slow, HealthCheck.data_too_large),
     )
     @given(EDITS)
     def read(edits: list[tuple[float, int, bytes]]) -> None:

@@ -310,7 +310,7 @@ def redo(store: Path, level: int) -> None:
 
 
 def _plan_hash(store: Path) -> str:
-    ids = pq.read_table(store / TABLE, ["run_id"])["run_id"].to_pylist()
+    ids: list[str] = pq.read_table(store / TABLE)["run_id"].to_pylist()
     return hashlib.sha256("".join(ids).encode()).hexdigest()[:32]
 
 
