@@ -14,6 +14,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.worker_pool import worker_count
 from contactlab.schema.check_report import CheckReport, TaskKind
 from contactlab.schema.effects_report import EffectsReport
+from contactlab.schema.judged_check import AcceptedCheck
 from contactlab.schema.stability_report import StabilityReport
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
@@ -99,12 +100,16 @@ def check(
     output: str | Path | None = None,
     keyframe: str | None = None,
     kind: TaskKind | Literal["auto"] = "auto",
+    drive: str | None = None,
+    limits: Mapping[str, float] | None = None,
+    accept: Sequence[AcceptedCheck] = (),
+    remedies: bool = True,
     workers: int | None = None,
     plugins: Sequence[str | Path] = (),
     allow_code: bool = False,
     progress: Progress | None = None,
 ) -> CheckReport:
-    """Check a model before it is trusted: six checks, each with its numbers and what to change.
+    """Check a model before it is trusted: six checks with their numbers, and what helps.
 
     Args:
         model: a shipped scene, a folder, an .xml or .urdf file, or `menagerie:ROBOT`.
@@ -113,6 +118,10 @@ def check(
         output: the folder of its evidence; `results/check/NAME` if left out.
         keyframe: where runs start; `qpos0` is the model's own start.
         kind: of task, which decides what the timestep has to suit.
+        drive: what drives it, as `--drive` has it; of a bare model an exercise if left out.
+        limits: limits that replace those of the checks, by the name of the measure.
+        accept: findings that are known and accepted.
+        remedies: whether to look for changes that help.
         workers: worker processes, 0 for none; one for each core if left out.
         plugins: files that add metrics, labels, oracles or engines. They are executed.
         allow_code: whether a policy that drives the runs may be executed.
@@ -120,7 +129,8 @@ def check(
 
     Raises:
         SceneError: there is no such model or keyframe, or it does not compile.
-        SweepFileError: a setting or the name of a check is wrong.
+        SweepFileError: a setting, or the name of a check or a limit, is wrong.
+        PolicyError: what is accepted is not a finding of any check.
     """
     load_plugins([Path(each) for each in plugins])
     start = [f"keyframe={keyframe}"] if keyframe else []
@@ -129,6 +139,10 @@ def check(
         assign=[*_assigned(set), *start],
         only=only,
         kind=None if kind == "auto" else kind,
+        drive=drive_option(drive),
+        limits=limits or {},
+        accepted=accept,
+        remedies=remedies,
     )
     folder = Path(output or RESULTS / "check" / model_name(str(model)))
     return model_check.run(request, _session(folder, workers, progress, allow_code=allow_code))

@@ -202,17 +202,27 @@ def accuracy_criteria(error: str | None, tolerances: Sequence[str] | None) -> "C
     """
     from contactlab.pareto.criteria import Criteria
 
-    return Criteria(error, dict(_tolerance(text) for text in tolerances or ()))
+    return Criteria(
+        error, dict(read_limit(text, "tolerance", "oracle_error=1%") for text in tolerances or ())
+    )
 
 
-def _tolerance(text: str) -> tuple[str, float]:
+def read_limit(text: str, what: str = "limit", like: str = "slip=1e-3") -> tuple[str, float]:
+    """Return the metric and the value of `METRIC=VALUE`, where the value may be a percentage.
+
+    Args:
+        text: what was typed.
+        what: the word for it in an error.
+        like: an example of it.
+
+    Raises:
+        SweepFileError: it is not written so.
+    """
     metric, _, value = text.partition("=")
     try:
         limit = float(value.removesuffix("%")) / (100 if value.endswith("%") else 1)
     except ValueError:
         limit = math.nan
     if not metric or not 0 <= limit < math.inf:
-        raise SweepFileError(
-            f"'{text}' is not a tolerance; write METRIC=VALUE, such as oracle_error=1%"
-        )
+        raise SweepFileError(f"'{text}' is not a {what}; write METRIC=VALUE, such as {like}")
     return metric, limit

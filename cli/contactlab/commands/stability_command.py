@@ -33,7 +33,7 @@ def stability(
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.plan.overrides import drive_option
-    from contactlab.studies.stability_cases import StabilityRequest, run
+    from contactlab.studies.stability_cases import StabilityRequest, is_model, run
 
     target = folder or RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
@@ -45,6 +45,11 @@ def stability(
         print_json(report.model_dump(mode="json"))
     else:
         _print(cases)
+        for model in filter(is_model, names or ()):
+            echo(
+                "stability looks at whole runs; what the model is made of, and what to change: "
+                f"contactlab check {model}"
+            )
     if failed := [each.name for each in cases if not each.passed]:
         raise ExpectationError(f"{len(failed)} of {len(cases)} cases failed: {', '.join(failed)}")
 

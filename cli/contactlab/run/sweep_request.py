@@ -212,6 +212,14 @@ class SceneLoader:
             self._opened[reference] = scene
         return self._opened[reference]
 
+    def driven(self, reference: str, drive: Drive | None) -> Scene:
+        """Return the scene with another drive; with its own if None.
+
+        Raises:
+            SceneError: as `open`, or a file of the drive is missing, or it does not fit the model.
+        """
+        return self.open(reference).with_drive(drive, self.folder or Path())
+
     def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
         """Return the scene as a sweep has it, and the sweep's plan with the hash of its drive.
 

@@ -105,6 +105,9 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
         words = (*starts, QPOS0)
         axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
     own = _own_axes(manifest) if manifest else []
+    if base.model.njnt and "joint_speed" not in {axis.name for axis in own}:
+        text = "speed of every joint at the start, either way by seed"
+        axes.append(AxisSpec("joint_speed", "rad/s", text, number(least=0)))
     taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
     for name in (axis.name for axis in own):
         if name in taken:

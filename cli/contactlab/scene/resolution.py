@@ -76,6 +76,11 @@ class ResolvedRun:
         return str(self.settings.get("keyframe", QPOS0))
 
     @property
+    def joint_speed(self) -> float:
+        """How fast joints turn at the start, on top of the initial state [rad/s]."""
+        return as_number(self.settings.get("joint_speed", 0.0))
+
+    @property
     def steps(self) -> int:
         """Steps that cover the duration; at least one."""
         return steps_of(self.duration, self.timestep)

@@ -147,7 +147,7 @@ class RowGroup:
         self.starting = [
             place
             for place, setting in enumerate(self.settings)
-            if setting.initial or setting.name == "keyframe"
+            if setting.initial or setting.name in {"keyframe", "joint_speed"}
         ]
         self.identity = RunIdentity(base, first, scene, deciding)
 

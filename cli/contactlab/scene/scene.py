@@ -33,6 +33,7 @@ from contactlab.scene.initial_states import (
     initial_states,
     nudged_states,
 )
+from contactlab.scene.joint_motion import start_joints
 from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.resolution import (
     BARE_DURATION,
@@ -277,7 +278,8 @@ class InitialStateMaker:
         """
         groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self._source.named_in_errors():
-            return InitialStates.joined([self._states(group) for group in groups])
+            starts = InitialStates.joined([self._states(group) for group in groups])
+        return start_joints(self._base(runs[0].structure).model, starts, runs)
 
     def _states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         if is_driven(runs[0].drive):

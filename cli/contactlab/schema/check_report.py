@@ -4,13 +4,16 @@ from typing import Literal
 
 from pydantic import Field
 
+from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import Engine, Provenance, Setting
+from contactlab.schema.judged_check import JudgedCheck
 from contactlab.schema.strict_model import Model
 
-CHECK_VERSION = 1
+CHECK_VERSION = 2
 
 CheckName = Literal["timestep", "free_motion", "flat_contact", "hold", "repeat", "shells"]
-CheckVerdict = Literal["pass", "fail", "not applicable"]
+CheckVerdict = Literal["pass", "warning", "fail", "not applicable"]
+Severity = Literal["error", "warning", "note"]
 TaskKind = Literal["manipulation", "locomotion"]
 
 
@@ -23,15 +26,7 @@ class Measure(Model):
     unit: str
     limit: float | None = Field(description="Its limit; null if it is only reported.")
     holds: bool | None = Field(description="Whether the limit is met; null if it is only reported.")
-
-
-class Change(Model):
-    """A change of the model, and the outcome of running the model with it."""
-
-    lines: tuple[str, ...] = Field(description="MJCF, ready to paste.")
-    settings: dict[str, Setting] = Field(description="The same as axes of a sweep.")
-    cures: bool | None = Field(description="Whether the check then passed; null if it was not run.")
-    shown: str = Field(description="The outcome of running it.")
+    severity: Severity = Field(default="note", description="What it means to miss the limit.")
 
 
 class CheckResult(Model):
@@ -42,35 +37,64 @@ class CheckResult(Model):
     verdict: CheckVerdict
     reason: str
     measures: tuple[Measure, ...] = ()
-    changes: tuple[Change, ...] = ()
     notes: tuple[str, ...] = Field(default=(), description="Further remarks.")
     stores: tuple[str, ...] = Field(
         default=(), description="Its evidence: stores, relative to the folder of the check."
     )
 
 
+class Finding(JudgedCheck):
+    """All measures of one name against their limit, or a check that does not apply."""
+
+    check: CheckName
+    severity: Severity = Field(description="What it means if it fails and is not accepted.")
+
+
+class Edit(Model):
+    """Lines of MJCF and where they belong, tried by compiling the model with them."""
+
+    where: str
+    lines: tuple[str, ...]
+
+
+class Remedy(Model):
+    """A change that was run on the model together with those before it in the list."""
+
+    settings: dict[str, Setting] = Field(description="The change, as axes of a sweep.")
+    mends: tuple[str, ...] = Field(description="The findings that no longer fail with it.")
+    time: float | None = Field(
+        description="CPU time of stepping with it and those before it, over that of the model as "
+        "it is; null if that was not measured."
+    )
+    edits: tuple[Edit, ...] = Field(description="The change of the model's file.")
+
+
 class CheckReport(Model):
     """Every check of one model (`check.json`). Units are SI; each measure names its own."""
 
-    check_version: Literal[1] = CHECK_VERSION
+    check_version: Literal[2] = CHECK_VERSION
     model: str = Field(description="The model as given.")
     scene: str
     scene_hash: str
     overrides: tuple[str, ...] = Field(description="--set, as given.")
     keyframe: str | None = Field(description="The keyframe that runs start from; null if none.")
+    drive: Drive = Field(description="What drives the runs of the model itself.")
     kind: TaskKind
     kind_reason: str
     settings: dict[str, Setting] = Field(description="Every resolved setting, defaults included.")
     engine: Engine
     provenance: Provenance
-    passed: bool = Field(description="Whether no check failed.")
+    passed: bool = Field(description="Whether there is no error that is not accepted.")
     checks: tuple[CheckResult, ...]
+    findings: tuple[Finding, ...] = Field(description="What was judged, errors first.")
+    remedies: tuple[Remedy, ...] = Field(description="Changes that help, each with those above.")
+    notes: tuple[str, ...] = Field(description="Acceptances that are stale, remedies not found.")
 
 
 class Reference(Model):
     """One run of one environment, which a parallel engine must reproduce (`reference.json`)."""
 
-    check_version: Literal[1] = CHECK_VERSION
+    check_version: Literal[1] = 1
     scene: str
     scene_hash: str
     store: str = Field(description="The store that holds the run, relative to this file.")

@@ -154,6 +154,11 @@ def _number(text: str) -> float | str:
         return text
 
 
+def drive_data(drive: Drive) -> object:
+    """Return a drive as a sweep file has it."""
+    return drive if isinstance(drive, str) else drive.model_dump(exclude_none=True)
+
+
 def drive_file(drive: Drive) -> str | None:
     """Return the file that a drive names; None for others."""
     match drive:

@@ -85,6 +85,15 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     return [_case(name, known) for name in names or known]
 
 
+def is_model(name: str) -> bool:
+    """Say whether a name is that of a model, and not of a case.
+
+    Raises:
+        SweepFileError: it is neither.
+    """
+    return isinstance(find_cases([name])[0].source, str)
+
+
 def run_case(case: StabilityCase, session: Session, drive: Drive | None = None) -> StabilityResult:
     """Run one case; see `run`."""
     started = time.monotonic()

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -22,11 +23,11 @@ def _outside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def checked(tmp_path: Path) -> Checked:
     """Check a scene by name, or a model given as MJCF, into `tmp_path / "check"`."""
 
-    def check(model: str, *only: str, assign: tuple[str, ...] = (), **options: str) -> CheckReport:
+    def check(model: str, *only: str, assign: tuple[str, ...] = (), **options: Any) -> CheckReport:
         if model.lstrip().startswith("<"):
             (tmp_path / "own.xml").write_text(model)
             model = "own.xml"
-        request = CheckRequest(model, assign, only, **options)  # pyright: ignore[reportArgumentType]
+        request = CheckRequest(model, assign, only, **options)
         return run(request, Session(tmp_path / "check"))
 
     return check
@@ -34,10 +35,10 @@ def checked(tmp_path: Path) -> Checked:
 
 @pytest.fixture
 def one(checked: Checked) -> Callable[..., CheckResult]:
-    """Run one check, by name."""
+    """Run one check, by name, without remedies."""
 
-    def check(model: str, name: str, *assign: str, **options: str) -> CheckResult:
-        (result,) = checked(model, name, assign=assign, **options).checks
+    def check(model: str, name: str, *assign: str, **options: Any) -> CheckResult:
+        (result,) = checked(model, name, assign=assign, remedies=False, **options).checks
         return result
 
     return check

@@ -33,14 +33,13 @@ def test_a_shell_is_found_with_its_size(
     one: One, values: Values, missed: Missed, model: str, size: float
 ) -> None:
     found = one(model, "shells")
-    assert found.verdict == "fail"
+    assert found.verdict == "warning"
     assert [(each.name, each.value) for each in missed(found)] == [("shell", pytest.approx(size))]
-    assert f"a margin of {size * 1e3:.3g} mm" in found.reason
+    assert f"shell {size * 1e3:.3g} mm" in found.reason
     # At rest it hovers by the shell less the 0.1078 mm that four corners sink by default.
     from_ = values(found, "pushes_from")["floor-box"]
     assert from_ is not None
     assert size - 1.1e-4 <= from_ < size
-    assert any('margin="0"' in line for line in found.changes[0].lines)
 
 
 @pytest.mark.parametrize(
@@ -50,15 +49,14 @@ def test_what_is_no_shell_is_not_found(one: One, model: str) -> None:
     """A gap makes contacts that exert nothing."""
     found = one(model, "shells")
     assert found.verdict == "pass"
-    assert found.changes == ()
 
 
 def test_a_shell_that_nothing_enters_is_found(one: One, values: Values) -> None:
     far = box(floor='margin="0.02"').replace("0 0 .06", "0 0 100")
     found = one(far, "shells")
-    assert found.verdict == "fail"
+    assert found.verdict == "warning"
     assert values(found, "pushes_from")["floor-box"] == 0
-    assert "can push before touch" in found.reason
+    assert not any("pushed" in note for note in found.notes)
 
 
 @pytest.mark.parametrize(
@@ -73,5 +71,4 @@ def test_a_shell_that_nothing_enters_is_found(one: One, values: Values) -> None:
 )
 def test_softness_is_time_constant_times_damping_ratio(one: One, solref: str, fails: bool) -> None:
     found = one("gripping_pad", "shells", f"solref={solref}")
-    assert (found.verdict == "fail") == fails
-    assert ("softness" in found.reason) == fails
+    assert (found.verdict == "warning") == fails

@@ -16,8 +16,7 @@ Missed = Callable[[CheckResult], list[Measure]]
 
 
 def test_the_reference_is_the_run(checked: Checked, tmp_path: Path) -> None:
-    report = checked("ball_drop", "repeat", assign=("duration=0.3", "drop_height=0.05"))
-    assert report.passed
+    checked("ball_drop", "repeat", assign=("duration=0.3", "drop_height=0.05"))
     text = (tmp_path / "check/reference.json").read_text()
     reference = Reference.model_validate_json(text)
     store = Store.open(tmp_path / "check" / reference.store)
@@ -48,4 +47,3 @@ def test_a_run_that_differs_elsewhere_is_found(
     found = one("ball_drop", "repeat", "duration=0.1", "drop_height=0.5")
     assert found.verdict == "fail"
     assert {each.of for each in missed(found)} == {"in another process", "in the same process"}
-    assert "the trajectory differs" in found.reason

@@ -1,40 +1,14 @@
-"""Measures against limits, changes with their MJCF, and the results of checks."""
+"""The results of checks, and what they find."""
 
-import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
-from contactlab.mjcf import CONTACT, OPTIONS, default_lines, option_lines
 from contactlab.run.evidence_record import as_written
-from contactlab.schema.check_report import Change, CheckName, CheckResult, Measure
-from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.session import Values
+from contactlab.schema.check_report import CheckName, CheckResult, CheckVerdict, Finding, Measure
+from contactlab.schema.judged_check import CheckOutcome
+from contactlab.studies.check.limits import in_words, utilization
 
-
-def upper_limit(name: str, value: float, unit: str, limit: float, of: str | None = None) -> Measure:
-    """Return a measure whose limit holds if the value is at most the limit; NaN never holds."""
-    return Measure(
-        name=name,
-        of=of,
-        value=value if math.isfinite(value) else None,
-        unit=unit,
-        limit=limit,
-        holds=bool(value <= limit),
-    )
-
-
-def strict_limit(
-    name: str, value: float, unit: str, limit: float, of: str | None = None
-) -> Measure:
-    """Return a measure whose limit holds if the value is below the limit; NaN never holds."""
-    return upper_limit(name, value, unit, limit, of).model_copy(
-        update={"holds": bool(value < limit)}
-    )
-
-
-def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
-    """Return a measure without a limit."""
-    kept = value if math.isfinite(value) else None
-    return Measure(name=name, of=of, value=kept, unit=unit, limit=None, holds=None)
+_OUTCOMES: Mapping[str, CheckOutcome] = {"error": "failed", "warning": "warned", "note": "noted"}
+_VERDICTS: Mapping[str, CheckVerdict] = {"error": "fail", "warning": "warning", "note": "pass"}
 
 
 def violated(measures: Sequence[Measure]) -> list[Measure]:
@@ -42,24 +16,24 @@ def violated(measures: Sequence[Measure]) -> list[Measure]:
     return [each for each in measures if each.holds is False]
 
 
-def check_result(  # noqa: PLR0913 - the parts of a result
+def check_result(
     name: CheckName,
     asks: str,
-    reason: str,
     measures: Sequence[Measure],
     *,
-    changes: Sequence[Change] = (),
     notes: Sequence[str] = (),
     stores: Sequence[str] = (),
 ) -> CheckResult:
-    """Return the result of a check: a pass if every limit holds."""
+    """Return the result of a check: a pass if every limit holds, else as bad as its worst miss."""
+    worst = {each.severity for each in violated(measures)}
+    severity = next((each for each in _VERDICTS if each in worst), "note")
+    told = sorted(_by_name(measures), key=lambda group: not violated(group))
     return CheckResult(
         name=name,
         asks=asks,
-        verdict="fail" if violated(measures) else "pass",
-        reason=reason,
+        verdict=_VERDICTS[severity],
+        reason="; ".join(in_words(max(group, key=utilization)) for group in told),
         measures=tuple(measures),
-        changes=tuple(changes),
         notes=tuple(notes),
         stores=tuple(stores),
     )
@@ -84,29 +58,41 @@ def not_applicable(
     )
 
 
+def findings_of(result: CheckResult) -> Iterator[Finding]:
+    """Yield what a check finds: one finding for all limited measures of one name."""
+    if result.verdict == "not applicable":
+        yield Finding(
+            name=result.name,
+            check=result.name,
+            severity="note",
+            outcome="skipped",
+            failing=0,
+            message=result.reason,
+        )
+    for group in _by_name(result.measures):
+        failing = violated(group)
+        worst = max(failing or group, key=utilization)
+        count = f"; {len(failing)} of {len(group)} miss it" if failing and len(group) > 1 else ""
+        yield Finding(
+            name=worst.name,
+            check=result.name,
+            severity=worst.severity,
+            outcome=_OUTCOMES[worst.severity] if failing else "passed",
+            failing=len(failing),
+            message=in_words(worst) + count,
+        )
+
+
+def _by_name(measures: Sequence[Measure]) -> list[list[Measure]]:
+    groups: dict[str, list[Measure]] = {}
+    for each in measures:
+        if each.limit is not None:
+            groups.setdefault(each.name, []).append(each)
+    return list(groups.values())
+
+
 _DEFAULT_CURVE = (0.5, 2.0)
 """Midpoint and power of an impedance, where MJCF names none."""
-
-
-def change(checked: CheckedModel, settings: Values, *, cures: bool | None, shown: str) -> Change:
-    """Return a change of settings, with the lines that make it in a model.
-
-    Args:
-        checked: the model; whether it has <pair> elements decides where contact parameters stand.
-        settings: values by axis: options and contact parameters.
-        cures: whether the check passed with it; None if that was not run.
-        shown: what running it gave.
-    """
-    texts = {name: mjcf_text(value) for name, value in settings.items()}
-    options = {name: text for name, text in texts.items() if name in OPTIONS}
-    contact = {name: texts[name] for name in CONTACT if name in texts}
-    elements = ("geom", "pair") if checked.base.targets.explicit else ("geom",)
-    return Change(
-        lines=(*option_lines(options, {}), *default_lines(contact, elements)),
-        settings={name: as_written(value) for name, value in settings.items()},
-        cures=cures,
-        shown=shown,
-    )
 
 
 def mjcf_text(value: object) -> str:
@@ -114,3 +100,8 @@ def mjcf_text(value: object) -> str:
     if isinstance(value, tuple) and value[3:] == _DEFAULT_CURVE:
         value = value[:3]
     return str(as_written((value,) if isinstance(value, float) else value))
+
+
+def settings_text(settings: Mapping[str, object]) -> str:
+    """Return settings as text: `solref 0.005 1 and timestep 0.002`."""
+    return " and ".join(f"{name} {mjcf_text(value)}" for name, value in settings.items())

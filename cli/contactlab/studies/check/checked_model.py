@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -20,10 +20,12 @@ from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings
 from contactlab.schema.check_report import TaskKind
+from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.studies.session import Session, Values, read_settings
+from contactlab.studies.check.limits import DEFAULT_LIMITS, Limits
+from contactlab.studies.session import Values, read_settings
 
 _WALKING = 2
 """Number of actuated limbs from which a free body is taken to walk."""
@@ -47,6 +49,8 @@ class CheckedModel:
         given: the settings as requested, `NAME=VALUE` each.
         values: the same settings, by axis.
         duration: simulated time of its nominal run [s].
+        drive: what drives it; the scene's own if None.
+        limits: what its measures are held against.
         kind: the kind of task that it is for.
         kind_reason: why, in words.
     """
@@ -56,13 +60,19 @@ class CheckedModel:
     given: tuple[str, ...]
     values: Mapping[str, object]
     duration: float
+    drive: Drive | None
+    limits: Limits
     kind: TaskKind
     kind_reason: str
 
-    @property
+    def changed(self, settings: Values) -> "CheckedModel":
+        """Return the model with more settings."""
+        return replace(self, values={**self.values, **settings})
+
+    @cached_property
     def scene(self) -> Scene:
-        """The model's scene."""
-        return self.scenes.open(self.reference)
+        """The model's scene, driven."""
+        return self.scenes.driven(self.reference, self.drive)
 
     @cached_property
     def resolved(self) -> ResolvedRun:
@@ -120,13 +130,22 @@ class CheckedModel:
         return self.resolved.settings
 
 
-def open_model(reference: str, assign: Sequence[str], kind: TaskKind | None = None) -> CheckedModel:
+def open_model(
+    reference: str,
+    assign: Sequence[str],
+    kind: TaskKind | None = None,
+    *,
+    drive: Drive | None = None,
+    limits: Limits = DEFAULT_LIMITS,
+) -> CheckedModel:
     """Open a model for its checks.
 
     Args:
         reference: a shipped scene, a folder, a model file or a robot.
         assign: `NAME=VALUE` for axes of the scene, each one value, and for `duration`.
         kind: of task; derived from the model if None.
+        drive: what drives it; the scene's own if None.
+        limits: what its measures are held against.
 
     Raises:
         SceneError: there is no such scene, or it does not compile.
@@ -154,6 +173,8 @@ def open_model(reference: str, assign: Sequence[str], kind: TaskKind | None = No
         given=tuple(assign),
         values=_settings(resolved, values),
         duration=scene.duration if sweep.duration is None else sweep.duration,
+        drive="exercise" if drive is None and scene.source.manifest is None else drive,
+        limits=limits,
         kind=task,
         kind_reason=reason,
     )
@@ -180,10 +201,6 @@ def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
         name, count = max(walking.items(), key=lambda each: each[1])
         return "locomotion", f"'{name}' is free and has {count} actuated limbs"
     return "manipulation", "no free body has several actuated limbs"
-
-
-NOMINAL_STORE = "run"
-"""Name of the store of the nominal run, that of the model as it is."""
 
 
 @dataclass(frozen=True)
@@ -216,85 +233,3 @@ class CheckRun:
     def is_complete(self) -> bool:
         """Whether it was simulated to its end, without an engine warning."""
         return self.record.status == "ok" and not self.record.warnings
-
-
-@dataclass
-class CheckRunner:
-    """Runs a model, or other scenes with its parameters, for checks.
-
-    Attributes:
-        checked: the model.
-        session: where and how sweeps are run.
-    """
-
-    checked: CheckedModel
-    session: Session
-    _stores: dict[str, None] = field(default_factory=dict[str, None])
-
-    @cached_property
-    def nominal(self) -> CheckRun:
-        """The run of the model as it is, with every check of its trace."""
-        return self.run(NOMINAL_STORE, "The model as it is", [{}], checks="all")[0]
-
-    @property
-    def has_nominal(self) -> bool:
-        """Whether the nominal run was needed by any check."""
-        return NOMINAL_STORE in self._stores
-
-    def run(
-        self,
-        name: str,
-        description: str,
-        rows: Sequence[Values],
-        *,
-        duration: float | None = None,
-        **keys: object,
-    ) -> list[CheckRun]:
-        """Run the model with more settings.
-
-        Args:
-            name: of the store.
-            description: what the runs are for.
-            rows: settings of each run, beyond those under check.
-            duration: simulated time [s]; that of the model if None.
-            keys: further keys of the sweep file.
-        """
-        checked = self.checked
-        seconds = checked.duration if duration is None else duration
-        whole = [{**checked.values, **row} for row in rows]
-        runs = self.run_scene(name, description, checked.reference, whole, seconds, **keys)
-        return [replace(run, row=row) for row, run in zip(rows, runs, strict=True)]
-
-    def run_scene(
-        self,
-        name: str,
-        description: str,
-        reference: str,
-        rows: Sequence[Values],
-        duration: float,
-        **keys: object,
-    ) -> list[CheckRun]:
-        """Run any scene; see `run`."""
-        first, *others = rows
-        sweep = {
-            "version": 1,
-            "scene": reference,
-            "description": description,
-            "axes": {axis: [value] for axis, value in first.items()},
-            "include": others,
-            "trace": "all",
-            "duration": duration,
-            **keys,
-        }
-        scenes = self.checked.scenes
-        store = self.session.run_derived(name, sweep, scenes)
-        self._stores[name] = None
-        scene = scenes.open(reference)
-        ids = [scene.run_id(scene.resolve(row, 0, duration)) for row in rows]
-        return [
-            CheckRun(row, row, store, store.record(run)) for row, run in zip(rows, ids, strict=True)
-        ]
-
-    def stores(self, *names: str) -> tuple[str, ...]:
-        """Return which of these stores were written."""
-        return tuple(name for name in names if name in self._stores)

@@ -1,49 +1,39 @@
 """Check 6: can a policy exploit forces at a distance, or soft contacts."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.trace_arrays import DISTANCE, FORCE
-from contactlab.schema.check_report import Change, CheckResult, Measure
-from contactlab.studies.check.check_results import (
-    change,
-    check_result,
-    informative,
-    not_applicable,
-    upper_limit,
-    violated,
-)
-from contactlab.studies.check.checked_model import CheckedModel, CheckRunner
+from contactlab.schema.check_report import CheckResult, Measure
+from contactlab.studies.check.check_results import check_result, not_applicable
+from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
+from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.contact_sets import STIFF_SOLREF, effective_solref, longest_timestep
+from contactlab.studies.check.limits import informative
+from contactlab.studies.session import Values
 
 NAME = "shells"
-MARGIN = 1e-4
-"""Largest accepted margin [m]: as much as the accepted penetration."""
-
-SOFT = 0.02
-"""Time constant times damping ratio [s] of the engine's default contact. Grasps with 0.022 s sink
-by more than 3 mm, which the guideline calls exploitation of the simulator."""
-
 _ASKS = "contacts push at touch only, and are no softer than the engine's default"
-_SLACK = 1 + 1e-9
 
 
 def check_contact_margin(runner: CheckRunner) -> CheckResult:
-    """Compare margins, and stiffnesses of solref, with their limits."""
+    """Compare margins, and stiffnesses of solref, with their limits.
+
+    A margin may be as large as the accepted penetration. Grasps that are softer than the engine's
+    default, with 0.022 s, sink by more than 3 mm, which the guideline calls exploitation.
+    """
     pairs = runner.checked.prepared.pairs
     if not pairs:
         return not_applicable(NAME, _ASKS, "the model has no monitored contact pair")
     distances = _force_distances(runner)
-    measures = list(_measures(runner, distances))
-    return check_result(
-        NAME,
-        _ASKS,
-        _reason(measures),
-        measures,
-        changes=list(_changes(runner, measures)),
-        stores=runner.stores("run"),
-    )
+    notes = [
+        f"{name} pushed from {distance * 1e3:.3g} mm, before touch"
+        for name, distance in distances.items()
+        if distance and pairs[name].margin
+    ]
+    measures = list(_measures(runner.checked, distances))
+    return check_result(NAME, _ASKS, measures, notes=notes, stores=runner.stores(NOMINAL_STORE))
 
 
 def _force_distances(runner: CheckRunner) -> dict[str, float]:
@@ -56,52 +46,24 @@ def _force_distances(runner: CheckRunner) -> dict[str, float]:
     return distances
 
 
-def _measures(runner: CheckRunner, distances: dict[str, float]) -> Iterator[Measure]:
-    checked = runner.checked
+def _measures(checked: CheckedModel, distances: dict[str, float]) -> Iterator[Measure]:
     for name, record in checked.prepared.pairs.items():
-        yield upper_limit("shell", record.margin, "m", MARGIN, name)
+        yield checked.limits.measure("shell", record.margin, name)
         if record.margin > 0:
             yield informative("pushes_from", distances.get(name, 0.0), "m", name)
         stiffness, _ = stiffness_damping(effective_solref(checked, record.solref))
         soft = float(stiffness) ** -0.5 if stiffness > 0 else math.inf
-        yield upper_limit("softness", soft, "s", SOFT * _SLACK, name)
+        yield checked.limits.measure("softness", soft, name)
 
 
-def _reason(measures: Sequence[Measure]) -> str:
-    shells = [each for each in violated(measures) if each.name == "shell"]
-    soft = [each for each in violated(measures) if each.name == "softness"]
-    pushes = {each.of: each.value or 0.0 for each in measures if each.name == "pushes_from"}
-    parts: list[str] = []
-    if shells:
-        worst = max(shells, key=lambda each: each.value or 0.0)
-        size, from_ = (worst.value or 0.0) * 1e3, pushes.get(worst.of, 0.0) * 1e3
-        parts.append(
-            f"{worst.of} has a margin of {size:.3g} mm, in which contact pushes before touch; "
-            f"in this run it did so from {from_:.3g} mm"
-            if from_
-            else f"{worst.of} has a margin of {size:.3g} mm, in which contact can push before touch"
-        )
-        parts += [f"so have {len(shells) - 1} other pairs"] if len(shells) > 1 else []
-    if soft:
-        worst = max(soft, key=lambda each: math.inf if each.value is None else each.value)
-        softness = "no stiffness" if worst.value is None else f"a softness of {worst.value:.3g} s"
-        parts.append(f"{worst.of} has {softness}, above the default's {SOFT:g} s")
-    return "; ".join(parts) or "no pair pushes before touch, and none is softer than the default"
+def touch_only(_: CheckRunner, __: CheckResult) -> Iterator[Values]:
+    """Yield no margin; `gap` still detects contacts at a distance, without force."""
+    yield {"margin": 0.0}
 
 
-def _changes(runner: CheckRunner, measures: Sequence[Measure]) -> Iterator[Change]:
-    names = {each.name for each in violated(measures)}
-    if "shell" in names:
-        shown = "contact begins at touch; `gap` still detects it at a distance, without force"
-        yield change(runner.checked, {"margin": 0.0}, cures=None, shown=shown)
-    if "softness" in names:
-        shown = f"the guideline's stiffer contact, instead of {SOFT:g} s and more"
-        yield change(runner.checked, _stiffer(runner.checked), cures=None, shown=shown)
-
-
-def _stiffer(checked: CheckedModel) -> dict[str, object]:
-    """Return the guideline's solref, and a timestep at which refsafe does not raise it."""
+def stiffer(runner: CheckRunner, _: CheckResult) -> Iterator[Values]:
+    """Yield the guideline's solref, and a timestep at which refsafe does not raise it."""
     settings: dict[str, object] = {"solref": STIFF_SOLREF}
-    if effective_solref(checked, STIFF_SOLREF) != STIFF_SOLREF:
+    if effective_solref(runner.checked, STIFF_SOLREF) != STIFF_SOLREF:
         settings["timestep"] = longest_timestep(STIFF_SOLREF[0])
-    return settings
+    yield settings

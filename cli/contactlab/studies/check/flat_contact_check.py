@@ -1,22 +1,14 @@
-"""Check 3: does a box rest on flat ground, with the contact parameters of the model."""
+"""Check 3: does a box rest on flat ground, with the contact parameters of what stands."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 
 import numpy as np
 
 from contactlab.contact.contact_laws import rest_penetration, stiffness_damping
-from contactlab.schema.check_report import Change, CheckResult, Measure
-from contactlab.studies.check.check_results import (
-    change,
-    check_result,
-    informative,
-    mjcf_text,
-    not_applicable,
-    strict_limit,
-    upper_limit,
-    violated,
-)
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
+from contactlab.schema.check_report import CheckResult, Measure
+from contactlab.studies.check.check_results import check_result, not_applicable, violated
+from contactlab.studies.check.check_runner import HOLD_STORE, NOMINAL_STORE, CheckRunner
+from contactlab.studies.check.checked_model import CheckedModel, CheckRun
 from contactlab.studies.check.contact_sets import (
     ContactSet,
     contact_sets,
@@ -26,16 +18,12 @@ from contactlab.studies.check.contact_sets import (
     rounded_down,
     stiff_solref,
 )
+from contactlab.studies.check.hold_check import nothing_held
+from contactlab.studies.check.limits import informative
 from contactlab.studies.session import Values
 
 NAME = "flat_contact"
-REMEDY = "flat_contact_stiffer"
 SCENE = "flat_contact"
-DEPTH = 1e-4
-"""Largest accepted steady penetration on flat ground [m]."""
-
-GROWTH = 1e-6
-"""Largest accepted growth of penetration [m/s]: 1 % of that depth a second."""
 
 _ASKS = "a body rests on flat ground less than 0.1 mm deep, and does not sink further"
 _CORNERS = 4
@@ -61,25 +49,19 @@ _TIMES = 30
 
 
 def check_flat_contact(runner: CheckRunner) -> CheckResult:
-    """Rest a box on flat ground with each distinct set of contact parameters of the model."""
+    """Rest a box on flat ground with each distinct set of contact parameters of what stands."""
     checked = runner.checked
-    sets = contact_sets(checked)
+    held = {each.name for each in runner.holding.held}
+    sets = [each for each in contact_sets(checked) if held.intersection(each.pairs)]
     if not sets:
-        reason = "the model has no monitored contact pair whose parameters could be tried"
-        return not_applicable(NAME, _ASKS, reason)
-    runs = _rest(runner, NAME, [_row(checked, each) for each in sets], sets)
-    pairs = list(zip(sets, runs, strict=True))
+        reason = nothing_held(runner.holding)
+        return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL_STORE, HOLD_STORE))
+    text = "A box at rest on flat ground, with the contact parameters of the model"
+    seconds = max(_settling(each) for each in sets)
+    runs = runner.run_scene(NAME, text, SCENE, [_row(checked, each) for each in sets], seconds)
+    pairs = zip(sets, runs, strict=True)
     measures = [measure for each in pairs for measure in _measures(checked, *each)]
-    failed = [each for each in pairs if violated(_measures(checked, *each))]
-    changes = list(_stiffer(runner, failed)) if failed else []
-    return check_result(
-        NAME,
-        _ASKS,
-        _reason(measures, changes),
-        measures,
-        changes=changes,
-        stores=runner.stores(NAME, REMEDY),
-    )
+    return check_result(NAME, _ASKS, measures, stores=runner.stores(NAME))
 
 
 def _row(checked: CheckedModel, contact: ContactSet) -> dict[str, object]:
@@ -93,14 +75,6 @@ def _row(checked: CheckedModel, contact: ContactSet) -> dict[str, object]:
 def gravity(checked: CheckedModel) -> float:
     """Return the magnitude of the model's gravity [m/s^2]; the Earth's if it has none."""
     return float(np.linalg.norm(checked.settings.vector("gravity"))) or _GRAVITY
-
-
-def _rest(
-    runner: CheckRunner, store: str, rows: Sequence[Values], sets: Sequence[ContactSet]
-) -> list[CheckRun]:
-    text = "A box at rest on flat ground, with the contact parameters of the model"
-    seconds = max(_settling(each) for each in sets)
-    return runner.run_scene(store, text, SCENE, rows, seconds)
 
 
 def _settling(contact: ContactSet) -> float:
@@ -124,58 +98,39 @@ def _measures(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> list
         for value in (metrics["penetration_steady"], metrics["penetration_growth"])
     )
     return [
-        strict_limit("penetration_steady", depth, "m", DEPTH, name),
-        upper_limit("penetration_growth", growth, "m/s", GROWTH, name),
+        checked.limits.measure("penetration_steady", depth, name),
+        checked.limits.measure("penetration_growth", growth, name),
         informative("penetration_expected", expected_depth(checked, contact), "m", name),
     ]
 
 
-def _reason(measures: Sequence[Measure], changes: Sequence[Change]) -> str:
-    depths = [each for each in measures if each.name == "penetration_steady"]
-    worst = max(depths, key=lambda each: each.value if each.value is not None else np.inf)
-    if worst.value is None:
-        return f"with {worst.of} the box does not rest on the ground"
-    text = f"with {worst.of} the box rests {worst.value * 1e3:.3g} mm deep (limit 0.1 mm)"
-    growing = [each for each in violated(measures) if each.name == "penetration_growth"]
-    if growing:
-        text += ", where it does not come to rest" if growing[0].of == worst.of else ""
-    cured = [each for each in changes if each.cures]
-    return text + (f"; {cured[0].shown}" if cured else "")
-
-
-def _stiffer(
-    runner: CheckRunner, failed: Sequence[tuple[ContactSet, CheckRun]]
-) -> Iterator[Change]:
-    """Run each failed set with the solref of the closed form, and yield the changes."""
-    checked = runner.checked
-    sets = [contact for contact, _ in failed]
-    settings = [_stiff_settings(checked, *each) for each in failed]
-    rows = [{**_row(checked, each), **stiff} for each, stiff in zip(sets, settings, strict=True)]
-    for contact, stiff, run in zip(sets, settings, _rest(runner, REMEDY, rows, sets), strict=True):
-        depth = run.record.metrics["penetration_steady"]
-        cures = not violated(_measures(checked, contact, run))
-        rests = "rests nowhere" if depth is None else f"rests {depth * 1e3:.2g} mm deep"
-        shown = f"with {_words(stiff)} it {rests}"
-        yield change(checked, stiff, cures=cures, shown=shown)
-
-
-def _words(settings: Values) -> str:
-    return " and ".join(f"{name} {mjcf_text(value)}" for name, value in settings.items())
-
-
-def _stiff_settings(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> dict[str, object]:
-    """Return a solref that meets the limit, and a timestep at which refsafe does not raise it.
+def stiffer_rest(runner: CheckRunner, result: CheckResult) -> Iterator[Values]:
+    """Yield a solref that meets the limit, and a timestep at which refsafe does not raise it.
 
     The closed form holds for elliptic cones; for pyramidal ones the load is the one that gives the
-    measured depth by the same law.
+    measured depth by the same law. The stiffest that a failed set of parameters needs counts.
     """
-    mass, solimp = checked.subject_mass, np.array(contact.axes["solimp"])
-    depth = run.record.metrics["penetration_steady"]
-    load = mass * gravity(checked) / _CORNERS
-    if depth is not None:
-        load = max(load, load_at_depth(depth, 1 / mass, contact.solref, solimp))
-    solref = stiff_solref(load, 1 / mass, solimp, checked.resolved.timestep, DEPTH)
+    checked = runner.checked
+    failed = {each.of for each in violated(result.measures)}
+    depths = {each.of: each for each in result.measures if each.name == "penetration_steady"}
+    solrefs = [
+        _stiff_solref(checked, contact, depths[contact.name])
+        for contact in contact_sets(checked)
+        if contact.name in failed
+    ]
+    solref = min(solrefs)
     settings: dict[str, object] = {"solref": solref}
     if solref != effective_solref(checked, solref):
         settings["timestep"] = rounded_down(longest_timestep(solref[0]))
-    return settings
+    yield settings
+
+
+def _stiff_solref(
+    checked: CheckedModel, contact: ContactSet, depth: Measure
+) -> tuple[float, float]:
+    mass, solimp = checked.subject_mass, np.array(contact.axes["solimp"])
+    load = mass * gravity(checked) / _CORNERS
+    if depth.value is not None:
+        load = max(load, load_at_depth(depth.value, 1 / mass, contact.solref, solimp))
+    limit = depth.limit or 0.0
+    return stiff_solref(load, 1 / mass, solimp, checked.resolved.timestep, limit)

@@ -1,82 +1,30 @@
-"""Runs in free motion, where nothing acts but gravity, springs and inertia, and their energy."""
+"""Runs in free motion, where nothing acts but springs and inertia, and their energy."""
 
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 
-import mujoco
 import numpy as np
 
-from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.setting_values import as_number
 from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun, CheckRunner
+from contactlab.studies.check.check_runner import CheckRunner
+from contactlab.studies.check.checked_model import CheckedModel, CheckRun
+from contactlab.studies.check.tree_energy import Tree, tree_energies, trees_of
 from contactlab.studies.session import Values
-
-_FREE_DOFS = 6
-
-
-def single_free_bodies(model: mujoco.MjModel) -> tuple[int, ...]:
-    """Return the bodies on a free joint that carry no other moving body."""
-    joints = np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE)
-    trees = model.dof_treeid[model.jnt_dofadr[joints]]
-    alone = model.tree_dofnum[trees] == _FREE_DOFS
-    return tuple(model.jnt_bodyid[joints[alone]].tolist())
-
-
-def free_body_energy(
-    model: mujoco.MjModel, bodies: Sequence[int], qpos: Floats, qvel: Floats
-) -> tuple[Floats, Floats]:
-    """Return the kinetic and the potential energy of some single free bodies [J], (N,) each.
-
-    Kinetic energy is v' M v / 2 with the body's 6 x 6 inertia M and its velocity v along its own
-    axes, where M does not change with the pose.
-
-    Args:
-        model: the run's model.
-        bodies: single free bodies.
-        qpos: (N, nq) configurations.
-        qvel: (N, nv) velocities.
-    """
-    kinetic, potential = np.zeros(len(qpos)), np.zeros(len(qpos))
-    for body in bodies:
-        joint = int(model.body_jntadr[body])
-        place, dof = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
-        inertia = _inertia(model, place, dof)
-        turn = rotation_matrices(qpos[:, place + 3 : place + 7])
-        velocity = qvel[:, dof : dof + 6].copy()
-        velocity[:, :3] = np.einsum("nji,nj->ni", turn, velocity[:, :3])
-        kinetic += 0.5 * np.einsum("ni,ij,nj->n", velocity, inertia, velocity)
-        mass = float(model.body_subtreemass[body])
-        centre = qpos[:, place : place + 3] + turn @ (_moment(inertia) / mass)
-        potential -= mass * (centre @ np.asarray(model.opt.gravity))
-    return kinetic, potential
-
-
-def _inertia(model: mujoco.MjModel, place: int, dof: int) -> Floats:
-    """Return the 6 x 6 inertia of a free joint along its body's axes: linear, then angular."""
-    data = mujoco.MjData(model)
-    data.qpos[place : place + 7] = [0, 0, 0, 1, 0, 0, 0]
-    mujoco.mj_forward(model, data)
-    columns = np.zeros((_FREE_DOFS, model.nv))
-    units = np.zeros((_FREE_DOFS, model.nv))
-    units[np.arange(_FREE_DOFS), dof + np.arange(_FREE_DOFS)] = 1
-    for column, unit in zip(columns, units, strict=True):
-        mujoco.mj_mulM(model, data, column, unit)
-    return columns[:, dof : dof + _FREE_DOFS]
-
-
-def _moment(inertia: Floats) -> Floats:
-    """Return mass times centre of mass [kg m], which couples linear and angular velocity."""
-    return np.array([inertia[1, 5], inertia[2, 3], inertia[0, 4]])
-
 
 _SAMPLE = 0.25
 """Time at which trajectories are compared [s], before chaos separates them."""
 
 _LEAST = 1e-12
 """Difference [m or rad] below which there is only rounding."""
+
+_STILL = 1e-6
+"""Kinetic energy per mass [J/kg] below which nothing moves: about 1 mm/s."""
+
+_STATES = 500
+"""States at which the energy is computed, evenly spaced."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +55,7 @@ class EnergyBudget:
 
 
 def energy_budget(
-    trace: StoredTrace, damping: Floats, excluded: tuple[Floats, Floats]
+    trace: StoredTrace, damping: Floats, kinetic: Floats, potential: Floats
 ) -> EnergyBudget:
     """Return the energy budget of a trace.
 
@@ -116,19 +64,18 @@ def energy_budget(
 
     Args:
         trace: a run of at least two steps.
-        damping: (nv,) viscous coefficient of each degree of freedom.
-        excluded: (N + 1,) each, kinetic and potential energy of excluded bodies [J].
+        damping: (nv,) viscous coefficient of each degree of freedom that counts, else 0.
+        kinetic: energy at some times, the first and the last among them [J].
+        potential: energy at the same times [J].
     """
-    rows = len(trace.kinetic)
-    kinetic = trace.kinetic - excluded[0][:rows]
-    energy = kinetic + trace.potential - excluded[1][:rows]
-    power = (trace.qvel[:rows] ** 2) @ damping
+    energy = kinetic + potential
+    power = (trace.qvel**2) @ damping
     return EnergyBudget(
-        seconds=float(trace.time[rows - 1] - trace.time[0]),
+        seconds=float(trace.time[-1] - trace.time[0]),
         change=float(energy[-1] - energy[0]),
         most=float(np.abs(energy - energy[0]).max()),
         peak=float(kinetic.max()),
-        dampers=float(np.trapezoid(power, trace.time[:rows])),
+        dampers=float(np.trapezoid(power, trace.time)),
     )
 
 
@@ -158,6 +105,9 @@ def _largest_difference(some: Floats, others: Floats) -> float:
 
 
 SECONDS = 5.0
+SPEED = 2.5
+"""Speed of every joint at the start [rad/s]: that of a brisk motion of a robot."""
+
 BEST = "RK4"
 """The integrator of the highest order."""
 
@@ -165,6 +115,11 @@ _OFF = ("contact", "limit", "frictionloss", "equality", "actuation", "damper")
 _MEDIUM = ("density", "viscosity")
 _SHARES = (1.0, 0.5, 0.25)
 _TIMEOUT = 300.0
+
+
+def motion_name(integrator: str, timestep: float) -> str:
+    """Return an integrator and a timestep [s] as text."""
+    return f"{integrator} at {timestep * 1e3:g} ms"
 
 
 @dataclass(frozen=True)
@@ -176,25 +131,19 @@ class FreeMotionRun:
         integrator: the integrator.
         timestep: length of a step [s].
         damped: whether the model's damping was on.
-        budget: its energy budget, without bodies that fly freely beside a mechanism; None if it
-            is not complete.
+        budgets: the energy budget of each tree that moves, by its name; none if it is incomplete.
     """
 
     tried: CheckRun
     integrator: str
     timestep: float
     damped: bool
-    budget: EnergyBudget | None
-
-    @property
-    def drift(self) -> float:
-        """Magnitude of the change of energy per peak kinetic energy and time [1/s]."""
-        return abs(self.budget.rate(self.budget.peak)) if self.budget else math.inf
+    budgets: Mapping[str, EnergyBudget] = field(default_factory=dict[str, EnergyBudget])
 
     @property
     def name(self) -> str:
         """The integrator and the timestep, as text."""
-        return f"{self.integrator} at {self.timestep * 1e3:g} ms"
+        return motion_name(self.integrator, self.timestep)
 
 
 def why_not_applicable(checked: CheckedModel) -> str:
@@ -209,22 +158,34 @@ def why_not_applicable(checked: CheckedModel) -> str:
     return ""
 
 
+def floats(checked: CheckedModel) -> bool:
+    """Say whether any tree of the model would just fall."""
+    return any(tree.floats for tree in trees_of(checked.prepared.model))
+
+
 def free_motions(runner: CheckRunner, store: str) -> list[FreeMotionRun]:
     """Run the free motion with the model's integrator and RK4, at three timesteps each.
 
-    The first run has the model's settings; the last, if the model has damping, keeps that on.
+    The first run has the model's settings; the last, if the model has damping, keeps that on. A
+    brief runner makes these two only.
     """
     checked = runner.checked
     own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
-    rows: list[Values] = [
-        {**_free_settings(checked), "integrator": integrator, "timestep": timestep * share}
+    motions = [
+        (integrator, timestep * share)
         for integrator in dict.fromkeys((own, BEST))
         for share in _SHARES
-        if share == 1 or checked.fits(timestep * share, SECONDS)
+        if share == 1 or runner.fits(timestep * share, SECONDS)
+    ]
+    free = free_settings(checked)
+    rows: list[Values] = [
+        {**free, "integrator": integrator, "timestep": step}
+        for integrator, step in (motions[:1] if runner.brief else motions)
     ]
     undamped = len(rows)
     if is_damped(checked):
-        rows.append({**_damped_settings(checked, _MEDIUM, "damper"), "integrator": own})
+        kept = {name: value for name, value in free.items() if name not in {*_MEDIUM, "damper"}}
+        rows.append({**kept, "integrator": own, "timestep": timestep})
     runs = runner.run(
         store,
         "Free motion: contacts, limits and all that gives or takes energy are off",
@@ -232,6 +193,7 @@ def free_motions(runner: CheckRunner, store: str) -> list[FreeMotionRun]:
         duration=SECONDS,
         checks="none",
         timeout=_TIMEOUT,
+        drive="none",
     )
     return [_motion(checked, each, damped=row >= undamped) for row, each in enumerate(runs)]
 
@@ -254,46 +216,42 @@ def is_accounted(checked: CheckedModel) -> bool:
 
 def _motion(checked: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotionRun:
     settings = tried.record.settings
-    damping = np.array(checked.prepared.model.dof_damping, dtype=np.float64) * damped
     return FreeMotionRun(
         tried=tried,
         integrator=str(settings["integrator"]),
         timestep=as_number(settings["timestep"]),
         damped=damped,
-        budget=energy_budget(tried.trace, damping, _excluded_energy(checked, tried))
-        if tried.is_complete
-        else None,
+        budgets=dict(_budgets(checked, tried, damped=damped)) if tried.is_complete else {},
     )
 
 
-def free_flying_bodies(checked: CheckedModel) -> tuple[int, ...]:
-    """Return the single free bodies beside a mechanism; none if there is no mechanism."""
-    model = checked.prepared.model
-    loose = single_free_bodies(model)
-    return loose if model.nv > 6 * len(loose) else ()
+def _budgets(
+    checked: CheckedModel, tried: CheckRun, *, damped: bool
+) -> Iterator[tuple[str, EnergyBudget]]:
+    """Yield the budget of each tree that moves: the others have nothing to keep."""
+    model, trace = checked.changed(tried.row).prepared.model, tried.trace
+    trees: Sequence[Tree] = trees_of(model)
+    rows = np.unique(np.linspace(0, len(trace.qpos) - 1, _STATES).astype(int))
+    energies = tree_energies(model, trees, trace.qpos[rows], trace.qvel[rows])
+    for tree, kinetic, potential in zip(trees, *energies, strict=True):
+        damping = np.array(model.dof_damping, dtype=np.float64) * tree.dofs * damped
+        budget = energy_budget(trace, damping, kinetic, potential)
+        if budget.peak > _STILL * tree.mass:
+            yield tree.name, budget
 
 
-def _excluded_energy(checked: CheckedModel, tried: CheckRun) -> tuple[Floats, Floats]:
-    trace = tried.trace
-    return free_body_energy(
-        checked.prepared.model, free_flying_bodies(checked), trace.qpos, trace.qvel
-    )
-
-
-def _free_settings(checked: CheckedModel) -> dict[str, object]:
-    """Return the effects to switch off and settings to zero for free motion."""
+def free_settings(checked: CheckedModel) -> dict[str, object]:
+    """Return what free motion starts with, what it switches off and what it sets to zero."""
     model = checked.base.model
-    values: dict[str, object] = dict.fromkeys(_OFF, False)
+    values: dict[str, object] = {**dict.fromkeys(_OFF, False), "joint_speed": SPEED}
     values |= {name: 0.0 for name in _MEDIUM if checked.settings[name]}
+    values |= {"gravity": 0.0} if floats(checked) else {}
     compensated = np.flatnonzero(model.body_gravcomp)
     return values | {f"body_gravcomp[{model.body(index).name}]": 0.0 for index in compensated}
 
 
-def _damped_settings(
-    checked: CheckedModel, medium: tuple[str, ...], switch: str
-) -> dict[str, object]:
-    return {
-        name: value
-        for name, value in _free_settings(checked).items()
-        if name not in {*medium, switch}
-    }
+def switched_off(checked: CheckedModel) -> str:
+    """Return in words what acts in free motion, and what does not."""
+    off = [*_OFF, *(name for name in _MEDIUM if checked.settings[name])]
+    gravity = "gravity too, since it floats" if floats(checked) else "gravity acts"
+    return f"every joint starts at {SPEED:g} rad/s, either way; off: {', '.join(off)}; {gravity}"

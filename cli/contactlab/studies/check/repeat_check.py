@@ -4,8 +4,10 @@ from dataclasses import replace
 
 from contactlab.measure import METRICS
 from contactlab.schema.check_report import CheckResult, Measure, Reference
-from contactlab.studies.check.check_results import check_result, not_applicable, upper_limit
-from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckRun, CheckRunner
+from contactlab.studies.check.check_results import check_result, not_applicable
+from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
+from contactlab.studies.check.checked_model import CheckRun
+from contactlab.studies.check.limits import DEFAULT_LIMITS
 
 NAME = "repeat"
 TOLERANCE = 0.05
@@ -22,15 +24,9 @@ def check_repeat(runner: CheckRunner) -> CheckResult:
         return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL_STORE))
     again = _again(runner)
     measures = [_differs("in another process", nominal, again), *_in_this_process(nominal)]
-    wrong = [each for each in measures if not each.holds]
-    if wrong:
-        reason = f"the trajectory differs {' and '.join(str(each.of) for each in wrong)}"
-    else:
-        reason = (
-            f"{nominal.record.steps} steps are equal bit for bit; reference.json has what a "
-            f"parallel engine must reproduce within {TOLERANCE:.0%}"
-        )
-    return check_result(NAME, _ASKS, reason, measures, stores=runner.stores(NOMINAL_STORE, NAME))
+    note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
+    stores = runner.stores(NOMINAL_STORE, NAME)
+    return check_result(NAME, _ASKS, measures, notes=[note], stores=stores)
 
 
 def reference_of(nominal: CheckRun) -> Reference:
@@ -69,11 +65,11 @@ def _again(runner: CheckRunner) -> CheckRun:
 
 def _differs(where: str, some: CheckRun, other: CheckRun) -> Measure:
     unequal = some.record.trajectory_hash != other.record.trajectory_hash
-    return upper_limit("trajectories_differ", float(unequal), "1", 0.0, where)
+    return DEFAULT_LIMITS.measure("trajectories_differ", float(unequal), where)
 
 
 def _in_this_process(nominal: CheckRun) -> list[Measure]:
     repeats = nominal.record.metrics.get("repeats")
     if repeats is None:
         return []
-    return [upper_limit("trajectories_differ", 1.0 - repeats, "1", 0.0, "in the same process")]
+    return [DEFAULT_LIMITS.measure("trajectories_differ", 1.0 - repeats, "in the same process")]

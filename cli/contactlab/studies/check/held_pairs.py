@@ -1,0 +1,166 @@
+"""The pairs that are held or stand in a time window of a run."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import SLIDE, SLOT_WIDTH, Floats, PairTrace, Trace
+from contactlab.contact.trace_setup import HoldWindow, Setup
+from contactlab.measure import assess
+from contactlab.scene.contact_pairs import MonitoredPair
+from contactlab.scene.run_setup import make_setup
+from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.studies.check.checked_model import CheckedModel, CheckRun
+from contactlab.studies.check.pair_speeds import pair_speeds
+
+_BEARS = 0.5
+"""Fraction of steps with force from which a pair counts as held; chattering pairs lose it."""
+
+_SLIDES = 0.9
+"""Fraction of these steps with sliding from which a pair just slides."""
+
+_AT_REST = 0.05
+"""Speed of a pair's surfaces against each other [m/s], of the mean motion, up to which neither
+falls: a body that falls has it after 5 ms."""
+
+_WINDOW = 0.5
+
+
+@dataclass(frozen=True)
+class HeldPair:
+    """One pair in a time window.
+
+    Attributes:
+        name: the pair's name.
+        share: fraction of steps in which it carries force.
+        sliding: fraction of these in which it slides.
+        speed: bound on that of its surfaces against each other, of their mean motion [m/s].
+        force: mean net normal force over the window [N].
+        switches: changes between stick and slide, and losses of contact while sticking [1/s].
+        depth: mean penetration [m].
+        slip: largest slip from its place at the start of the window [m].
+    """
+
+    name: str
+    share: float
+    sliding: float
+    speed: float
+    force: float
+    switches: float
+    depth: float
+    slip: float
+
+    @property
+    def holds(self) -> bool:
+        """Whether it carries force, and neither just slides nor belongs to what falls."""
+        return self.share >= _BEARS and self.sliding < _SLIDES and self.speed <= _AT_REST
+
+
+@dataclass(frozen=True)
+class Holding:
+    """What a run of the model holds in a time window.
+
+    Attributes:
+        window: its start and end [s].
+        declared: whether the scene declares that something is held then.
+        bearing: the pairs that carry force in it.
+    """
+
+    window: tuple[float, float]
+    declared: bool
+    bearing: tuple[HeldPair, ...]
+
+    @property
+    def held(self) -> tuple[HeldPair, ...]:
+        """The pairs that are held or stand: all that carry force in a declared hold."""
+        return tuple(each for each in self.bearing if self.declared or each.holds)
+
+
+def holding_of(checked: CheckedModel, tried: CheckRun) -> Holding:
+    """Return what a run of the model holds: nothing if it is not complete."""
+    end, declared = tried.record.duration, checked.hold_window
+    window = declared or (max(0.0, end - _WINDOW), end)
+    pairs = held_pairs(checked, tried, *window) if tried.is_complete else []
+    bearing = tuple(each for each in pairs if each.share > 0)
+    return Holding(window, declared is not None, bearing)
+
+
+def held_pairs(checked: CheckedModel, tried: CheckRun, start: float, stop: float) -> list[HeldPair]:
+    """Return every monitored pair between two times [s] of a run of the model."""
+    scene = checked.scene
+    resolved = scene.resolve(tried.values, 0, tried.record.duration)
+    base = scene.base(resolved.structure)
+    model = base.prepare(resolved.edits()).model
+    setup = make_setup(base, None, [resolved], [model], {})
+    steps = slice(*(round(time / resolved.timestep) for time in (start, stop)))
+    trace = tried.trace
+    speeds = pair_speeds(model, base.pairs, trace.qpos[steps], trace.qvel[steps], mean=True)
+    held = _held(base.pairs, tried, steps, setup)
+    return [replace(pair, speed=float(speed)) for pair, speed in zip(held, speeds, strict=True)]
+
+
+def _held(
+    pairs: tuple[MonitoredPair, ...], tried: CheckRun, steps: slice, setup: Setup
+) -> Iterator[HeldPair]:
+    trace = tried.trace
+    seconds = (steps.stop - steps.start) * np.diff(trace.time[:2])
+    whole = HoldWindow(np.zeros(1), seconds)
+    for index, pair in enumerate(pairs):
+        friction = tried.record.pairs[pair.name].friction
+        slots = PairTrace(pair.name, slots_of(trace, pair, steps), np.array([friction]))
+        alone = replace(
+            setup,
+            thickness=setup.thickness[[index]],
+            slots=setup.slots[[index]],
+            barriers=(),
+            hold=whole,
+            mechanism=None,
+        )
+        found = assess(part_of(trace, steps, (slots,)), alone)
+        series, metrics = found.series[0], found.metrics
+        bearing = series.normal[0] > 0
+        yield HeldPair(
+            name=pair.name,
+            share=float(bearing.mean()),
+            sliding=float((series.mode[0] == SLIDE)[bearing].mean()) if bearing.any() else 0.0,
+            speed=np.nan,
+            force=float(series.normal[0].mean()),
+            switches=float(metrics["hold_switches"][0]),
+            depth=float(metrics["penetration_mean"][0]),
+            slip=float(metrics["hold_slip"][0]),
+        )
+
+
+def slots_of(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
+    """Return the stored contact points of a pair as slots (1, N, S, 23) of some steps."""
+    stored = next(each for each in trace.pairs if each.name == pair.name)
+    slots = np.zeros((1, steps.stop - steps.start, pair.slots, SLOT_WIDTH))
+    first = np.cumsum(stored.contacts) - stored.contacts
+    place = np.arange(len(stored.points)) - np.repeat(first, stored.contacts)
+    step = stored.point_steps
+    inside = (step >= steps.start) & (step < steps.stop)
+    slots[0, step[inside] - steps.start, place[inside]] = stored.points[inside]
+    return slots
+
+
+def part_of(trace: StoredTrace, steps: slice, pairs: tuple[PairTrace, ...]) -> Trace:
+    """Return some steps of a stored run as the trace of one run, without momenta."""
+    states = slice(steps.start, steps.stop + 1)
+    return Trace(
+        timestep=np.diff(trace.time[:2]),
+        steps_asked=steps.stop - steps.start,
+        time=trace.time[None, states],
+        qpos=trace.qpos[None, states],
+        qvel=trace.qvel[None, states],
+        kinetic=trace.kinetic[None, steps],
+        potential=trace.potential[None, steps],
+        contacts=trace.contacts[None, steps],
+        least_distance=trace.least_distance[None, steps],
+        iterations=trace.iterations[None, steps],
+        iterations_most=trace.iterations_most[None, steps],
+        momentum=None,
+        angular_momentum=None,
+        pairs=pairs,
+        warnings=({},),
+    )

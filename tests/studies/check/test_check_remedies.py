@@ -1,0 +1,133 @@
+"""Changes that help: each run on the model itself, none against another, all with their price."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import mujoco
+import pytest
+
+from contactlab.schema.check_report import CheckReport, CheckResult, Measure
+
+Checked = Callable[..., CheckReport]
+One = Callable[..., CheckResult]
+Missed = Callable[[CheckResult], list[Measure]]
+
+CLASSES = """<mujoco>
+  {after}
+  <option timestep="0.001"/>
+  <default>
+    <default class="foot"><geom {foot}/></default>
+  </default>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <body pos="0 0 .05"><freejoint/>
+      <geom class="foot" name="box" type="box" size=".05 .05 .05"/></body>
+  </worldbody>
+  {before}
+</mujoco>"""
+
+
+def classes(after: str = "", before: str = "", foot: str = "") -> str:
+    return CLASSES.format(after=after, before=before, foot=foot)
+
+
+def pasted(report: CheckReport, foot: str = "") -> mujoco.MjModel:
+    """Return the model with the lines of each remedy where these belong."""
+    places = {"right after <mujoco>": "", "before </mujoco>": ""}
+    for edit in (edit for remedy in report.remedies for edit in remedy.edits):
+        places[edit.where] += "\n".join(edit.lines)
+    return mujoco.MjModel.from_xml_string(classes(*places.values(), foot=foot))
+
+
+def test_lines_reach_what_they_are_meant_for(checked: Checked) -> None:
+    """A class copies the defaults when it is read: only defaults above it reach its geoms."""
+    report = checked(classes(), "flat_contact", assign=("duration=0.6",))
+    (remedy,) = report.remedies
+    assert remedy.mends == ("penetration_steady",)
+    assert [edit.where for edit in remedy.edits] == ["right after <mujoco>"]
+    model = pasted(report)
+    assert [tuple(row) for row in model.geom_solref] == [(0.005, 1.0)] * 2
+    late = classes(before="\n".join(remedy.edits[0].lines))
+    assert tuple(mujoco.MjModel.from_xml_string(late).geom_solref[1]) == (0.02, 1.0)
+
+
+def test_elements_are_named_that_no_default_reaches(checked: Checked) -> None:
+    report = checked(classes(foot='solref="0.02 1"'), "flat_contact", assign=("duration=0.6",))
+    ((edit,),) = (remedy.edits for remedy in report.remedies)
+    assert edit.where == "in each of the geoms 'floor', 'box'"
+    assert edit.lines == ('solref="0.005 1"',)
+
+
+@pytest.mark.parametrize(
+    "assign",
+    [
+        ["timestep=0.01"],
+        ["cone=pyramidal", "friction.slide=3"],
+    ],
+)
+def test_what_is_recommended_helps(checked: Checked, assign: list[str]) -> None:
+    """Pasted together, the changes leave only the findings that no change mends."""
+    report = checked("gripping_pad", "flat_contact", "hold", assign=tuple(assign))
+    failing = {each.name for each in report.findings if each.failing}
+    mended = {name for remedy in report.remedies for name in remedy.mends}
+    assert "penetration_steady" in mended
+    settings = {name: value for each in report.remedies for name, value in each.settings.items()}
+    kept = [each for each in assign if each.partition("=")[0].partition(".")[0] not in settings]
+    again = [f"{name}={value}" for name, value in settings.items()]
+    cured = checked("gripping_pad", "flat_contact", "hold", assign=(*kept, *again), remedies=False)
+    assert {each.name for each in cured.findings if each.failing} == failing - mended
+    assert all(each.time is not None and each.time > 0 for each in report.remedies)
+
+
+def test_no_setting_is_named_twice(checked: Checked) -> None:
+    """Timestep, chatter, depth and slip each ask for a timestep or a solref of their own."""
+    assign = ("solref=0.02 0.2", "timestep=0.005", "impratio=1")
+    report = checked("gripping_pad", "timestep", "flat_contact", "hold", assign=assign)
+    names = [name for remedy in report.remedies for name in remedy.settings]
+    assert names
+    assert len(set(names)) == len(names)
+
+
+def test_underdamped_chatter_is_mended_by_the_timestep(checked: Checked) -> None:
+    """H / (tc dr) = 0.5 is too long for so little damping; impedance does not change it."""
+    report = checked("gripping_pad", "hold", assign=("solref=0.02 0.2",))
+    chatter = next(each for each in report.remedies if "mode_switches" in each.mends)
+    assert chatter.settings["timestep"] == 5e-4
+    assert "solimp" not in chatter.settings
+
+
+def test_creep_is_mended_by_firm_friction(checked: Checked) -> None:
+    report = checked("gripping_pad", "hold", assign=("solref=0.005 1", "impratio=1"))
+    (remedy,) = report.remedies
+    assert remedy.mends == ("slip",)
+    assert remedy.edits[0].lines == ('<option impratio="10" cone="elliptic"/>',)
+
+
+SOFT = """<mujoco>
+  <option timestep="0.002"/>
+  <default><geom solref="0.02 1" solimp="0 0.8 0.01"/></default>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <body pos="0 0 .05"><freejoint/>
+      <geom name="box" type="box" size=".05 .05 .05" mass="15"/></body>
+  </worldbody>
+</mujoco>"""
+
+
+def test_a_remedy_that_takes_too_long_is_a_note(checked: Checked) -> None:
+    """An impedance that starts at 0 asks for a time constant of microseconds."""
+    report = checked(SOFT, "flat_contact", "shells", assign=("duration=1",))
+    assert any(
+        "was not tried against penetration_steady: a run of" in each for each in report.notes
+    )
+    assert {each.name: each.verdict for each in report.checks} == {
+        "flat_contact": "warning",
+        "shells": "pass",
+    }
+
+
+def test_evidence_of_remedies_is_kept(checked: Checked, tmp_path: Path) -> None:
+    report = checked("gripping_pad", "hold", assign=("solref=0.005 1", "impratio=1"))
+    assert report.remedies
+    assert (tmp_path / "check/remedies/1/run/manifest.json").is_file()
+    assert (tmp_path / "check/remedies/times/manifest.json").is_file()
