@@ -120,7 +120,8 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     along = rows / np.square(rows).sum(axis=1, keepdims=True)
     masses = np.einsum("ij,jk,ik->i", along, inertia, along)
     frequency = _CARRYING if _hangs_on_its_root(model, moment) else _FREQUENCY
-    step, carried = float(model.opt.timestep), _carried(inertia, rows)
+    # A model may leave its timestep to the sweep.
+    step, carried = float(model.opt.timestep) or 1e-9, _carried(inertia, rows)
     stiffness = np.minimum(masses * frequency**2, _SPRING_LIMIT / step**2 * carried)
     damping = np.minimum(2 * np.sqrt(stiffness * masses), _DAMPER_LIMIT / step * carried)
     damping = np.maximum(damping + model.actuator_biasprm[chosen, 2], 0.0)
