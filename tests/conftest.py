@@ -7,8 +7,8 @@ import signal
 import threading
 import urllib.request
 import uuid
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +16,9 @@ import pytest
 from hypothesis import settings
 
 if TYPE_CHECKING:
+    from contactlab.run.sweep_request import SweepRequest
+    from contactlab.run.tasks import Finished
+    from contactlab.schema.evidence import StoreManifest
     from contactlab.store.object_client import ObjectClient
     from contactlab.store.store_address import ObjectAddress
 
@@ -30,6 +33,20 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN and (
     threading.current_thread() is threading.main_thread()
 ):
     signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+BALL = """
+version: 1
+scene: ball_drop
+duration: 0.3
+seeds: 3
+axes:
+  timestep: [1.0e-3, 2.0e-3, 3.0e-3]
+  drop_height: [0.02, 0.1]
+"""
+# What depends on the clock, not on the run.
+CLOCK = {"started", "finished", "compile_time"}
+COSTS = ("cost_", "time_", "step_p")
 
 
 @dataclass
@@ -61,6 +78,94 @@ class OneByOne:
     def __call__(self, *request: Any) -> Any:
         with self._turn:
             return self._app(*request)
+
+
+def outcome_of(store: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """Return a store's table without costs and clock, and its traces' bytes by path."""
+    import pyarrow.parquet as pq  # noqa: PLC0415 - collection is quick without
+
+    table = pq.read_table(store / "runs.parquet")
+    lasting = [
+        name for name in table.column_names if name not in CLOCK and not name.startswith(COSTS)
+    ]
+    traces = {
+        path.relative_to(store).as_posix(): path.read_bytes()
+        for path in (store / "traces").rglob("*.mcap")
+    }
+    return table.select(lasting).to_pydict(), traces
+
+
+class Sweeper:
+    """Runs sweep texts into stores below one folder."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def run(
+        self,
+        text: str,
+        name: str = "store",
+        workers: int = 0,
+        progress: "Callable[[Sequence[Finished]], None]" = lambda _: None,
+        *,
+        repair: bool = False,
+    ) -> "StoreManifest":
+        from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415 - as below
+
+        self.began: list[tuple[int, int]] = []
+        return run_sweep(
+            replace(self.ask(text, name, workers), repair=repair),
+            begin=lambda total, done: self.began.append((total, done)),
+            progress=progress,
+        )
+
+    def ask(self, text: str, name: str = "store", workers: int = 0) -> "SweepRequest":
+        from contactlab.plan.sweep_file import read_sweep  # noqa: PLC0415 - as below
+        from contactlab.run.sweep_request import (  # noqa: PLC0415 - collection is quick without
+            SceneLoader,
+            SweepRequest,
+        )
+
+        scenes = SceneLoader(self.folder)
+        read = read_sweep(text, scenes.vocabulary)
+        return SweepRequest(
+            plan=read.plan,
+            scene=scenes.open(read.sweep.scene),
+            name="small",
+            source=text,
+            overrides=(),
+            store=self.folder / name,
+            workers=workers,
+        )
+
+    def rows(self, name: str = "store") -> list[dict[str, Any]]:
+        import pyarrow.parquet as pq  # noqa: PLC0415 - as above
+
+        return pq.read_table(self.folder / name / "runs.parquet").to_pylist()
+
+    def outcome(self, name: str = "store") -> tuple[dict[str, Any], dict[str, bytes]]:
+        return outcome_of(self.folder / name)
+
+
+@pytest.fixture
+def sweeper(tmp_path: Path) -> Sweeper:
+    return Sweeper(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def make_sweeper() -> Callable[[Path], Sweeper]:
+    """Return a maker of sweepers, for sweeps that several tests look at."""
+    return Sweeper
+
+
+@pytest.fixture(scope="session")
+def outcome() -> Callable[[Path], tuple[dict[str, Any], dict[str, bytes]]]:
+    return outcome_of
+
+
+@pytest.fixture(scope="session")
+def ball() -> str:
+    return BALL
 
 
 @pytest.fixture(scope="session")

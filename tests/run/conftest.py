@@ -8,29 +8,12 @@ import signal
 import subprocess
 import sysconfig
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
 import pytest
 
-from contactlab.plan.sweep_file import read_sweep
-from contactlab.run.sweep_request import SceneLoader, SweepRequest
-from contactlab.run.sweep_runner import run_sweep
-from contactlab.run.tasks import Finished
-from contactlab.schema.evidence import StoreManifest
-
-BALL = """
-version: 1
-scene: ball_drop
-duration: 0.3
-seeds: 3
-axes:
-  timestep: [1.0e-3, 2.0e-3, 3.0e-3]
-  drop_height: [0.02, 0.1]
-"""
 SLIDE = """
 version: 1
 scene: box_slide
@@ -56,61 +39,6 @@ import sys
 if "forkserver" in " ".join(sys.orig_argv):
     import injected_faults
 """
-# What depends on the clock, not on the run.
-CLOCK = {"started", "finished", "compile_time"}
-COSTS = ("cost_", "time_", "step_p")
-
-
-def outcome_of(store: Path) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """Return a store's table without costs and clock, and its traces' bytes by path."""
-    table = pq.read_table(store / "runs.parquet")
-    lasting = [
-        name for name in table.column_names if name not in CLOCK and not name.startswith(COSTS)
-    ]
-    traces = {
-        path.relative_to(store).as_posix(): path.read_bytes()
-        for path in (store / "traces").rglob("*.mcap")
-    }
-    return table.select(lasting).to_pydict(), traces
-
-
-class Sweeper:
-    """Runs sweep texts into stores below one folder."""
-
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
-
-    def run(
-        self,
-        text: str,
-        name: str = "store",
-        workers: int = 0,
-        progress: Callable[[Sequence[Finished]], None] = lambda _: None,
-        *,
-        repair: bool = False,
-    ) -> StoreManifest:
-        self.began: list[tuple[int, int]] = []
-        return run_sweep(
-            replace(self.ask(text, name, workers), repair=repair),
-            begin=lambda total, done: self.began.append((total, done)),
-            progress=progress,
-        )
-
-    def ask(self, text: str, name: str = "store", workers: int = 0) -> SweepRequest:
-        scenes = SceneLoader(self.folder)
-        read = read_sweep(text, scenes.vocabulary)
-        return SweepRequest(
-            plan=read.plan,
-            scene=scenes.open(read.sweep.scene),
-            name="small",
-            source=text,
-            overrides=(),
-            store=self.folder / name,
-            workers=workers,
-        )
-
-    def outcome(self, name: str = "store") -> tuple[dict[str, Any], dict[str, bytes]]:
-        return outcome_of(self.folder / name)
 
 
 def parent_of(process: int) -> int | None:
@@ -258,30 +186,9 @@ def _short_clocks(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(f"contactlab.accuracy.timing.{name}", 1e-4)
 
 
-@pytest.fixture(scope="session")
-def outcome() -> Callable[[Path], tuple[dict[str, Any], dict[str, bytes]]]:
-    return outcome_of
-
-
-@pytest.fixture
-def sweeper(tmp_path: Path) -> Sweeper:
-    return Sweeper(tmp_path)
-
-
-@pytest.fixture(scope="session")
-def make_sweeper() -> Callable[[Path], Sweeper]:
-    """Return a maker of sweepers, for sweeps that several tests look at."""
-    return Sweeper
-
-
-@pytest.fixture(params=[BALL, SLIDE, STACK], ids=["ball", "slide", "stack"])
-def sweep_text(request: pytest.FixtureRequest) -> str:
-    return request.param
-
-
-@pytest.fixture(scope="session")
-def ball() -> str:
-    return BALL
+@pytest.fixture(params=["ball", "slide", "stack"])
+def sweep_text(request: pytest.FixtureRequest, ball: str) -> str:
+    return {"ball": ball, "slide": SLIDE, "stack": STACK}[request.param]
 
 
 @pytest.fixture(scope="session")
