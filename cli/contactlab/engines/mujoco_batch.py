@@ -65,13 +65,13 @@ def driven(
     places = starts.signals[run].places
     if not places.size:
         return {}
-    inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps))
     width, spec = model.nu, _CONTROL
-    if places.max() >= model.nu:
-        width, spec = model.nu + 6 * model.nbody, _CONTROL | _APPLIED
     if places.max() >= width:
-        width, spec = inputs.shape[1], spec | _MOCAP
-    return {"control": inputs[None, :, :width], "control_spec": spec}
+        width, spec = width + 6 * model.nbody, spec | _APPLIED
+    if places.max() >= width:
+        width, spec = width + 7 * model.nmocap, spec | _MOCAP
+    inputs = starts.inputs(run, model.opt.timestep, first + np.arange(steps), width)
+    return {"control": inputs[None], "control_spec": spec}
 
 
 def roll_out(

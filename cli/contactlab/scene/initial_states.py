@@ -131,12 +131,15 @@ class InitialStates(NamedTuple):
             **arrays, signals=tuple(itertools.chain(*[each.signals for each in starts]))
         )
 
-    def inputs(self, run: int, timestep: float, steps: np.ndarray) -> Floats:
+    def inputs(
+        self, run: int, timestep: float, steps: np.ndarray, width: int | None = None
+    ) -> Floats:
         """Return (T, nu + 6 nbody + 7 nmocap) the inputs of one run during some steps.
 
-        Step k has the inputs at time k timestep [s]; k need not be whole.
+        Step k has the inputs at time k timestep [s]; k need not be whole. Given a width, only the
+        first so many inputs are returned, among them all that are driven.
         """
-        constant = np.concatenate([self.ctrl[run], self.applied[run], self.mocap[run]])
+        constant = np.concatenate([self.ctrl[run], self.applied[run], self.mocap[run]])[:width]
         inputs = np.tile(constant, (len(steps), 1))
         inputs[:, self.signals[run].places] = self.signals[run].at(steps * timestep)
         return inputs

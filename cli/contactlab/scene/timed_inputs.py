@@ -126,11 +126,15 @@ def _interpolated(times: Floats, knots: Floats, levels: Floats) -> Floats:
     after = np.searchsorted(knots, times, side="right")
     before = np.clip(after - 1, 0, len(knots) - 2)
     width = knots[before + 1] - knots[before]
-    inside = (after > 0) & (after < len(knots)) & (width > 0)
-    along = np.where(inside, times - knots[before], 0.0)[:, None]
-    first = levels.T[np.where(after < len(knots), before, len(knots) - 1)]
-    slopes = (levels.T[before + 1] - levels.T[before]) / np.where(inside, width, 1.0)[:, None]
-    return slopes * along + first
+    outside = (after == 0) | (after == len(knots)) | (width == 0)
+    along = (times - knots[before])[:, None]
+    along[outside] = 0.0
+    width[outside] = 1.0
+    rows = levels.T
+    first = rows[before]
+    found = (rows[before + 1] - first) / width[:, None] * along + first
+    found[after == len(knots)] = rows[-1]
+    return found
 
 
 def read_control(

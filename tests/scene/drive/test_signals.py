@@ -37,7 +37,7 @@ def test_noise_has_its_band_and_its_share(scene: Scene, tmp_path: Path) -> None:
     """Power above the rate is what linear knots leave: less than 1e-3 with 12 in a period.
 
     The mean square of a sum of sines over 400 s is that of its expectation to 3 %: the slowest
-    of 32 frequencies below 5 Hz turn over tens of times.
+    of 20 frequencies below 5 Hz turn over tens of times.
     """
     noisy = scene.with_drive(NoiseDrive(noise=0.3, rate=5.0), tmp_path)
     found = controls(noisy, 0.01, 400.0)[20:]

@@ -15,7 +15,12 @@ from contactlab.scene.drive.hold import (
     hold_posture,
 )
 from contactlab.scene.drive.recorded import DriveTable, RecordedInputs, read_recorded
-from contactlab.scene.drive.signals import control_room, exercise_signals, noise_signals
+from contactlab.scene.drive.signals import (
+    ControlRoom,
+    control_room,
+    exercise_signals,
+    noise_signals,
+)
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
@@ -60,8 +65,11 @@ class Driving:
     held: frozenset[int]
     recorded: RecordedInputs | None
     settling: float
-    _postures: dict[tuple[float, ...], Posture] = field(
-        default_factory=dict[tuple[float, ...], Posture]
+    _postures: dict[tuple[float, ...], tuple[Posture, ControlRoom]] = field(
+        default_factory=dict[tuple[float, ...], tuple[Posture, ControlRoom]]
+    )
+    _shared: dict[tuple[float, ...], Signals] = field(
+        default_factory=dict[tuple[float, ...], Signals]
     )
 
     @classmethod
@@ -99,15 +107,15 @@ class Driving:
         return at_begin(InitialStates.joined(driven))
 
     def _driven(self, start: InitialStates, run: ResolvedRun) -> InitialStates:
-        posture, held = self._posture(run.initial), sorted(self.held)
+        (posture, room), held = self._posture(run.initial), sorted(self.held)
         ctrl, act = start.ctrl.copy(), start.act.copy()
         ctrl[0, held] = posture.ctrl[held]
         addresses = np.asarray(self.model.actuator_actadr)[held]
         act[0, addresses[addresses >= 0]] = posture.act[addresses[addresses >= 0]]
-        signals = self._signals(posture, run)
-        own = np.isin(signals.places, start.signals[0].places)
-        rest = signals.without(own)
-        start = start._replace(ctrl=ctrl, act=act, signals=(start.signals[0].joined(rest),))
+        signals = self._signals(posture, room, run)
+        if (own := start.signals[0]).places.size:
+            signals = own.joined(signals.without(np.isin(signals.places, own.places)))
+        start = start._replace(ctrl=ctrl, act=act, signals=(signals,))
         if self.recorded is not None:
             for coordinate, value in self.recorded.start:
                 getattr(start, coordinate.field)[0, coordinate.index] = value
@@ -115,29 +123,37 @@ class Driving:
             start = start._replace(qvel=_free_motion(self.model)[None])
         return start
 
-    def _posture(self, initial: Mapping[str, float]) -> Posture:
+    def _posture(self, initial: Mapping[str, float]) -> tuple[Posture, ControlRoom]:
         """Return what holds the start of some initial values, before any seed perturbs it."""
         key = tuple(initial.values())
         if key not in self._postures:
             qpos = self.rule.nominal(initial)
-            self._postures[key] = hold_posture(self.model, self.servos, qpos, self.rule.held_ctrl)
+            posture = hold_posture(self.model, self.servos, qpos, self.rule.held_ctrl)
+            self._postures[key] = posture, control_room(self.model, self.servos, posture)
         return self._postures[key]
 
-    def _signals(self, posture: Posture, run: ResolvedRun) -> Signals:
+    def _signals(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
+        if isinstance(self.drive, NoiseDrive):
+            _require_resolved(self.drive, run.timestep)
+            span = min(self.settling, run.duration / 2), run.duration
+            return self._of_held(noise_signals(posture, room.half, self.drive, span, run.seed))
+        key = (run.timestep, run.duration, *run.initial.values())
+        if key not in self._shared:
+            self._shared[key] = self._seedless(posture, room, run)
+        return self._shared[key]
+
+    def _seedless(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if self.recorded is not None:
             self.recorded.require(run.duration)
             return self.recorded.snapped(run.timestep)
-        if isinstance(self.drive, NoiseDrive):
-            _require_resolved(self.drive, run.timestep)
-            half = control_room(self.model, self.servos, posture).half
-            span = min(self.settling, run.duration / 2), run.duration
-            signals = noise_signals(posture, half, self.drive, span, run.seed)
-        elif self.drive == "exercise" and self.model.nu:
-            room = control_room(self.model, self.servos, posture)
-            begin = min(max(self.settling, _HOLDING * run.duration), 0.4 * run.duration)
-            signals = exercise_signals(self.model, posture, room, begin, run.duration)
-        else:
+        if self.drive != "exercise" or not self.model.nu:
             return Signals.none()
+        begin = min(max(self.settling, _HOLDING * run.duration), 0.4 * run.duration)
+        return self._of_held(exercise_signals(self.model, posture, room, begin, run.duration))
+
+    def _of_held(self, signals: Signals) -> Signals:
+        if len(self.held) == len(signals.places):
+            return signals
         return signals.without(~np.isin(signals.places, list(self.held)))
 
 
