@@ -37,12 +37,7 @@ _EVALUATIONS = 4
 
 
 class _Times(NamedTuple):
-    """When a run is compared with its reference.
-
-    Attributes:
-        begins: (K,) when it is restarted from the reference's state [s]; empty for whole runs.
-        ends: (T,) when it is compared [s].
-    """
+    """When a run is restarted from its reference's state, if it is, and when compared [s]."""
 
     begins: Floats
     ends: Floats

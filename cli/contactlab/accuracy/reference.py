@@ -100,14 +100,7 @@ class ReferenceSolution:
     ) -> Discrepancy | None:
         """Return how far a model gets from the reference when restarted from its states [m].
 
-        Args:
-            prepared: the model.
-            begins: (K,) when to start from the reference's state [s].
-            ends: (K,) when to compare [s].
-            watch: called before steps, to start their time limit.
-
-        Returns:
-            The distances at the ends; None if a restart fails.
+        It begins at K times [s], and is compared at as many ends [s]; None if a restart fails.
         """
         states = self.fine.sampled.states[self.rows(begins)]
         restarts = [
@@ -129,11 +122,9 @@ class ReferenceSolution:
 class ReferenceSolver:
     """Solves the models of one family at finer timesteps.
 
-    Args:
-        scene: the family's.
-        runs: the family; they differ in numerics alone, and their engine solves references.
-        refine: the family's shortest timestep over that of the coarse solution.
-        watch: called before steps, to start their time limit.
+    Its runs differ in numerics alone, and their engine solves references. `refine` is the family's
+    shortest timestep over that of the coarse solution; `watch` is called before steps, to start
+    their time limit.
     """
 
     def __init__(

@@ -69,13 +69,7 @@ def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float
 
 @dataclass(frozen=True)
 class _Portion:
-    """How much of a run is timed in a round.
-
-    Attributes:
-        most: steps of each segment.
-        repeats: how often.
-        single: steps of each segment, timed one by one.
-    """
+    """How many steps of each segment of a run are timed in a round, how often, and one by one."""
 
     most: int
     repeats: int

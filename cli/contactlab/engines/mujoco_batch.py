@@ -82,17 +82,10 @@ def roll_out(
     watch: Watch = no_limit,
     proceed: Proceed = proceed_always,
 ) -> Rollout:
-    """Step every run by itself on this thread, so that its CPU time is its own.
+    """Step every run by itself on this thread, as `SimulationEngine.roll_out` says.
 
-    Bit for bit equal to a loop over `mj_step` for each run.
-
-    Args:
-        models: (n) compiled models of one layout; automatic reset must be off.
-        starts: where the runs start, and what acts on them throughout.
-        steps: N.
-        buffers: memory to record into; its arrays are overwritten by the next call.
-        watch: called before each run, to start its time limit.
-        proceed: asked between runs; if it says no, the rollout has only the first of them.
+    So its CPU time is its own. Bit for bit equal to a loop over `mj_step` for each run. The models
+    are of one layout; automatic reset must be off.
     """
     count = len(models)
     batch = start_batch(models, starts)
