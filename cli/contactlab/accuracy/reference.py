@@ -183,13 +183,9 @@ class ReferenceSolver:
 
 
 def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool) -> Invariants:
-    """Return energy and momenta of a passive model at T states.
+    """Return energy and momenta of a passive model at T states (T, nq) and (T, nv).
 
-    Args:
-        model: the model.
-        qpos: (T, nq) configurations.
-        qvel: (T, nv) velocities.
-        free: whether nothing external acts on it, so that momenta are conserved as well.
+    Where nothing external acts on it, it is free, so that momenta are conserved as well.
     """
     data = mujoco.MjData(model)
     rows = np.array([_row(model, data, *each) for each in zip(qpos, qvel, strict=True)])

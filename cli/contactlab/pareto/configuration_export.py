@@ -30,9 +30,7 @@ class MjcfLines:
 def mjcf_lines(knobs: Collection[str], record: EvidenceRecord) -> MjcfLines:
     """Return the lines that set some knobs as a run had them.
 
-    Args:
-        knobs: names of axes; `solref.timeconst` and the like stand for the whole attribute.
-        record: a run of the configuration, for the resolved settings.
+    Of these names of axes, `solref.timeconst` and the like stand for the whole attribute.
     """
     flags = {
         name: value
@@ -70,13 +68,8 @@ def recommended_sweep(
 
     Its tolerances of metrics are expectations, so that `contactlab sweep` exits with 1 if one is
     exceeded, or if a run gets a failure label. Errors against a reference are no metrics;
-    `contactlab tradeoff` says whether they are within tolerance again. Times are left out.
-
-    Args:
-        store: the store of the report.
-        report: a report with a recommendation.
-        folder: the folder of the file, which the scene's path is relative to.
-        seeds: number of seeds; none of them is in the store.
+    `contactlab tradeoff` says whether they are within tolerance again. Times are left out. The
+    scene's path is relative to the file's folder; none of so many seeds is in the store.
     """
     assert report.recommendation is not None
     resolved, metrics = store.manifest.sweep.resolved, store.manifest.sweep.metric_versions

@@ -42,11 +42,7 @@ def order(steps: TimestepErrors, floor: float = 0.0) -> Order:
     A line through log error over log timestep is fitted to the widest range, from the finest clear
     step up, over which its slope has a standard error of at most 0.1; coarser steps lie outside of
     the asymptotic range. A step is clear if its error exceeds three times the uncertainty of the
-    reference, and three times the floor.
-
-    Args:
-        steps: timesteps whose runs completed without a raised time constant.
-        floor: the error that remains at any timestep; 0 if none is known.
+    reference, and three times the floor, which remains at any timestep; 0 if none is known.
     """
     clear = steps.error > CLEAR * np.maximum(steps.uncertainty, floor)
     timestep, error = np.log(steps.timestep[clear]), np.log(steps.error[clear])

@@ -46,14 +46,9 @@ SAFE_MARGIN = 1.25
 def equally_fast(evaluated: Sequence[Evaluated], least_margin: float = 0.0) -> list[Evaluated]:
     """Return the feasible configurations that are as fast as the fastest of them, within noise.
 
-    Args:
-        evaluated: all configurations.
-        least_margin: lower bound on the margin of every tolerance.
-
-    Returns:
-        Those whose time is within 5 % of the least, the most accurate first, and equally accurate
-        ones in the order of the plan, so that noise of the times decides nothing. Empty if nothing
-        is feasible.
+    Those are within 5 % of the least time, and keep a least margin to every tolerance; the most
+    accurate comes first, and equally accurate ones in the order of the plan, so that noise of the
+    times decides nothing.
     """
     feasible = [
         (each.summary.time, each)

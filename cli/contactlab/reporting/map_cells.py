@@ -75,13 +75,8 @@ def cell_statistics(
 
     The worst is the largest magnitude, or the least value of a quantity of which more is better.
     One sort of the values serves every pair of axes: a stable sort of these by cell, which is
-    linear in time for small integers, leaves each cell's values in order.
-
-    Args:
-        cells: (n,) cell of each run.
-        size: number of cells.
-        quantity: n values.
-        ascending: (m,) the runs that have a value, the least first.
+    linear in time for small integers, leaves each cell's values in order. Runs (n,) are in cells
+    below a size; those that have a value are `ascending` (m,), the least first.
     """
     own, values = cells[ascending], quantity.values[ascending]
     by_cell = values[np.argsort(own, kind="stable")]

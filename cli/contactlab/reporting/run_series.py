@@ -133,10 +133,7 @@ def _mode_band(trace: StoredTrace, pair: StoredPair) -> ModeBand:
 def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
     """Return the entries of qpos that are lengths or angles, without those of rotations.
 
-    Args:
-        model_xml: the MJCF as simulated.
-        size: the length of qpos. If the joints of the file do not add up to it, entries are
-            named by their index.
+    If the joints of the MJCF do not add up to the size of qpos, entries are named by their index.
     """
     joints = list(_joints_of_model(model_xml))
     if sum(_JOINT_SIZES[kind] for _, kind in joints) != size:

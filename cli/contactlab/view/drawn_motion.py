@@ -132,11 +132,7 @@ def scene_sphere(
 ) -> tuple[Floats, float]:
     """Return centre and radius [m] of a sphere around all that moves, or around the contacts.
 
-    Args:
-        shapes: the bodies' shapes.
-        moving: (B,) whether each body can move.
-        positions: (F, B, 3) of the bodies [m].
-        contacts: (K, 3) contact points [m].
+    Of bodies (B,) the positions are (F, B, 3) [m]; contact points are (K, 3) [m].
     """
     reach = _reach(shapes, len(moving))
     seen = (moving if moving.any() else np.ones_like(moving)) & (reach > 0)

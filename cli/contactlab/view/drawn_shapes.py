@@ -75,14 +75,9 @@ def moving_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
 
 
 def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
-    """Return the poses of all bodies.
+    """Return the poses of all B bodies in configurations (F, nq), in the world frame.
 
-    Args:
-        model: the model, of B bodies.
-        qpos: (F, nq) configurations.
-
-    Returns:
-        (F, B, 3) positions [m] and (F, B, 4) unit quaternions w, x, y, z, world frame.
+    They are positions (F, B, 3) [m] and unit quaternions (F, B, 4) w, x, y, z.
     """
     data = mujoco.MjData(model)
     positions = np.empty((len(qpos), model.nbody, 3))

@@ -74,17 +74,10 @@ def draw_pictures(
     size: tuple[int, int],
     camera: str | None = None,
 ) -> Iterator[Picture]:
-    """Yield a picture of each of the given frames.
+    """Yield a picture (height, width, 3) of some frames of a motion, by configuration (nq,).
 
-    Args:
-        model: the run's model; its off-screen buffer is set to the size.
-        motion: what is drawn.
-        frames: index of a frame in the motion to its configuration (nq,).
-        size: width and height [pixels].
-        camera: name of a camera of the model; one that sees the whole motion if None.
-
-    Yields:
-        (height, width, 3) red, green and blue.
+    The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
+    of one of its cameras, one sees the whole motion.
 
     Raises:
         SceneError: there is no OpenGL, or no camera of this name.
