@@ -87,6 +87,8 @@ def words(command: str, data: Any) -> str:
             return f"{len(data['smallest_set']['off'])} of {len(data['effects'])} can be left out"
         case _:
             best = data["recommendation"]
+            if best is None:
+                return f"none of {len(data['configurations'])} configurations is feasible"
             return f"{best['configuration']}, x{best['real_time_factor']:.0f} real time"
 
 

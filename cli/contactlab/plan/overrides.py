@@ -16,6 +16,8 @@ from contactlab.schema.drive import Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
 
 _ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
+# Of what has no name, which YAML would take for a list; not within quotes.
+_ADDRESS = re.compile(r"(?<![\w\"'])[a-z]+\[\d+\]")
 _CALL = re.compile(r"(\w+)\((.*)\)")
 
 
@@ -161,7 +163,8 @@ def _option(document: Document, flag: str, text: str) -> ParsedOption | None:
         document.add("bad-option", place, "an option takes a name and values", "NAME=VALUE,VALUE")
         return None
     place = Place(source, 1, start + len(name) + 1, len(value))
-    return ParsedOption(name, value, Place(source, 1, start, len(name)), place)
+    quoted = _ADDRESS.sub(r'"\g<0>"', value)
+    return ParsedOption(name, quoted, Place(source, 1, start, len(name)), place)
 
 
 def _path(name: str) -> KeyPath:
