@@ -39,6 +39,7 @@ def contactlab(
 ) -> Run:
     """Run a command in an empty folder."""
     monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONSAFEPATH", "1")
 
     def run(*arguments: str) -> Result:
         monkeypatch.setattr(sys, "argv", ["contactlab", *arguments])

@@ -1,6 +1,7 @@
 """Planted mistakes: each is found, all in one pass, at its own characters."""
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -270,6 +271,22 @@ def test_mistakes_in_a_table_are_marked_there(
     assert place.source.name.endswith(
         "sweep.yaml" if where[2] == 8 and where[0] == 3 else "runs.csv"
     )
+
+
+@pytest.mark.parametrize("name", ["/etc/passwd", "../other.csv", "sub/link.csv", "pipe"])
+def test_a_table_lies_below_the_sweep(vocabulary: Any, tmp_path: Path, name: str) -> None:
+    """A stranger's sweep prints no other file's first line, and waits for no pipe."""
+    folder = tmp_path / "sweeps"
+    (folder / "sub").mkdir(parents=True)
+    (tmp_path / "other.csv").write_text("secret\n1\n")
+    (folder / "sub" / "link.csv").symlink_to(tmp_path / "other.csv")
+    os.mkfifo(folder / "pipe")
+    path = folder / "sweep.yaml"
+    path.write_text(f"version: 1\nscene: ball\ninclude: {{file: {name}}}\n", encoding="utf-8")
+    (only,) = found("", vocabulary, path).diagnostics
+    assert only.code == "bad-table"
+    assert "outside of the sweep's folder" in only.message or "is no file" in only.message
+    assert "secret" not in str(only)
 
 
 def test_a_missing_table_is_marked_in_the_sweep_file(mistakes: Mistakes) -> None:

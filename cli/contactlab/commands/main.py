@@ -1,5 +1,6 @@
 """The command line. A command imports what it needs when it runs, so that --help is instant."""
 
+import os
 import warnings
 from pathlib import Path
 from typing import Annotated
@@ -73,6 +74,8 @@ def contactlab(
 
 def main() -> None:
     """Run the command line; an error that the user can act on is printed as one message."""
+    # What this starts, and what its libraries start, imports nothing of the current folder.
+    os.environ["PYTHONSAFEPATH"] = "1"
     warnings.formatwarning = lambda message, *_: f"warning: {printable(str(message))}\n"
     try:
         app(prog_name="contactlab")

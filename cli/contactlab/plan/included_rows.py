@@ -28,11 +28,11 @@ class CsvCell:
 def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
     """Return the rows to include, with canonical values; add their mistakes to the document.
 
-    The path of a CSV file is relative to a folder.
+    A CSV file lies in the sweep's folder or below: a sweep may come from a stranger.
     """
     include, document = context.sweep.include, context.document
     if isinstance(include, IncludeFile):
-        header, *lines = _read_csv(document, folder / include.file) or [[]]
+        header, *lines = _read_csv(document, folder, include.file) or [[]]
         _check_header(context, header)
         return tuple(
             {cell.name: context.canonical(cell.name, cell.value, cell.place) for cell in cells}
@@ -63,9 +63,15 @@ def _check_header(context: SweepContext, header: Iterable[CsvCell]) -> None:
     check_conflicts(context, places)
 
 
-def _read_csv(document: Document, path: Path) -> list[list[CsvCell]]:
+def _read_csv(document: Document, folder: Path, name: str) -> list[list[CsvCell]]:
     """Return the header of a CSV file and its rows, or nothing; add its mistakes to a document."""
-    at = ("include", "file")
+    at, path = ("include", "file"), folder / name
+    if not path.resolve().is_relative_to(folder.resolve()):
+        document.add("bad-table", at, f"{path} lies outside of the sweep's folder", "put it there")
+        return []
+    if path.exists() and not path.is_file():
+        document.add("bad-table", at, f"{path} is no file")
+        return []
     try:
         source = SourceText(str(path), tuple(read_text(path).splitlines()))
     except SweepFileError as error:

@@ -313,7 +313,9 @@ def _cpu_info() -> dict[str, str]:
 
 def _revision() -> str | None:
     """Return the commit of the working directory, with `+` if files differ from it."""
-    command = ["git", "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
+    # A repository may name a program that watches its files; it may be a stranger's.
+    git = ["git", "-c", "core.fsmonitor=false"]
+    command = [*git, "describe", "--always", "--abbrev=40", "--dirty=+", "--exclude=*"]
     try:
         done = subprocess.run(  # noqa: S603
             command, capture_output=True, text=True, check=True, timeout=10

@@ -110,8 +110,8 @@ def install_commands(folder: Path, mujoco: str, others: Sequence[str]) -> list[l
             [*uv, "pip", "install", "--quiet", "--python", python, *wanted],
         ]
     return [
-        [sys.executable, "-m", "venv", str(folder)],
-        [python, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted],
+        [sys.executable, "-P", "-m", "venv", str(folder)],
+        [python, "-P", "-m", "pip", "install", "--quiet", "--disable-pip-version-check", *wanted],
     ]
 
 
@@ -186,7 +186,7 @@ def _installed(name: str) -> str | None:
 def _uv() -> list[str] | None:
     if path := shutil.which("uv"):
         return [path]
-    return [sys.executable, "-m", "uv"] if importlib.util.find_spec("uv") else None
+    return [sys.executable, "-P", "-m", "uv"] if importlib.util.find_spec("uv") else None
 
 
 def _command() -> tuple[str, str]:
@@ -199,7 +199,8 @@ def _command() -> tuple[str, str]:
 def _environment_variables() -> dict[str, str]:
     """Return the variables of a process of another interpreter, which runs this contactlab."""
     kept = {name: text for name, text in os.environ.items() if not name.startswith("PYTHON")}
-    return {**kept, "PYTHONPATH": str(_isolated_contactlab())}
+    # Nothing is imported from the current folder, which may be a stranger's.
+    return {**kept, "PYTHONPATH": str(_isolated_contactlab()), "PYTHONSAFEPATH": "1"}
 
 
 def _isolated_contactlab() -> Path:

@@ -90,7 +90,7 @@ def _check_address(address: str) -> None:
     if address != "auto":
         _check_port(address)
     given = [] if address == "auto" else ["--address", address]
-    command = [sys.executable, "-m", "ray.scripts.scripts", "health-check", *given]
+    command = [sys.executable, "-P", "-m", "ray.scripts.scripts", "health-check", *given]
     try:
         done = subprocess.run(  # noqa: S603
             command, capture_output=True, text=True, timeout=_ANSWER_TIMEOUT, check=False

@@ -359,7 +359,7 @@ def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
     Raises:
         PolicyError: the interpreter cannot time runs.
     """
-    command = [str(python), "-c", f"from {__name__} import main; main()", str(store)]
+    command = [str(python), "-P", "-c", f"from {__name__} import main; main()", str(store)]
     try:
         process = subprocess.Popen(  # noqa: S603 - the user's own Python
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True

@@ -4,6 +4,7 @@ Each worker has a private pipe, whose end is the only sign of its death: a share
 break, or hang, with the process that holds its lock.
 """
 
+import itertools
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,6 +18,7 @@ from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 from contactlab.run.worker_process import (
     WorkerHandle,
+    end_halted,
     fork_context,
     kill_workers,
     receive_result,
@@ -27,6 +29,9 @@ from contactlab.run.worker_process import (
 
 # How long a request to stop that comes without a signal may go unnoticed [s].
 _STOP_INTERVAL = 0.1
+# How long workers may be silent before they are looked at [s].
+_LOOK_INTERVAL = 2.0
+_LOOKS = round(_LOOK_INTERVAL / _STOP_INTERVAL)
 
 
 def worker_count(requested: int | None) -> int:
@@ -84,9 +89,12 @@ class PersistentWorker:
         else:
             start_worker(self._workers, fork_context(), self._task, self._marker, job)
         (worker,) = self._workers
+        silent = itertools.count(1)
         while not wait([worker.pipe], _STOP_INTERVAL):
             if stop.is_set:
                 request_stop(self._workers)
+            if next(silent) % _LOOKS == 0:
+                end_halted(self._workers)
         try:
             result = receive_result(worker)
         finally:
@@ -113,7 +121,9 @@ def _next_results(
     if stopping:
         request_stop(workers)
     pipes = [worker.pipe for worker in workers]
-    ready = set(wait([*pipes, *([] if stopping else [stop.fileno()])]))
+    ready = set(wait([*pipes, *([] if stopping else [stop.fileno()])], _LOOK_INTERVAL))
+    if not ready:
+        end_halted(workers)
     for worker in [worker for worker in workers if worker.pipe in ready]:
         result = receive_result(worker)
         job = next(queue, None)

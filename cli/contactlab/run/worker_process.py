@@ -25,6 +25,8 @@ from contactlab.run import worker_main
 from contactlab.run.tasks import Crashed, Job, Result, Task
 
 _MAX_TRACEBACK_LINES = 6
+_MOST_HALTED = 3
+_HALTED = "the worker was halted, as by SIGSTOP, and did not go on"
 # Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
 _MAX_FOLDER = 75
 # How often, and how far apart [s], a process is started while the fork server is being replaced.
@@ -41,6 +43,7 @@ class WorkerHandle:
         marker: the file where the worker writes a traceback when a run times out.
         job: the job that it is on.
         stop_requested: whether it was asked to stop after the current run.
+        halted: how often in a row it was seen halted, as by SIGSTOP.
     """
 
     process: BaseProcess
@@ -48,6 +51,7 @@ class WorkerHandle:
     marker: Path
     job: Job
     stop_requested: bool = False
+    halted: int = 0
 
 
 def fork_context() -> ForkServerContext:
@@ -63,9 +67,10 @@ def start_worker(
 ) -> None:
     """Start a worker on a job, and append it to the others before a signal can come between."""
     marker.unlink(missing_ok=True)
-    with _signals_blocked():
+    environment = dict(os.environ)
+    with _only_installed(), _signals_blocked():
         ours, theirs = context.Pipe()
-        arguments = (task, theirs, marker, dict(os.environ))
+        arguments = (task, theirs, marker, environment)
         process = context.Process(target=worker_main.serve_jobs, args=arguments, daemon=True)
         _start_process(process)
         theirs.close()
@@ -87,6 +92,26 @@ def request_stop(workers: Iterable[WorkerHandle]) -> None:
             send_job(worker, None)
 
 
+def end_halted(workers: Iterable[WorkerHandle]) -> None:
+    """Kill workers that were seen halted for the third time: they may never answer.
+
+    Whoever suspends the whole command, as Ctrl-Z does, suspends the one who looks as well.
+    """
+    for worker in workers:
+        worker.halted = worker.halted + 1 if _is_halted(worker.process.pid) else 0
+        if worker.halted == _MOST_HALTED:
+            worker.process.kill()
+
+
+def _is_halted(process: int | None) -> bool:
+    """Return whether a process is stopped by a signal, where the system says so."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[:1] == ["T"]
+
+
 def receive_result(worker: WorkerHandle) -> Result:
     """Return what a worker sends, or its job as crashed if it died.
 
@@ -101,7 +126,9 @@ def receive_result(worker: WorkerHandle) -> Result:
         marker = worker.marker
         traceback = marker.read_text(encoding="utf-8") if marker.is_file() else ""
         timed_out = bool(traceback) or worker.process.exitcode == -signal.SIGALRM
-        return Crashed(worker.job, _death(worker.process.exitcode, traceback), timed_out)
+        halted = worker.halted >= _MOST_HALTED
+        reason = _HALTED if halted else _death(worker.process.exitcode, traceback)
+        return Crashed(worker.job, reason, timed_out)
     if isinstance(received, Exception):
         raise received
     if isinstance(received, Crashed):
@@ -167,6 +194,22 @@ def _signals_blocked() -> Generator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _only_installed() -> Generator[None]:
+    """Have servers that start meanwhile import nothing from the current folder.
+
+    It may be a stranger's, with a `selectors.py` that is none.
+    """
+    before = os.environ.get("PYTHONSAFEPATH")
+    os.environ["PYTHONSAFEPATH"] = "1"
+    try:
+        yield
+    finally:
+        del os.environ["PYTHONSAFEPATH"]
+        if before is not None:
+            os.environ["PYTHONSAFEPATH"] = before
 
 
 @contextlib.contextmanager

@@ -1,0 +1,63 @@
+"""Workers import nothing of the current folder, and a halted one costs no more than its run."""
+
+import multiprocessing
+import os
+import signal
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from contactlab.run import worker_pool
+from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
+from contactlab.run.worker_process import WorkerHandle, end_halted
+
+INNER: Any = worker_pool
+JOB: Job = (PlannedRun(0, "first", {}, 0),)
+MODULES = ("selectors", "signal", "numpy", "socket", "contactlab", "struct")
+
+
+def test_modules_of_the_current_folder_are_not_run(command: Any, tmp_path: Path) -> None:
+    for name in MODULES:
+        (tmp_path / f"{name}.py").write_text(f"open('{tmp_path}/ran-{name}', 'w').close()\n")
+    (tmp_path / "one.yaml").write_text("version: 1\nscene: ball_drop\nduration: 0.01\n")
+    process = command.start("sweep", "one.yaml", "-o", "store", "--workers", "1")
+    _, err = process.communicate()
+    assert process.returncode == 0, err
+    assert not list(tmp_path.glob("ran-*"))
+
+
+@pytest.fixture
+def halted_worker(tmp_path: Path) -> Any:
+    """A worker that has just begun, halted by a signal."""
+    context = multiprocessing.get_context("fork")
+    ours, theirs = context.Pipe()
+    process = context.Process(target=time.sleep, args=(600,), daemon=True)
+    process.start()
+    theirs.close()
+    os.kill(process.pid or 0, signal.SIGSTOP)
+    os.waitpid(process.pid or 0, os.WUNTRACED)
+    yield WorkerHandle(process, ours, tmp_path / "marker", JOB)
+    process.kill()
+
+
+def test_a_halted_worker_is_ended(halted_worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker_pool, "_LOOK_INTERVAL", 0.01)
+    workers, results = [halted_worker], []
+    while workers:
+        results += INNER._next_results(None, None, workers, iter(()), Stop())
+    (result,) = results
+    assert isinstance(result, Crashed)
+    assert (result.job, result.timed_out) == (JOB, False)
+    assert "halted" in result.reason
+
+
+def test_one_that_goes_on_is_left(halted_worker: Any) -> None:
+    end_halted([halted_worker])
+    end_halted([halted_worker])
+    os.kill(halted_worker.process.pid, signal.SIGCONT)
+    os.waitpid(halted_worker.process.pid, os.WCONTINUED)
+    end_halted([halted_worker])
+    assert halted_worker.halted == 0
+    assert halted_worker.process.is_alive()
