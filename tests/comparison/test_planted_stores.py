@@ -14,6 +14,7 @@ from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport
 from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.atomic_files import sha256_of
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -180,3 +181,11 @@ def test_a_policy_that_does_not_fit(
         compare(baseline, stored("again", runs()), policy(**changes))
     assert message in str(raised.value)
     assert raised.value.exit_code == 2
+
+
+def test_another_baseline_than_the_pinned_one(baseline: Path, runs: Runs, stored: Stored) -> None:
+    candidate, digest = stored("again", runs()), sha256_of(baseline / "manifest.json")
+    pinned = ComparePolicy(version=1, baseline_digest=digest)
+    assert compare(baseline, candidate, pinned).exit_code == 0
+    with pytest.raises(StoreError, match=f"has the digest {digest}, not 0+, which is pinned"):
+        compare(baseline, candidate, ComparePolicy(version=1, baseline_digest="0" * 64))

@@ -5,6 +5,8 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import OutputError, StoreError
+from contactlab.store import atomic_files, baseline_store
+from contactlab.store.atomic_files import sha256_of
 from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
@@ -80,3 +82,32 @@ def test_a_broken_store_makes_no_baseline(store: Path, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"is not sound: .*: missing"):
         write_baseline(store, tmp_path / "baseline")
     assert not (tmp_path / "baseline").exists()
+
+
+def test_a_baseline_has_the_digest_of_its_stores_records(store: Path, tmp_path: Path) -> None:
+    """However the table is encoded."""
+    written = write_baseline(store, tmp_path / "baseline")
+    assert written.manifest.records == Store.open(store).manifest.records
+    assert sha256_of(store / "runs.parquet") != sha256_of(written.file("runs.parquet"))
+
+
+def test_only_the_pinned_baseline_is_replaced(store: Path, tmp_path: Path) -> None:
+    digest = write_baseline(store, tmp_path / "baseline").digest
+    with pytest.raises(OutputError, match=f"has the digest {digest}, not 0+; it is not replaced"):
+        write_baseline(store, tmp_path / "baseline", "0" * 64)
+    assert write_baseline(store, tmp_path / "baseline", digest).digest == digest
+
+
+def test_without_an_exchange_in_one_step_two_renames_do(
+    store: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(atomic_files, "_LIBC", None)
+    monkeypatch.setattr(baseline_store, "sync_filesystem", lambda _: None)
+    target = tmp_path / "beside" / "baseline"
+    digest = write_baseline(store, target).digest
+    assert write_baseline(store, target).digest == digest
+    # Killed between the renames: the old one is put back, then replaced.
+    (target.parent / ".baseline.update").mkdir()
+    target.rename(target.parent / ".baseline.update" / "old")
+    assert write_baseline(store, target, digest).digest == digest
+    assert [path.name for path in target.parent.iterdir()] == ["baseline"]
