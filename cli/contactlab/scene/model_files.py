@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
+from contactlab.scene.model_size import check_element, check_picture
 from contactlab.scene.scene_tree import check_places, check_regular
 
 _ASSET_FOLDERS = {
@@ -86,6 +87,7 @@ class _Search:
         elements = list(self._elements(Reference(model), model.parent))
         compiler: dict[str, str] = {}
         for element, file in elements:
+            check_element(element, file.path)
             if element.tag == "compiler":
                 compiler.update(element.attrib)
             if file.path != model:
@@ -255,6 +257,8 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
         check_places(paths, beside[0].parent if beside else model, copy)
         found = [each for each in named if each.path.is_file()]
         files = {model, *others, *(_plain(each.path) for each in found)}
+        for path in files:
+            check_picture(path)
         root = _common_folder({*files, *(_plain(each.place) for each in found)})
         # What a package is called is no part of the scene: names start where the files do.
         inner = _common_folder(files)
@@ -272,6 +276,8 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
         )
     except OSError as error:
         raise SceneError(f"{error.filename or model}: {error.strerror}") from error
+    except RecursionError as error:
+        raise SceneError(f"{model}: its models include each other too deeply") from error
 
 
 def _plain(path: Path) -> Path:
