@@ -1,5 +1,6 @@
 """The command line. A command imports what it needs when it runs, so that --help is instant."""
 
+import errno
 import os
 import warnings
 from pathlib import Path
@@ -23,7 +24,7 @@ from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
 from contactlab.commands.verify_command import verify
-from contactlab.errors import ContactlabError
+from contactlab.errors import ContactlabError, OutputError
 from contactlab.printable import printable
 
 app = typer.Typer(
@@ -82,3 +83,10 @@ def main() -> None:
     except ContactlabError as error:
         say(f"error: {error}" if not str(error).startswith("error") else str(error))
         raise SystemExit(error.exit_code) from error
+    except OSError as error:
+        if error.errno != errno.ENOSPC:
+            raise
+        # What is left in the buffer cannot be printed either.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        say(f"error: cannot print the results: {error.strerror}")
+        raise SystemExit(OutputError.exit_code) from error

@@ -45,6 +45,7 @@ _ID = np.dtype(">u8")
 _DIGITS = 2 * ID_BYTES
 # Initial states that are remembered as checked.
 _MAX_CHECKED = 1 << 12
+_MOST_STEPS = 1e12
 
 
 class RunIndex:
@@ -62,6 +63,7 @@ class RunIndex:
         Raises:
             SceneError: the model's timestep is not positive, and the sweep sets no other; or the
                 times of a run's control or hold are inconsistent.
+            SweepFileError: a run would record more than 1 GiB.
         """
         self._plan = plan
         self._rows = scene.rows(plan.sweep.duration)
@@ -129,13 +131,12 @@ class _Check:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._checked: set[object] = set()
+        self._least: dict[RowGroup, float] = {}
 
     def __call__(self, row: ResolvedRow) -> None:
-        if not 0 < row.timestep < math.inf:
-            raise SceneError(
-                f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write a "
-                "positive one there, or sweep `timestep`"
-            )
+        if not row.timestep >= self._least.get(row.group, math.inf):
+            self._check_steps(row)
+            self._least[row.group] = row.timestep
         engine = engine_of(row.group.first)
         if isinstance(row.group.first.drive, PolicyDrive) and not engine.runs_policies:
             raise SceneError(
@@ -156,6 +157,26 @@ class _Check:
         if len(self._checked) < _MAX_CHECKED:
             self._checked.add(key)
 
+    def _check_steps(self, row: ResolvedRow) -> None:
+        """Check that a run has steps, and that memory holds what it records."""
+        if not 0 < row.timestep < math.inf:
+            raise SceneError(
+                f"{self._scene.source.model}: its timestep is {row.timestep:g} s; write a "
+                "positive one there, or sweep `timestep`"
+            )
+        duration = row.group.first.duration
+        if duration / row.timestep > _MOST_STEPS:
+            raise SweepFileError(
+                f"{duration:g} s in steps of {row.timestep:g} s are too many; lengthen `timestep`"
+            )
+        run = row.resolved(0)
+        size = bytes_of_run(self._scene.base_of(run).model, run.steps)
+        if size > RUN_BYTES:
+            raise SweepFileError(
+                f"a run of {run.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
+                "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
+            )
+
 
 def pack_jobs(
     runs: Iterable[tuple[PlannedRun, ResolvedRun]], count: int, scene: Scene, workers: int
@@ -170,9 +191,6 @@ def pack_jobs(
         count: how many these are.
         scene: their scene.
         workers: how many there are; jobs stay small enough that each gets several.
-
-    Raises:
-        SweepFileError: a run would record more than 1 GiB.
     """
     most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
     shares = 2 * workers if workers > 1 else 1
@@ -205,11 +223,6 @@ def _key(resolved: ResolvedRun) -> Key:
 def _max_runs(scene: Scene, resolved: ResolvedRun, most: int) -> int:
     base = scene.base_of(resolved)
     size = bytes_of_run(base.model, resolved.steps)
-    if size > RUN_BYTES:
-        raise SweepFileError(
-            f"a run of {resolved.steps:,} steps would record {size / 2**30:.1f} GiB in memory; "
-            "the limit is 1 GiB. Shorten `duration` or monitor fewer pairs"
-        )
     return max(1, min(most, JOB_BYTES // size, max_models(base)))
 
 

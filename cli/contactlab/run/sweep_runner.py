@@ -5,6 +5,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from pydantic_core import PydanticSerializationError
+
 from contactlab.engines import engine_of
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, Metric
@@ -152,7 +154,7 @@ def _task(request: SweepRequest, store: StoreWriter, runs: int) -> Task:
 def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     manifest, drive = request.scene.source.manifest, request.scene.drive.drive
     timed = bool(manifest and manifest.control) or drive not in ("none", "hold")
-    return SweepIdentity(
+    identity = SweepIdentity(
         name=request.name,
         source=request.source,
         overrides=request.overrides,
@@ -168,6 +170,14 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         plan_hash=index.hash,
         plugins=plugin_infos(loaded_plugins()),
     )
+    try:
+        identity.model_dump_json()
+    except PydanticSerializationError as error:
+        raise SweepFileError(
+            "a name of the sweep, the scene or a file is no UTF-8 text; rename it, or set "
+            "LC_ALL=C.UTF-8"
+        ) from error
+    return identity
 
 
 def _without_none(data: dict[str, Any], key: str) -> dict[str, Any]:

@@ -1,0 +1,15 @@
+"""The command `contactlab`, also as `python -m contactlab`."""
+
+
+def main() -> None:
+    """Run the command line; Ctrl-C while it loads is no error to report."""
+    try:
+        from contactlab.commands.main import main as run  # noqa: PLC0415 - takes a while
+
+        run()
+    except KeyboardInterrupt:
+        raise SystemExit(130) from None
+
+
+if __name__ == "__main__":
+    main()
