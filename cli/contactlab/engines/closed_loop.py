@@ -228,6 +228,13 @@ class _Flight:
             )
         # Adding 0 makes -0.0 a 0.0, which no replay could tell apart from it.
         wanted = returned.astype(np.float64) + 0.0
+        if not np.isfinite(wanted).all():
+            self._refuse(wanted, step)
+        return wanted
+
+    def _refuse(self, wanted: Floats, step: int) -> None:
+        """Land the runs for which the policy wants something that is no number."""
+        time = step * self._timestep
         for run in [run for run in self._flying if not np.isfinite(wanted[run]).all()]:
             actuator = int(np.flatnonzero(~np.isfinite(wanted[run]))[0])
             name = self._models[run].actuator(actuator).name
@@ -235,7 +242,6 @@ class _Flight:
                 f"policy {self._name} returned {wanted[run, actuator]:g} for {name} at {time:g} s"
             )
             self._land([run], step)
-        return wanted
 
     def _observed(self, call: int, step: int) -> tuple[Floats, Floats, Floats, Floats]:
         """Return copies of (n,) times, (n, nq) and (n, nv) noisy states, and sensor data."""
@@ -283,14 +289,14 @@ class _Flight:
         except SimulationError:
             for run in flying:
                 self._errors[run] = batch.error(run) or None
-        arrays.state[flying, begin + 1 : end + 1] = out[int(STATE)]
-        arrays.sensors[flying, begin:end] = out["sensordata"]
-        arrays.iterations[flying, begin:end] = out["solver_niter"]
-        warned = batch.warning[flying, :, _COUNT].any(axis=1)
-        self._land(
-            [run for run, each in zip(flying, warned, strict=True) if each or self._errors[run]],
-            end,
-        )
+        # A slice where all fly: it copies faster than a list of runs.
+        rows = flying if len(flying) < len(self._models) else slice(None)
+        arrays.state[rows, begin + 1 : end + 1] = out[int(STATE)]
+        arrays.sensors[rows, begin:end] = out["sensordata"]
+        arrays.iterations[rows, begin:end] = out["solver_niter"]
+        if batch.warning[rows, :, _COUNT].any() or any(self._errors):
+            warned = batch.warning[:, :, _COUNT].any(axis=1)
+            self._land([run for run in flying if warned[run] or self._errors[run]], end)
 
     def _inputs(self, begin: int, end: int) -> dict[str, Any]:
         """Return a batch's arguments where a scene drives forces beside the policy."""

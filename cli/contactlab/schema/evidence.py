@@ -242,7 +242,7 @@ class EvidenceRecord(Model):
     trace: TraceFile | None = None
     controls: str | None = Field(
         default=None,
-        description="SHA-256 of what its policy did, in controls/XX/SHA256.parquet; null without.",
+        description="SHA-256 of what its policy did, in controls/SHA256.arrow; null without.",
     )
     started: str | None = Field(default=None, description="UTC, ISO 8601.")
     finished: str | None = Field(default=None, description="UTC, ISO 8601.")

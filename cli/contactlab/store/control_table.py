@@ -75,6 +75,12 @@ def _read_parquet(path: Path) -> Columns:
     return _columns({name: _plain(table.column(name)) for name in table.column_names})
 
 
+def _read_arrow(path: Path) -> Columns:
+    with pa.ipc.open_file(path) as file:
+        table = file.read_all()
+    return _columns({name: _plain(table.column(name)) for name in table.column_names})
+
+
 def _plain(column: pa.ChunkedArray) -> object:
     return column.to_pylist() if pa.types.is_nested(column.type) else column.to_numpy()
 
@@ -121,6 +127,7 @@ def _read_mcap(path: Path) -> Columns:
 _READERS: Mapping[str, Callable[[Path], Columns]] = {
     ".csv": _read_csv,
     ".parquet": _read_parquet,
+    ".arrow": _read_arrow,
     ".npz": _read_npz,
     ".mcap": _read_mcap,
 }
