@@ -12,9 +12,11 @@ from contactlab.store.finished_store import Store
 _SWEEP = "version: 1\nscene: m.xml\nduration: {}\ntrace: none\n"
 
 
-def _measured(folder: Path, model: str, duration: float) -> dict[str, float | None]:
+def _measured(
+    folder: Path, model: str, duration: float, sweep: str = _SWEEP
+) -> dict[str, float | None]:
     (folder / "m.xml").write_text(model)
-    ask = read_request(_SWEEP.format(duration), "t", folder / "s", folder=folder, workers=0)
+    ask = read_request(sweep.format(duration), "t", folder / "s", folder=folder, workers=0)
     run_sweep(ask, lambda *_: None, lambda _: None)
     store = Store.open(folder / "s")
     return store.record(store.table["run_id"][0].as_py()).metrics
@@ -28,6 +30,15 @@ def test_a_spring_travels_four_amplitudes_a_period(tmp_path: Path) -> None:
     found = _measured(tmp_path, model, 2.0)
     assert found["joint_travel"] == pytest.approx(2 * 4 * 0.1, rel=2e-3)
     assert found["turn"] is None
+
+
+def test_constant_forces_of_3_and_4_are_an_effort_of_5(tmp_path: Path) -> None:
+    model = """<mujoco><option gravity="0 0 0"/><worldbody><body>
+      <joint name="j" type="slide" axis="1 0 0"/><geom size=".1" mass="1"/></body></worldbody>
+      <actuator><motor joint="j"/><motor joint="j" gear="-1"/></actuator>
+      <keyframe><key ctrl="3 4"/></keyframe></mujoco>"""
+    sweep = _SWEEP + "drive: none\n"
+    assert _measured(tmp_path, model, 0.1, sweep)["actuator_effort"] == pytest.approx(5)
 
 
 def test_a_spinning_ball_turns_by_its_speed_times_time(tmp_path: Path) -> None:

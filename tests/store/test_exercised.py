@@ -49,6 +49,14 @@ def test_a_joint_that_only_starts_at_its_limit_does_not_exercise_it() -> None:
     assert exercised(Coverage(joints={"j": reached})).lack(["limit"]) is None
 
 
+def test_one_part_that_is_left_out_is_enough_to_say_so() -> None:
+    """An effect turns the limits of all joints off, or none."""
+    reached, away = Travel(moved=0.1, share=0.1, ends=("upper",)), Travel(moved=0.1, share=0.1)
+    assert exercised(Coverage(joints={"j": reached, "k": away})).lack(["limit"]) is not None
+    some = Coverage(equalities={"tie": 2.0, "idle": 0.0})
+    assert exercised(some).lack(["equality"]) is not None
+
+
 @pytest.mark.parametrize(
     ("setting", "feature"),
     [

@@ -6,7 +6,7 @@ end than its margin. Nothing stops the motion before, so that no timestep hides 
 
 from collections.abc import Iterable, Mapping, Sequence
 from math import isnan
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,7 @@ from contactlab.contact.trace_arrays import (
 from contactlab.contact.trace_setup import Mechanism, Part
 from contactlab.measure.context import Context
 from contactlab.measure.net_contact import NetContact
-from contactlab.schema.coverage import ActuatorUse, Coverage, End, PairUse, Travel
+from contactlab.schema.coverage import Coverage, End, PairUse
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
@@ -33,7 +33,6 @@ _AT_LIMIT = 1e-9
 _RANGE = ("low", "high", "margin")
 _ENDS: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
 
-Use = TypeVar("Use", Travel, ActuatorUse, PairUse)
 Fields = Mapping[str, NDArray[Any]]
 """What parts did, (n, parts) for each field of the record; NaN where it does not apply."""
 
@@ -47,51 +46,61 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
     if not trace.steps:
         return tuple(Coverage() for _ in range(n))
     with np.errstate(all="ignore"):
-        joints = _records(Travel, mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
-        tendons = _records(Travel, mechanism.tendons, _tendons(mechanism, trace.lengths), n)
-        actuators = _records(ActuatorUse, mechanism.actuators, _actuators(mechanism, trace), n)
-        pairs = _records(PairUse, trace.pairs, _pairs(context), n)
+        joints = _rows(mechanism.joints, _joints(mechanism.joints, trace.qpos), n)
+        tendons = _rows(mechanism.tendons, _tendons(mechanism, trace.lengths), n)
+        actuators = _rows(mechanism.actuators, _actuators(mechanism, trace), n)
+        pairs = _rows(trace.pairs, _pairs(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)
     touched = _share(trace.contacts > 0)
-    return tuple(
-        Coverage(
-            joints=joints[run],
-            tendons=tendons[run],
-            actuators=actuators[run],
-            equalities=dict(zip(mechanism.equalities, loads[run].tolist(), strict=False)),
-            pairs={name: use for name, use in pairs[run].items() if use.touched},
-            touched=touched[run],
-        )
+    covered = (
+        {
+            "joints": joints[run],
+            "tendons": tendons[run],
+            "actuators": actuators[run],
+            "equalities": dict(zip(mechanism.equalities, loads[run].tolist(), strict=False)),
+            "pairs": {name: use for name, use in pairs[run].items() if use["touched"]},
+            "touched": touched[run],
+        }
         for run in range(n)
     )
+    return tuple(map(Coverage.model_validate, covered))
 
 
-def _records(
-    kind: type[Use], parts: Sequence[Part | PairTrace], fields: Fields, runs: int
-) -> list[dict[str, Use]]:
+def _rows(
+    parts: Sequence[Part | PairTrace], fields: Fields, runs: int
+) -> list[dict[str, dict[str, Any]]]:
     """Return what each part did in each run, by name; infinities become the largest numbers."""
     values = np.stack([*fields.values()], axis=-1) if parts else np.zeros((runs, 0, 0))
     return [
-        {part.name: _record(kind, fields, row) for part, row in zip(parts, rows, strict=True)}
+        {part.name: _row(fields, row) for part, row in zip(parts, rows, strict=True)}
         for rows in np.nan_to_num(values, nan=np.nan).tolist()
     ]
 
 
-def _record(kind: type[Use], names: Iterable[str], row: Sequence[float]) -> Use:
-    given = {name: value for name, value in zip(names, row, strict=True) if not isnan(value)}
-    ends = {"ends": _ENDS[int(given["ends"])]} if "ends" in given else {}
-    return kind.model_validate({**given, **ends})
+def _row(names: Iterable[str], values: Sequence[float]) -> dict[str, Any]:
+    """Return the values of a row that are not NaN."""
+    return {
+        name: _ENDS[int(value)] if name == "ends" else value
+        for name, value in zip(names, values, strict=True)
+        if not isnan(value)
+    }
 
 
 def _joints(joints: Sequence[Part], qpos: Floats) -> Fields:
-    first, last = qpos.min(axis=1), qpos.max(axis=1)
-    places = [each.place for each in joints]
-    least, greatest = first[:, places], last[:, places]
+    widths = [3 if each.kind == "free" else 1 for each in joints]
+    columns = [
+        each.place + k for each, width in zip(joints, widths, strict=True) for k in range(width)
+    ]
+    # Gathered first, which is faster than going through rows that are mostly something else.
+    values = qpos[:, :, columns]
+    first, last = values.min(axis=1), values.max(axis=1)
+    starts = np.cumsum([0, *widths])[:-1]
+    least, greatest = first[:, starts], last[:, starts]
     moved, turned = greatest - least, np.full(least.shape, np.nan)
-    for index, joint in enumerate(joints):
+    for index, (joint, start) in enumerate(zip(joints, starts, strict=True)):
         if joint.kind == "free":
-            span = slice(joint.place, joint.place + 3)
+            span = slice(start, start + 3)
             moved[:, index] = np.linalg.norm(last[:, span] - first[:, span], axis=1)
             turned[:, index] = _turned(qpos, joint.place + 3)
         if joint.kind == "ball":
@@ -141,8 +150,11 @@ def _actuators(mechanism: Mechanism, trace: Trace) -> Fields:
     slack = np.where(np.isfinite(high - low), _AT_LIMIT * (high - low), 0)
     at_limit = (forces <= low + slack) | (forces >= high - slack)
     least, greatest = controls[:, :, 0], controls[:, :, 1]
+    first = np.array([each.low for each in mechanism.actuators])
+    last = np.array([each.high for each in mechanism.actuators])
+    used = np.clip(greatest, first, last) - np.clip(least, first, last)
     return {
-        **_travel(mechanism.actuators, least, greatest, greatest - least),
+        **_travel(mechanism.actuators, least, greatest, used),
         "force": np.abs(forces).max(axis=1),
         "saturated": at_limit.mean(axis=1),
     }

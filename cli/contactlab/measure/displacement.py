@@ -56,6 +56,18 @@ def joint_travel(context: Context) -> Floats:
     return speeds.sum(axis=1).max(axis=1) * context.trace.timestep
 
 
+@metric(unit="any", resolution=1e-9)
+def actuator_effort(context: Context) -> Floats:
+    """Root mean square over time of the forces of all actuators together.
+
+    In N and N m, as each actuator has it; it shows what the motion asks of them.
+    """
+    forces = context.trace.forces
+    if forces is None or not forces.shape[2]:
+        return context.undefined()
+    return np.sqrt((forces * forces).sum(axis=2).mean(axis=1))
+
+
 @metric(unit="rad", resolution=1e-9)
 def turn(context: Context) -> Floats:
     """Angular speed summed over time of the free body that turns most."""

@@ -117,6 +117,7 @@ class Coverage(Model):
     def exercised(self) -> frozenset[Feature]:
         """The features of the model that the run exercised."""
         parts = [*self.joints.values(), *self.tendons.values()]
+        limited = [each for each in parts if each.share is not None]
         uses = self.pairs.values()
         # Of pairs that are not monitored, nothing more is known than that they touched.
         unknown = self.touched > 0 and not uses
@@ -126,10 +127,11 @@ class Coverage(Model):
             "spin": unknown or any(each.spun for each in uses),
             "rolling": unknown or any(each.rolled for each in uses),
             "motion": any(each.counts for each in self.joints.values()),
-            # A limit at which a joint only starts, or rests, stops nothing.
-            "limit": any(each.ends and each.counts for each in parts),
-            "tendon": any(each.counts or each.stretched for each in self.tendons.values()),
-            "equality": any(self.equalities.values()),
+            # One effect is about all parts of a kind, so that each of them must have its turn. A
+            # limit at which a joint only starts, or rests, stops nothing.
+            "limit": all(each.ends and each.counts for each in limited),
+            "tendon": all(each.counts or each.stretched for each in self.tendons.values()),
+            "equality": all(self.equalities.values()),
             "actuation": any(each.force for each in self.actuators.values()),
             "clamping": any(each.ends for each in self.actuators.values()),
         }

@@ -13,9 +13,9 @@ _LACKING: Mapping[Feature, str] = {
     "spin": "nothing spun in a contact",
     "rolling": "nothing rolled",
     "motion": "no joint moved",
-    "limit": "no joint or tendon moved into its limit",
-    "tendon": "no tendon moved or was stretched",
-    "equality": "no equality bore a load",
+    "limit": "not every joint and tendon moved into its limit",
+    "tendon": "not every tendon moved or was stretched",
+    "equality": "not every equality bore a load",
     "actuation": "no actuator exerted a force",
     "clamping": "no control left its range",
 }

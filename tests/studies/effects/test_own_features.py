@@ -65,7 +65,8 @@ def test_what_no_run_exercised_is_kept_and_the_drive_is_named(report: EffectsRep
     assert {found[name].need for name in NOT_EXERCISED} == {"not exercised"}
     assert {*report.smallest_set.on} >= NOT_EXERCISED
     assert found["limit"].reason == (
-        "no joint or tendon moved into its limit; write drive: {file: FILE}, of controls that do it"
+        "not every joint and tendon moved into its limit; "
+        "write drive: {file: FILE}, of controls that do it"
     )
     assert all("limit" not in line for line in report.smallest_set.mjcf)
 

@@ -224,12 +224,7 @@ _EFFECTS = (
         feature="motion",
     ),
     _flag(
-        "spring",
-        "physical",
-        "springs of joints and tendons",
-        "springs",
-        proofs.no_spring,
-        feature="motion",
+        "spring", "physical", "springs of joints and tendons", "springs", proofs.no_spring, "motion"
     ),
     _flag(
         "damper",
@@ -237,7 +232,7 @@ _EFFECTS = (
         "damping of joints and tendons",
         "damping",
         proofs.no_damping,
-        feature="motion",
+        "motion",
     ),
     _flag(
         "eulerdamp",
@@ -255,21 +250,9 @@ _EFFECTS = (
         zero("no joint or tendon has friction loss", "dof_frictionloss", "tendon_frictionloss"),
         feature="motion",
     ),
+    _flag("limit", "physical", "ends of joints and tendons", "limits", proofs.no_limit, "limit"),
     _flag(
-        "limit",
-        "physical",
-        "ends of joints and tendons",
-        "limits",
-        proofs.no_limit,
-        feature="limit",
-    ),
-    _flag(
-        "equality",
-        "physical",
-        "equality constraints",
-        "equalities",
-        proofs.no_equality,
-        feature="equality",
+        "equality", "physical", "equality constraints", "equalities", proofs.no_equality, "equality"
     ),
     Effect(
         "tendon",
@@ -280,16 +263,14 @@ _EFFECTS = (
         proofs.idle_tendons,
         feature="tendon",
     ),
-    _flag(
-        "actuation", "physical", "actuators", "actuators", proofs.no_actuator, feature="actuation"
-    ),
+    _flag("actuation", "physical", "actuators", "actuators", proofs.no_actuator, "actuation"),
     _flag(
         "clampctrl",
         "physical",
         "limits of controls",
         "limited controls",
         proofs.no_ctrl_limit,
-        feature="clamping",
+        "clamping",
     ),
     Effect(
         "implicit",
