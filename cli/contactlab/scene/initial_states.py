@@ -140,8 +140,11 @@ class InitialStates(NamedTuple):
         first so many inputs are returned, among them all that are driven.
         """
         constant = np.concatenate([self.ctrl[run], self.applied[run], self.mocap[run]])[:width]
+        signals = self.signals[run]
+        if np.array_equal(signals.places, np.arange(len(constant))):
+            return signals.at(steps * timestep)
         inputs = np.tile(constant, (len(steps), 1))
-        inputs[:, self.signals[run].places] = self.signals[run].at(steps * timestep)
+        inputs[:, signals.places] = signals.at(steps * timestep)
         return inputs
 
     def control_ranges(self, end: float) -> Floats:

@@ -13,11 +13,10 @@ from contactlab.scene.drive.hold import Posture, Servos, force_law, is_integrate
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
-# Sines of each control; their sum is nearly normal.
-_SINES = 20
+# Sines of each control at least; their sum is nearly normal.
+_LEAST_SINES = 64
 # Knots of a period of the highest frequency: linear between them, 1.4 % of it is lost.
 _KNOTS = 12
-_BLOCK = 16
 _STREAM = 3
 """The seed's stream of random numbers for controls; the first perturbs the start."""
 
@@ -96,7 +95,10 @@ def _ways(model: mujoco.MjModel, lengths: Floats) -> Floats:
 def noise_signals(
     posture: Posture, half: Floats, noise: NoiseDrive, span: tuple[float, float], seed: int
 ) -> Signals:
-    """Return noise around held controls: each a sum of sines of random frequency and phase.
+    """Return noise around held controls: each a sum of sines of equal size and random phase.
+
+    Their frequencies are evenly spaced up to the highest, 64 or more, and so close that the sum
+    repeats after the run only.
 
     Args:
         posture: what is held.
@@ -105,19 +107,18 @@ def noise_signals(
         span: when it begins and ends [s]; it grows over the first period of that frequency.
         seed: of the random numbers.
     """
-    generator = np.random.default_rng([seed, _STREAM])
-    frequencies = generator.uniform(0.0, noise.rate, (len(half), _SINES, 1))
-    phases = generator.uniform(0.0, 2 * np.pi, (len(half), _SINES, 1))
     begin, end = span
-    pace = noise.rate * _KNOTS
-    count = int(np.ceil(max(end - begin, 0.0) * pace)) + 1
-    # The wave at knot 16 a + b is a product of turns by 16 a and by b: few sines for many knots.
-    turn = 2j * np.pi * frequencies / pace
-    slow = np.exp(turn * _BLOCK * np.arange(-(-count // _BLOCK)) + 1j * phases)
-    fast = np.exp(turn * np.arange(_BLOCK))
-    wave = np.imag(slow.swapaxes(1, 2) @ fast).reshape(len(half), -1)[:, :count]
-    knots = np.arange(count) / pace
-    wave = wave * np.sqrt(2 / _SINES) * np.minimum(knots * noise.rate, 1.0)
+    sines = _LEAST_SINES
+    while sines < (end - begin) * noise.rate:
+        sines *= 2
+    phases = np.random.default_rng([seed, _STREAM]).uniform(0.0, 2 * np.pi, (len(half), sines))
+    spectrum = np.zeros((len(half), sines * _KNOTS // 2 + 1), np.complex128)
+    spectrum[:, 1 : sines + 1] = np.exp(1j * phases)
+    count = int(np.ceil(max(end - begin, 0.0) * noise.rate * _KNOTS)) + 1
+    # A sine of size 1 has the mean square 1/2; `irfft` divides by the number of knots.
+    wave = np.fft.irfft(spectrum)[:, :count] * sines * _KNOTS / np.sqrt(2 * sines)
+    knots = np.arange(wave.shape[1]) / (noise.rate * _KNOTS)
+    wave *= np.minimum(knots * noise.rate, 1.0)
     levels = posture.ctrl[:, None] + noise.noise * half[:, None] * wave
     return Signals(np.arange(len(half)), begin + knots[None], levels)
 
