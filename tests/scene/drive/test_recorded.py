@@ -166,7 +166,7 @@ def test_other_files_are_refused(scene: Scene, tmp_path: Path) -> None:
     (tmp_path / "bad.npz").write_bytes(b"nothing")
     np.savez(tmp_path / "lengths.npz", time=np.arange(3.0), servo=np.arange(2.0))
     for name, message in (
-        ("controls.txt", r"\.csv, \.parquet, \.npz, \.mcap"),
+        ("controls.txt", r"write a file \.csv, \.parquet, "),
         ("bad.npz", "cannot read"),
         ("lengths.npz", "column `servo` has 2 rows, but `time` has 3"),
         ("none.csv", "No such file"),

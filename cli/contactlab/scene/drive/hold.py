@@ -89,6 +89,7 @@ class Posture:
     Attributes:
         qpos: (nq,) the configuration.
         lengths: (nu,) lengths of the actuators.
+        gain: (nu,) how forces change with their inputs.
         inputs: (nu,) what their forces follow: activations where there are any, else controls.
         ctrl: (nu,) controls.
         act: (na,) activations.
@@ -96,6 +97,7 @@ class Posture:
 
     qpos: Floats
     lengths: Floats
+    gain: Floats
     inputs: Floats
     ctrl: Floats
     act: Floats
@@ -112,7 +114,8 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     moment, inertia = _moment(model, data), np.zeros((model.nv, model.nv))
     for column, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
-    gain, bias = force_law(model, qpos)
+    # Those that get a spring have a fixed gain, and no bias at rest but a constant one.
+    gain, bias = np.array(model.actuator_gainprm[:, 0]), np.array(model.actuator_biasprm[:, 0])
     moving = np.abs(moment).max(axis=1, initial=0) > 0
     chosen = np.flatnonzero(moving & (gain != 0) & _without_feedback(model))
     rows = moment[chosen]
@@ -139,7 +142,7 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
         ctrl: (nu,) controls of actuators with feedback that are kept; NaN where there is none.
     """
     data = _at(model, qpos)
-    gain, bias = force_law(model, qpos)
+    gain, bias = _force_law(model, qpos)
     moment = _moment(model, data)
     moved = np.abs(moment).max(axis=0, initial=0) > 0
     wanted = np.asarray(data.qfrc_bias - data.qfrc_passive)[moved]
@@ -152,7 +155,7 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     inputs[kept] = ctrl[kept]
     lengths, chosen = np.array(data.actuator_length), servos.actuators
     inputs[chosen] += servos.stiffness * lengths[chosen] / gain[chosen]
-    return Posture(qpos, lengths, inputs, *_with_states(model, inputs))
+    return Posture(qpos, lengths, gain, inputs, *_with_states(model, inputs))
 
 
 def _moment(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
@@ -176,7 +179,7 @@ def _without_feedback(model: mujoco.MjModel) -> NDArray[np.bool_]:
     return plain & along & (np.asarray(model.actuator_gaintype) == _FIXED)
 
 
-def force_law(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
+def _force_law(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:
     """Return (nu,) gain and bias of the force of actuators at rest, over their input."""
     free = copy.copy(model)
     free.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)

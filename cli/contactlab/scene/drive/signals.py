@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.drive.hold import Posture, Servos, force_law, is_integrated
+from contactlab.scene.drive.hold import Posture, Servos, is_integrated
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
@@ -52,8 +52,7 @@ class ControlRoom:
 
 def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> ControlRoom:
     """Return what the controls of a model may do around those that hold a posture."""
-    gain, _ = force_law(model, posture.qpos)
-    usable = np.where(gain == 0, np.inf, gain)
+    usable = np.where(posture.gain == 0, np.inf, posture.gain)
     stiffness = np.where(model.actuator_biastype == 0, 0.0, -model.actuator_biasprm[:, 1])
     stiffness[servos.actuators] += servos.stiffness
     slope = stiffness / usable
