@@ -109,7 +109,10 @@ def test_a_manifest_of_another_sweep(store: Path) -> None:
     manifest = json.loads(path.read_text())
     manifest["sweep"]["name"] = "another"
     path.write_text(json.dumps(manifest))
-    assert verify(store) == ["sweep.json: names another sweep than manifest.json"]
+    assert verify(store) == [
+        "sweep.json: names another sweep than manifest.json",
+        "manifest.json: another sweep than runs.parquet",
+    ]
 
 
 def test_a_truncated_table(store: Path) -> None:

@@ -166,9 +166,15 @@ def _check_columns(store: Store) -> Iterator[str]:
 
 
 def _check_scene(store: Store) -> Iterator[str]:
-    stated = store.manifest.sweep.scene_hash
-    if others := {*store.columns.strings("scene_hash").categories} - {stated}:
-        yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
+    sweep, columns = store.manifest.sweep, store.columns
+    for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
+        if others := {*columns.strings(name).categories} - {stated}:
+            yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
+    for name, stated in (("sweep", sweep.name), ("metric_versions", sweep.metric_versions)):
+        if columns.shared[name] != stated:
+            yield f"{MANIFEST}: another {name} than {TABLE}"
+    if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
+        yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
 
 
 def _check_plan(store: Store) -> Iterator[str]:

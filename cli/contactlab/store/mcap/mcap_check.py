@@ -4,7 +4,6 @@ Viewers rely on more than readable messages: they seek by the summary, the messa
 statistics, and expect messages in order of time.
 """
 
-import struct
 import zlib
 from collections import Counter
 from collections.abc import Iterable, Iterator
@@ -12,8 +11,6 @@ from itertools import groupby
 from pathlib import Path
 from typing import TypeVar
 
-import zstandard
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -30,6 +27,7 @@ from mcap.records import (
 )
 
 from contactlab.store.mcap.mcap_survey import (
+    UNREADABLE,
     ChunkRecords,
     FileRecords,
     RawRecord,
@@ -42,7 +40,6 @@ _Record = TypeVar("_Record", bound=McapRecord)
 _INDEX_HEAD_SIZE = 15
 _INDEX_ENTRY_SIZE = 16
 _CRC_SIZE = 4
-_UNREADABLE = (McapError, struct.error, zstandard.ZstdError, ValueError, LookupError)
 
 
 def check_trace(path: Path) -> list[str]:
@@ -55,7 +52,7 @@ def check_trace(path: Path) -> list[str]:
         return [damage]
     try:
         return list(_find_problems(read_records(data)))
-    except _UNREADABLE as error:
+    except UNREADABLE as error:
         return [f"a record cannot be decoded: {error}"]
 
 

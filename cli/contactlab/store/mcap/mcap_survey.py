@@ -8,11 +8,22 @@ from functools import cached_property
 from io import BytesIO
 
 import zstandard
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Chunk, McapRecord, MessageIndex
 from mcap.stream_reader import StreamReader
 from mcap.writer import MCAP0_MAGIC
 
+UNREADABLE = (
+    McapError,
+    struct.error,
+    zstandard.ZstdError,
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    MemoryError,
+)
+"""What a file can raise that has its checksums, but is not ours."""
 _FRAME = struct.Struct("<BQ")
 _MESSAGE = struct.Struct("<HIQ")
 _FOOTER = struct.Struct("<BQQQI")

@@ -1,6 +1,5 @@
 """Read a trace file, all messages of a channel at once."""
 
-import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
 from io import BytesIO
@@ -8,8 +7,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zstandard
-from mcap.exceptions import McapError
 from mcap.reader import SeekingReader
 from mcap.summary import Summary
 from numpy.typing import NDArray
@@ -17,7 +14,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.errors import StoreError
 from contactlab.store.mcap.chunk_writer import CHUNK_HEAD, INDEX_HEAD, overlapping
-from contactlab.store.mcap.mcap_survey import find_damage, unpacked
+from contactlab.store.mcap.mcap_survey import UNREADABLE, find_damage, unpacked
 from contactlab.store.mcap.message_encoder import POINT_FIELDS
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 from contactlab.store.mcap.trace_messages import (
@@ -35,8 +32,6 @@ from contactlab.store.mcap.trace_messages import (
 )
 from contactlab.store.store_files import MOST_TRACE
 
-# What a file that is sound but not ours can raise.
-_FOREIGN = (McapError, struct.error, zstandard.ZstdError, ValueError, LookupError)
 _FRAME_SIZE = 9
 
 _STEP_ARRAYS = {
@@ -80,7 +75,7 @@ def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
         raise StoreError(f"{shown_path}: {damage}; the run has to be repeated")
     try:
         return _decode(data)
-    except _FOREIGN as error:
+    except UNREADABLE as error:
         raise StoreError(
             f"{shown_path} is no trace that this version of contactlab can read: {error}"
         ) from error
