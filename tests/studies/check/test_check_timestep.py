@@ -133,3 +133,16 @@ def test_speeds_bound_those_of_surfaces(speeds: list[float]) -> None:
     assert found[0] == pytest.approx(float(np.linalg.norm(speeds[:3])), abs=1e-9)
     # The farthest that a ball inside the rod gets from the joint is 1 m.
     assert found[1] == pytest.approx(abs(speeds[6]), abs=1e-9)
+
+
+def test_what_the_run_left_alone_is_said_once(checked: Checked) -> None:
+    """An arm that nothing drives hangs still: its motor and its limits were not at work."""
+    hanging = """<mujoco><worldbody><geom type="plane" size="1 1 1"/>
+      <body pos="0 0 1"><joint name="a" axis="0 1 0" range="-90 90"/>
+        <geom type="capsule" fromto="0 0 0 0 0 -.3" size=".02"/></body></worldbody>
+      <actuator><motor joint="a"/></actuator></mujoco>"""
+    report = checked(hanging, "timestep", remedies=False, drive="none")
+    (note,) = (each for each in report.notes if each.startswith("not exercised"))
+    assert "no joint moved" in note
+    assert "no actuator exerted a force" in note
+    assert note.endswith("write drive: exercise")

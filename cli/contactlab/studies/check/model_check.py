@@ -1,6 +1,6 @@
 """All checks of a model."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
@@ -10,6 +10,8 @@ from contactlab.run.evidence_record import engine, provenance
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
 from contactlab.schema.drive import Drive
 from contactlab.schema.judged_check import AcceptedCheck
+from contactlab.store.exercised import Exercised
+from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_page import page
 from contactlab.studies.check.check_results import findings_of, not_applicable
 from contactlab.studies.check.check_runner import CheckRunner, TooLongError
@@ -103,7 +105,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         checks=tuple(results),
         findings=tuple(findings),
         remedies=remedies,
-        notes=(*_stale(findings, request.accepted), *notes),
+        notes=(*_stale(findings, request.accepted), *notes, *_not_exercised(runner)),
     )
     session.write(_files(report, runner))
     return report
@@ -115,6 +117,14 @@ def _chosen(only: Sequence[str]) -> list[CheckName]:
             hint = did_you_mean(name, _CHECKS)
             raise SweepFileError(f"no check '{name}'{hint}; there are {', '.join(_CHECKS)}")
     return [name for name in _CHECKS if name in only or not only]
+
+
+def _not_exercised(runner: CheckRunner) -> Iterator[str]:
+    """Yield which parts of the model its nominal run left alone: no check speaks of them."""
+    if runner.has_nominal:
+        exercised = Exercised.of([record_to_row(runner.nominal.record)])
+        if lack := exercised.lack(exercised.present):
+            yield f"not exercised: {lack}"
 
 
 def _result(name: CheckName, check: Check, runner: CheckRunner) -> CheckResult:
