@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from contactlab.schema.judged_check import AcceptedCheck
 
 CheckFormat = Literal["text", "json", "junit", "github"]
+_MOST_NOTES = 4
 
 
 def check(
@@ -121,8 +122,10 @@ def _print_text(report: "CheckReport", folder: Path) -> None:
     echo(f"{report.scene}, {check_page.conditions(report)}")
     print_table(("", "finding", "result"), list(check_page.summary_rows(report)))
     for each in report.checks:
-        for note in each.notes:
+        for note in each.notes[:_MOST_NOTES]:
             echo(f"{each.name}: {note}")
+        if len(each.notes) > _MOST_NOTES:
+            echo(f"{each.name}: and {len(each.notes) - _MOST_NOTES} more notes in check.md")
     for note in report.notes:
         echo(note)
     if report.remedies:
