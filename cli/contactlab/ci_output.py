@@ -19,7 +19,6 @@ class JUnitCase:
     """A check as a test case.
 
     Attributes:
-        check: the check.
         place: parts of its class name, after the program's; empty ones are left out.
         verdict: its result in a word.
         details: lines about it, shown if it does not pass.

@@ -19,11 +19,7 @@ def apply_acceptances(
 ) -> list[_Check]:
     """Return the checks; those that fail and are accepted become notes.
 
-    Args:
-        checks: what was judged.
-        accepted: what may fail.
-        today: the day on which acceptances have to be valid.
-        known: names of checks that were not made this time.
+    Entries may also name checks that are known, but were not made this time.
 
     Raises:
         PolicyError: an entry names a check that does not exist.

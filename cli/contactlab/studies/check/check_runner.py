@@ -29,10 +29,7 @@ class TooLongError(SweepFileError):
 class CheckRunner:
     """Runs a model, or other scenes with its parameters, for checks.
 
-    Attributes:
-        checked: the model.
-        session: where and how sweeps are run.
-        brief: whether to make only the runs that measures with limits need.
+    A brief one makes only the runs that measures with limits need.
     """
 
     checked: CheckedModel
@@ -41,12 +38,7 @@ class CheckRunner:
     _stores: dict[str, None] = field(default_factory=dict[str, None])
 
     def trying(self, settings: Values, folder: str) -> "CheckRunner":
-        """Return a runner of the model with more settings.
-
-        Args:
-            settings: in addition to the model's own.
-            folder: where it writes, below this one's.
-        """
+        """Return a runner of the model with more settings, into a folder below this one's."""
         session = replace(self.session, folder=self.session.folder / folder)
         return CheckRunner(self.checked.changed(settings), session, brief=True)
 
@@ -75,12 +67,7 @@ class CheckRunner:
         return NOMINAL_STORE in self._stores
 
     def fits(self, timestep: float, seconds: float) -> bool:
-        """Say whether a run of the model is short enough to be made.
-
-        Args:
-            timestep: length of a step [s].
-            seconds: duration [s].
-        """
+        """Say whether a run of a duration [s] at a timestep [s] is short enough to be made."""
         return self._is_short(self.checked.reference, {"timestep": timestep}, seconds)
 
     def run(

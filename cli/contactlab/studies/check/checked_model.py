@@ -6,9 +6,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
-from contactlab.engines import ChecksRuns, bytes_of_run, find_engine
+from contactlab.engines import ChecksRuns, find_engine
 from contactlab.errors import SceneError, SweepFileError
-from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import QPOS0, InitialStates
@@ -45,14 +44,11 @@ class CheckedModel:
 
     Attributes:
         reference: the model as requested, and as sweeps name their scene.
-        scenes: opens scenes, each once.
         given: the settings as requested, `NAME=VALUE` each.
         values: the same settings, by axis.
         duration: simulated time of its nominal run [s].
         drive: what drives it; the scene's own if None.
-        limits: what its measures are held against.
-        kind: the kind of task that it is for.
-        kind_reason: why, in words.
+        kind_reason: why it is for that kind of task, in words.
     """
 
     reference: str
@@ -113,10 +109,6 @@ class CheckedModel:
         """Start and end [s] of the hold that the scene declares; None without one."""
         holding = self.base.holding
         return None if holding is None else holding.window(self.resolved.initial)
-
-    def fits(self, timestep: float, seconds: float) -> bool:
-        """Say whether a run of a duration [s] at a timestep [s] fits into memory."""
-        return bytes_of_run(self.base.model, round(seconds / timestep)) <= RUN_BYTES
 
     @property
     def keyframe(self) -> str | None:

@@ -25,12 +25,8 @@ _MOST_NAMED = 12
 def edits_of(checked: CheckedModel, settings: Values) -> tuple[Edit, ...]:
     """Return the changes of a model's file that make settings, options before contact parameters.
 
-    Lines are given only where a copy of the model with them compiles to what was run; else the
-    elements to change are named.
-
-    Args:
-        checked: the model with the settings.
-        settings: values by axis: options and contact parameters.
+    Lines are given only where a copy of the model with them compiles to the checked model, which
+    has the settings; else the elements to change are named.
     """
     texts = {name: mjcf_text(value) for name, value in settings.items()}
     edits = [

@@ -127,8 +127,6 @@ class FreeMotionRun:
     """A run of the model in free motion.
 
     Attributes:
-        tried: its run.
-        integrator: the integrator.
         timestep: length of a step [s].
         damped: whether the model's damping was on.
         budgets: the energy budget of each tree that moves, by its name; none if it is incomplete.

@@ -18,12 +18,9 @@ _SLACK = 1 + 1e-9
 
 @dataclass(frozen=True)
 class Limit:
-    """The limit of all measures of one name.
+    """The limit of all measures of one name: None where the model or its task decides.
 
     Attributes:
-        unit: of the measure.
-        severity: what it means to miss the limit.
-        value: the limit; None where the model or its task decides.
         strict: whether the limit itself misses it.
         shown: factor and unit in which people read it.
     """
@@ -65,11 +62,7 @@ def settable_limits() -> list[str]:
 
 @dataclass(frozen=True)
 class Limits:
-    """The limits of one request.
-
-    Attributes:
-        given: limits of the request's own, by name.
-    """
+    """The limits of one request, some of them its own."""
 
     given: Mapping[str, float] = field(default_factory=dict[str, float])
 
@@ -89,14 +82,9 @@ class Limits:
         limit: float | None = None,
         severity: Severity | None = None,
     ) -> Measure:
-        """Return a value with whether it meets its limit; NaN never does.
+        """Return a value, and whether it meets its limit; NaN never does.
 
-        Args:
-            name: of the measure.
-            value: in the measure's unit.
-            of: what it belongs to.
-            limit: where the model decides the limit, unless the request does.
-            severity: if it is not that of the table.
+        A limit or severity that is given replaces that of the table, but not that of the request.
         """
         rule = LIMITS[name]
         bound = self.given.get(name, rule.value if limit is None else limit)

@@ -48,11 +48,9 @@ class _Search:
     """A search for changes that help, each on top of those that were found.
 
     Attributes:
-        checks: what to check, by name.
         runner: runs the model as it is.
         results: of each check, with the changes that were found.
         found: these changes, and the findings that each mends.
-        notes: of the changes that cannot be tried, and of what nothing mends.
     """
 
     checks: Mapping[CheckName, Check]
@@ -160,14 +158,7 @@ def find_remedies(
     results: Sequence[CheckResult],
     aims: Sequence[str],
 ) -> tuple[tuple[Remedy, ...], list[str]]:
-    """Return changes that help a model, and notes of what does not or cannot be tried.
-
-    Args:
-        checks: what was checked, by name.
-        runner: runs the model as it is.
-        results: of the checks.
-        aims: names of the findings to mend.
-    """
+    """Return changes that mend findings of these names, and notes of what does not help."""
     search = _Search(checks, runner, {each.name: each for each in results})
     for name in _PROPOSALS:
         if name in aims:

@@ -67,13 +67,7 @@ def tree_energies(
 
     The mass matrix does not couple trees, so that a tree's kinetic energy is v' M v / 2 of its own
     velocities. Its potential energy is that of a model where only its bodies have weight and only
-    its joints have springs.
-
-    Args:
-        model: the run's model.
-        trees: its trees.
-        qpos: (N, nq) configurations.
-        qvel: (N, nv) velocities.
+    its joints have springs. Configurations are (N, nq), velocities (N, nv).
     """
     data = mujoco.MjData(model)
     alone = [_alone(model, tree) for tree in trees] if len(trees) > 1 else [model]
