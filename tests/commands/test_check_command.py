@@ -64,7 +64,7 @@ def test_an_error_fails(contactlab: Run) -> None:
 
 ACCEPTED = """version: 1
 accept:
-  - {check: travel, max: 2, reason: the plate is meant to be passed}
+  - {check: travel, max: 1, reason: the plate is meant to be passed}
   - {check: step_ratio, max: 9, reason: it was soft once}
 """
 
@@ -77,11 +77,11 @@ def test_what_is_accepted_fails_no_job(contactlab: Run, tmp_path: Path) -> None:
     assert (code, err) == (0, "")
     assert "; accepted: the plate is meant to be passed" in out
     assert "'step_ratio' is accepted (it was soft once), but does not fail: remove it" in out
-    file.write_text(ACCEPTED.replace("max: 2", "max: 1"))
+    file.write_text(ACCEPTED.replace("max: 1", "max: 0"))
     code, out, _ = contactlab(*only)
     assert code == 1
-    assert "accepted for 1, but 2 fall short" in out
-    file.write_text(ACCEPTED.replace("max: 2,", "max: 2, until: 2020-01-01,"))
+    assert "accepted for 0, but 1 fall short" in out
+    file.write_text(ACCEPTED.replace("max: 1,", "max: 1, until: 2020-01-01,"))
     assert contactlab(*only)[0] == 1
     file.write_text(ACCEPTED.replace("travel", "travels"))
     code, out, err = contactlab(*only)

@@ -61,14 +61,15 @@ def _travels(runner: CheckRunner) -> Iterator[Measure]:
     """Yield the travel of each pair's surfaces in a step, against half its thinnest geom."""
     checked = runner.checked
     base, model = checked.base, checked.prepared.model
-    if not base.pairs or not runner.nominal.is_complete:
+    if not base.pairs or not runner.nominal.is_complete or not checked.resolved.flags["contact"]:
         return
     trace = runner.nominal.trace
-    speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel)
+    step = checked.resolved.timestep
+    speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel, step=step)
     thickness = make_setup(base, None, [checked.resolved], [model], {}).thickness
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
         if math.isfinite(half):
-            travel = float(speed) * checked.resolved.timestep
+            travel = float(speed) * step
             yield checked.limits.measure("travel", travel, pair.name, limit=float(half))
     fall = math.sqrt(
         2 * float(np.linalg.norm(checked.settings.vector("gravity"))) * model.stat.extent
