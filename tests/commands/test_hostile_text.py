@@ -7,7 +7,10 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
+from tests.attack.mutations import redo
 
 NAME = "x&#10;::error::boom&#x9b;31m&#x202e; @admin ##[add-mask]1 :x: [red]b[/red]"
 MODEL = f"""
@@ -79,3 +82,18 @@ def test_a_markup_is_no_markup(contactlab: Callable[..., Any], tmp_path: Path) -
     assert code == 3
     assert ":x: [red]::y[/red]\n\\u003a:error::z" in err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_a_page_of_hostile_labels(contactlab: Callable[..., Any], store: Path) -> None:
+    """An escape sequence in a label ended the process that draws the charts."""
+    path = store / "runs.parquet"
+    table = pq.read_table(path)
+    place = table.schema.get_field_index("label")
+    labels = pa.array(["a\x1b[31m\u202e<b>"] * table.num_rows)
+    pq.write_table(table.set_column(place, table.schema.field(place), labels), path)
+    redo(store, 2)
+    code, out, err = contactlab("report", str(store), "-o", "page.html")
+    assert (code, "Traceback" in err) == (0, False)
+    check(out + err)
+    assert not re.search("[\x1b\u202e]", (store.parent / "page.html").read_text(encoding="utf-8"))

@@ -11,6 +11,7 @@ from contactlab.pareto.recommendation_text import (
     setting_text,
     settings_text,
 )
+from contactlab.printable import visible
 from contactlab.reporting.baseline_maps import compare_with_baseline
 from contactlab.reporting.heatmap import default_map
 from contactlab.reporting.knob_changes import knob_changes
@@ -47,6 +48,8 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     environment = Environment(
         loader=PackageLoader(_PACKAGE),
         autoescape=True,
+        # Markup is text of our own; all other text may be data.
+        finalize=lambda each: visible(each) if type(each) is str else each,
         undefined=StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,

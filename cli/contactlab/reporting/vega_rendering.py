@@ -10,6 +10,7 @@ import pikepdf
 import vl_convert
 
 from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, STABLE_COLOUR
+from contactlab.printable import visible
 
 Rows = list[dict[str, Any]]
 Spec = dict[str, Any]
@@ -90,7 +91,17 @@ def with_page_colours(part: Any) -> Any:  # noqa: ANN401 - anything that JSON ho
 
 def as_svg(spec: Spec, prefix: str = "") -> str:
     """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
-    return _renumbered(vl_convert.vegalite_to_svg(spec, allowed_base_urls=_ALLOWED_URLS), prefix)
+    svg = vl_convert.vegalite_to_svg(_shown(spec), allowed_base_urls=_ALLOWED_URLS)
+    return _renumbered(svg, prefix)
+
+
+def _shown(part: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
+    """Return a specification whose texts XML can hold: the renderer ends the process otherwise."""
+    if isinstance(part, dict):
+        return {key: _shown(value) for key, value in part.items()}
+    if isinstance(part, list):
+        return [_shown(each) for each in part]
+    return visible(part) if isinstance(part, str) else part
 
 
 def _renumbered(svg: str, prefix: str) -> str:
@@ -118,6 +129,7 @@ def render_chart(spec: Spec, form: str) -> bytes:
     """Return a specification as a file of one of the formats."""
     if form == "svg":
         return as_svg(spec).encode()
+    spec = _shown(spec)
     if form == "png":
         return vl_convert.vegalite_to_png(spec, scale=_SCALE, allowed_base_urls=_ALLOWED_URLS)
     return _ordered_pdf(vl_convert.vegalite_to_pdf(spec, allowed_base_urls=_ALLOWED_URLS))

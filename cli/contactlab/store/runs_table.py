@@ -206,7 +206,7 @@ def table_errors(path: object) -> Generator[None]:
         yield
     except FileNotFoundError as error:
         raise StoreError(f"{path} is missing; the sweep has not finished, run it again") from error
-    except (pa.ArrowException, OSError) as error:
+    except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         raise StoreError(f"{path} is damaged: {error}") from error
 
 
