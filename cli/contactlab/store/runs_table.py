@@ -168,7 +168,10 @@ def read_table(
         StoreError: there is none, or it is damaged.
     """
     with table_errors(shown_path or path):
-        return pq.read_table(path, columns=columns)
+        table = pq.read_table(path, columns=columns)
+        # Text that is no UTF-8 is damage too.
+        table.validate(full=True)
+        return table
 
 
 def check_table_size(path: Path, runs: int) -> None:
