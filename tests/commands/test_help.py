@@ -71,7 +71,7 @@ def test_help_loads_little() -> None:
         (["sweep", "--help"], "-"),
         (["schema", "record"], "-"),
         (["show", "store"], "numpy,pyarrow"),
-        (["verify", "store"], "numpy,pyarrow"),
+        (["verify", "store"], "mujoco,numpy,pyarrow"),
     ],
 )
 def test_commands_load_no_more_than_they_need(

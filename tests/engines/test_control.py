@@ -1,5 +1,6 @@
 """Controls and forces that change over time: equal to a loop that looks them up at every step."""
 
+import pickle
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -172,7 +173,7 @@ def test_a_nudged_copy_is_driven_alike(make_scene: Make) -> None:
     starts = scene.starts(runs)
     copies = scene.initial.nudged(starts, runs)
     assert not np.array_equal(copies.qpos, starts.qpos)
-    assert all(np.array_equal(a, b) for a, b in zip(copies[1:], starts[1:], strict=True))
+    assert pickle.dumps(copies[1:]) == pickle.dumps(starts[1:])
 
 
 def test_timed_inputs_are_part_of_the_run_id(make_scene: Make) -> None:

@@ -89,8 +89,9 @@ def rolled_out(
     runs = PreparedRuns.of(scene, run)
     trace = make_trace(runs.base, runs.prepared, ENGINES["mujoco"].roll_out(runs, Buffers()))
     setup = make_setup(runs.base, scene.source.manifest, [run], runs.models, {})
-    (coverage,) = assess(trace, setup).coverage or ()
-    return coverage, runs
+    coverage = assess(trace, setup).coverage
+    assert coverage is not None
+    return coverage[0], runs
 
 
 @pytest.mark.parametrize("timestep", [0.002, 0.001, 0.0005])

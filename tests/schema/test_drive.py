@@ -5,7 +5,14 @@ from typing import Any
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from contactlab.schema.drive import Drive, drive_file, drive_identity, drive_text, read_drive
+from contactlab.schema.drive import (
+    Drive,
+    FileDrive,
+    drive_file,
+    drive_identity,
+    drive_text,
+    read_drive,
+)
 
 ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive)
 FORMS: dict[str, Any] = {
@@ -48,10 +55,7 @@ def test_others_are_refused(data: object) -> None:
 
 
 def test_identity_knows_a_file_by_its_hash_not_its_place() -> None:
-    here, there = (
-        ADAPTER.validate_python({"file": f"{folder}/x.csv", "sha256": "0" * 64})
-        for folder in ("a", "b")
-    )
+    here, there = (FileDrive(file=f"{folder}/x.csv", sha256="0" * 64) for folder in ("a", "b"))
     assert drive_identity(here) == drive_identity(there) != drive_identity(read_drive("x.csv"))
     assert drive_identity(read_drive("none")) is None
     assert drive_file(here) == "a/x.csv"
