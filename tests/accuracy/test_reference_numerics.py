@@ -7,8 +7,8 @@ import pytest
 
 from contactlab.accuracy.reference_numerics import NUMERICS, with_reference_numerics
 from contactlab.scene.initial_states import perturbed_copy
-from contactlab.scene.model_joints import joints_of
 from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.run_setup import joints_of
 from contactlab.scene.scene import Scene
 
 DISCRETISING: list[dict[str, Any]] = [

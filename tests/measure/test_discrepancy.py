@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import Floats, Invariants
 from contactlab.measure import Discrepancy, distances, drifts
-from contactlab.scene.model_joints import joints_of
+from contactlab.scene.run_setup import joints_of
 
 MODEL = """
 <mujoco>

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.scene.joint_motion import joint_directions
+from contactlab.scene.initial_states import joint_directions
 from contactlab.scene.scene import Scene
 
 MODEL = """<mujoco><worldbody>

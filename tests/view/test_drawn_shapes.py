@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.addresses import name_by_address
+from contactlab.scene.model_names import name_by_address
 from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
 
 GEOMS = {

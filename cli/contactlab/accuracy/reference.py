@@ -15,8 +15,8 @@ from contactlab.engines import SampledStates, SolvesReferences, Watch, engine_of
 from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates, perturbed_copy
-from contactlab.scene.model_joints import joints_of
 from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_setup import joints_of
 from contactlab.scene.scene import Scene
 
 # At equal timesteps RK4 is closest to the limit, by many orders of magnitude where the motion is

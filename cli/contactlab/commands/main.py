@@ -68,7 +68,7 @@ def contactlab(
     """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""
     del version
     if allow_files:
-        from contactlab.scene.scene_tree import allow_files as allow
+        from contactlab.scene.model_guards import allow_files as allow
 
         allow(allow_files)
 

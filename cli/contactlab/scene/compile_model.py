@@ -19,9 +19,9 @@ from mujoco._specs import MjsSensor
 from contactlab.contact.trace_arrays import SLOT_WIDTH
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.addresses import name_by_address
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.model_files import name_in_copy, parse, plain_name, references
+from contactlab.scene.model_names import name_by_address
 from contactlab.scene.mujoco_versions import has_contact_sensors, silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 from contactlab.scene.timed_inputs import HoldSpec

@@ -8,7 +8,6 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.addresses import find_id
 from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -39,6 +38,7 @@ from contactlab.scene.model_edits import (
     geoms_written,
     nonuniform_settings,
 )
+from contactlab.scene.model_names import find_id
 from contactlab.scene.model_options import base_settings, read_flags
 from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.setting_values import Settings, as_number

@@ -14,8 +14,8 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.addresses import find_id, matching
 from contactlab.scene.initial_states import QPOS0, start_data
+from contactlab.scene.model_names import find_id, matching
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import PairEntry

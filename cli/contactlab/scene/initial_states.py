@@ -14,7 +14,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression
-from contactlab.scene.model_joints import match_coordinates
+from contactlab.scene.model_names import match_coordinates
 from contactlab.scene.timed_inputs import (
     ControlProfile,
     Signals,
@@ -175,6 +175,7 @@ def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> 
 _ARRAYS = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
 _FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act", "mocap")
 _SEED_SCALE = 1e-4
+_FREE_DOFS = 6
 _NUDGE = 1e-6
 _PERTURBATION = 1e-8
 """How far a perturbed copy starts from its run [m, rad, m/s, rad/s]."""
@@ -366,3 +367,26 @@ def _unconstrained(model: mujoco.MjModel) -> list[int]:
         elif kind != mujoco.mjtJoint.mjJNT_BALL:
             indices.append(address)
     return indices
+
+
+def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:
+    """Return (nv,) the velocities of joints at unit speed, each either way.
+
+    A hinge turns at 1 rad/s, a ball joint too, about a random axis, and so does a free body that
+    carries no joints; the base of others is at rest. A slide moves as fast as the tip of a body of
+    the model's mean size would at 1 rad/s.
+    """
+    generator = np.random.default_rng([seed, 3])
+    velocity = np.zeros(model.nv)
+    for kind, dof in zip(model.jnt_type, model.jnt_dofadr, strict=True):
+        axis = generator.normal(size=3)
+        axis /= np.linalg.norm(axis)
+        if kind == mujoco.mjtJoint.mjJNT_FREE:
+            alone = model.tree_dofnum[model.dof_treeid[dof]] == _FREE_DOFS
+            velocity[dof + 3 : dof + 6] = axis * alone
+        elif kind == mujoco.mjtJoint.mjJNT_BALL:
+            velocity[dof : dof + 3] = axis
+        else:
+            length = model.stat.meansize if kind == mujoco.mjtJoint.mjJNT_SLIDE else 1.0
+            velocity[dof] = np.copysign(length, axis[0])
+    return velocity

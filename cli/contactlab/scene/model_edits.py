@@ -9,9 +9,9 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT, OPTIONS
-from contactlab.scene.addresses import find_id
 from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.model_names import find_id
 from contactlab.scene.model_options import FLAGS, write_flags, write_option
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import Settings, as_number, integer, number

@@ -15,8 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.errors import SceneError
-from contactlab.scene.model_size import check_element, check_picture
-from contactlab.scene.scene_tree import check_places, check_regular
+from contactlab.scene.model_guards import check_element, check_picture, check_places, check_regular
 
 _ASSET_FOLDERS = {
     "mesh": "meshdir",

@@ -12,7 +12,6 @@ from functools import cache
 from typing import Any, cast
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.addresses import is_address
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
 from contactlab.scene.drive.located_drive import DRIVE_AXES, drive_settings, with_values
@@ -21,6 +20,7 @@ from contactlab.scene.effects.effect_choice import left_uncompiled
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import is_as_written
+from contactlab.scene.model_names import is_address
 from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.setting_values import Settings, as_number

@@ -31,9 +31,9 @@ from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
     initial_states,
+    joint_directions,
     nudged_states,
 )
-from contactlab.scene.joint_motion import start_joints
 from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.resolution import (
     BARE_DURATION,
@@ -279,7 +279,11 @@ class InitialStateMaker:
         groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self._source.named_in_errors():
             starts = InitialStates.joined([self._states(group) for group in groups])
-        return start_joints(self._base(runs[0].structure).model, starts, runs)
+        if not any(run.joint_speed for run in runs):
+            return starts
+        model = self._base(runs[0].structure).model
+        added = [run.joint_speed * joint_directions(model, run.seed) for run in runs]
+        return starts._replace(qvel=starts.qvel + added)
 
     def _states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         if is_driven(runs[0].drive):

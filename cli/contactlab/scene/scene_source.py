@@ -18,7 +18,7 @@ from ruamel.yaml.error import YAMLError
 from contactlab import resources
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
-from contactlab.scene.scene_tree import check_places
+from contactlab.scene.model_guards import check_places
 from contactlab.schema.drive import drive_files
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.strict_model import check_extent

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression, ExpressionError
-from contactlab.scene.model_joints import StateCoordinate, match_coordinates
+from contactlab.scene.model_names import StateCoordinate, match_coordinates
 from contactlab.schema.scene_manifest import SceneManifest, Term
 
 

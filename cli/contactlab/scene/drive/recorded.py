@@ -11,7 +11,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.model_joints import StateCoordinate, coordinates, mocap_coordinates
+from contactlab.scene.model_names import StateCoordinate, coordinates, mocap_coordinates
 from contactlab.scene.timed_inputs import Signals, input_index
 
 TIME = "time"

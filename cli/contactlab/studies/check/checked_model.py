@@ -11,11 +11,10 @@ from contactlab.errors import SceneError, SweepFileError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import QPOS0, InitialStates
-from contactlab.scene.model_joints import actuated_limbs
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.run_setup import make_setup
+from contactlab.scene.run_setup import actuated_limbs, make_setup
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings
 from contactlab.schema.check_report import TaskKind

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import SceneError
+from contactlab.scene.model_guards import ALLOWED, allow_files, scene_tree
 from contactlab.scene.scene_source import collect_files, find_scene
-from contactlab.scene.scene_tree import ALLOWED, allow_files, scene_tree
 
 TEXTURE = '<texture name="t" type="cube" file="own.png" fileright="{}"/>'
 MODEL = "<mujoco><asset>{}</asset><worldbody/></mujoco>"

@@ -6,8 +6,7 @@ import mujoco
 import pytest
 
 from contactlab.errors import SceneError
-from contactlab.scene.addresses import matching, name_by_address
-from contactlab.scene.model_joints import coordinates, match_coordinates
+from contactlab.scene.model_names import coordinates, match_coordinates, matching, name_by_address
 from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]

@@ -1,18 +1,108 @@
-"""Joints of a model: names of their coordinates, norms on their configurations, actuated limbs.
+"""Names of a model: addresses of what has none, and coordinates of its state and inputs.
 
-Names of coordinates are such as `ball.z`, `box.vx`, `hinge`, `hinge.v`, `box.fx`.
+What has no name has an address with its id in MuJoCo, as `actuator[3]`, `joint[2]` or `key[0]`.
+A compiled scene has them as names, so that whatever finds or prints a name has one word for each
+thing. Names of coordinates are such as `ball.z`, `box.vx`, `hinge`, `hinge.v`, `box.fx`.
 """
 
-from collections.abc import Iterator
+import fnmatch
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.addresses import is_address, matching
+
+# As MuJoCo calls one of a kind, and all of them in a specification.
+_KINDS = {
+    "body": "bodies",
+    "joint": "joints",
+    "geom": "geoms",
+    "pair": "pairs",
+    "equality": "equalities",
+    "tendon": "tendons",
+    "actuator": "actuators",
+    "key": "keys",
+}
+_ADDRESS = re.compile(rf"({'|'.join(_KINDS)})\[\d+\]_*")
+# How geoms without names were called before version 0.3.
+_OLD_ADDRESS = re.compile(r"geom(\d+)")
+# Before a number or a wildcard, a bracket belongs to an address.
+_BRACKET = re.compile(r"\[(?=[\d*?]+\])")
+
+
+def is_address(name: str) -> bool:
+    """Return whether a name of a compiled scene stands for a missing one."""
+    return _ADDRESS.fullmatch(name) is not None
+
+
+def name_by_address(spec: mujoco.MjSpec) -> None:
+    """Give whatever has no name in a specification its address for one.
+
+    Raises:
+        ValueError: the specification does not compile.
+    """
+    kinds = {kind: list(getattr(spec, plural)) for kind, plural in _KINDS.items()}
+    if all(element.name for elements in kinds.values() for element in elements):
+        return
+    ids = _compiled_ids(spec)
+    for kind, elements in kinds.items():
+        taken = {element.name for element in elements}
+        for element, index in zip(elements, ids[kind], strict=True):
+            if not element.name and index >= 0:
+                address = f"{kind}[{index}]"
+                while address in taken:
+                    address += "_"
+                element.name = address
+
+
+def _compiled_ids(spec: mujoco.MjSpec) -> dict[str, Sequence[int]]:
+    """Return the id of each element when the specification is compiled; -1 if it is left out."""
+    if not (spec.compiler.fusestatic or spec.compiler.discardvisual):
+        return {kind: range(len(getattr(spec, plural))) for kind, plural in _KINDS.items()}
+    trial = spec.copy()
+    names: dict[str, list[str]] = {}
+    for kind, plural in _KINDS.items():
+        elements: list[Any] = list(getattr(trial, plural))
+        names[kind] = [each.name or f"?{place}" for place, each in enumerate(elements)]
+        for element, name in zip(elements, names[kind], strict=True):
+            element.name = name
+    model = trial.compile()
+    return {kind: [_id(model, kind, name) for name in each] for kind, each in names.items()}
+
+
+def _id(model: mujoco.MjModel, kind: str, name: str) -> int:
+    return mujoco.mj_name2id(model, getattr(mujoco.mjtObj, f"mjOBJ_{kind.upper()}"), name)
+
+
+def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
+    """Return the id of what has a name or an address in a compiled scene; -1 if nothing has.
+
+    Args:
+        model: compiled of the scene.
+        kind: such as `body`, `joint` or `geom`.
+        name: its name or address.
+    """
+    found = _id(model, kind, name)
+    old = _OLD_ADDRESS.fullmatch(name) if kind == "geom" and found < 0 else None
+    return _id(model, kind, f"geom[{old[1]}]") if old else found
+
+
+def matching(names: Iterable[str], pattern: str) -> list[str]:
+    """Return the names that are or match a pattern such as `box*.x`, `leg[12]` or `actuator[*]`."""
+    known = list(names)
+    if pattern in known:
+        return [pattern]
+    literal = _BRACKET.sub("[[]", pattern)
+    return [
+        name
+        for name in known
+        if fnmatch.fnmatchcase(name, pattern) or fnmatch.fnmatchcase(name, literal)
+    ]
+
 
 _FREE_POSITION = ("x", "y", "z", "qw", "qx", "qy", "qz")
 _FREE_VELOCITY = ("vx", "vy", "vz", "wx", "wy", "wz")
@@ -108,62 +198,3 @@ def _components(joint_type: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
 
 def _dotted(parts: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(f".{part}" for part in parts)
-
-
-_JOINT = mujoco.mjtJoint
-
-
-def joints_of(model: mujoco.MjModel) -> Joints:
-    """Return the joints of a model, with the lengths that MuJoCo gives their degrees of freedom."""
-    kinds = np.asarray(model.jnt_type)
-    places, dofs = np.asarray(model.jnt_qposadr), np.asarray(model.jnt_dofadr)
-    scalar = (kinds == _JOINT.mjJNT_SLIDE) | (kinds == _JOINT.mjJNT_HINGE)
-    free, ball = kinds == _JOINT.mjJNT_FREE, kinds == _JOINT.mjJNT_BALL
-    turning = [*(dofs[free] + 3), *dofs[ball]]
-    return Joints(
-        scalars=tuple(places[scalar].tolist()),
-        lengths=np.array(model.dof_length[dofs[scalar]]),
-        points=tuple(places[free].tolist()),
-        rotations=(*(places[free] + 3).tolist(), *places[ball].tolist()),
-        reaches=np.array(model.dof_length[turning]) if turning else np.empty(0),
-    )
-
-
-def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
-    """Return how many limbs with actuated joints each body on a free joint has, if any.
-
-    A limb is a child of the free body with all of its descendants.
-    """
-    driven = {int(model.jnt_bodyid[joint]) for joint in _driven_joints(model)}
-    limbs: dict[int, set[int]] = {}
-    for body in driven:
-        chain = [body]
-        while model.body_parentid[chain[-1]]:
-            chain.append(int(model.body_parentid[chain[-1]]))
-        if len(chain) > 1 and _is_free(model, chain[-1]):
-            limbs.setdefault(chain[-1], set()).add(chain[-2])
-    return {model.body(root).name: len(each) for root, each in limbs.items()}
-
-
-def _is_free(model: mujoco.MjModel, body: int) -> bool:
-    joint = int(model.body_jntadr[body])
-    return joint >= 0 and int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_FREE
-
-
-def _driven_joints(model: mujoco.MjModel) -> Iterator[int]:
-    kinds = mujoco.mjtTrn
-    for actuator in range(model.nu):
-        kind, item = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
-        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-            yield item
-        elif kind == kinds.mjTRN_TENDON:
-            yield from _joints_of(model, item)
-
-
-def _joints_of(model: mujoco.MjModel, tendon: int) -> Iterator[int]:
-    """Yield the joints that a fixed tendon couples; a spatial tendon names none."""
-    start = int(model.tendon_adr[tendon])
-    wraps = np.arange(start, start + int(model.tendon_num[tendon]))
-    for wrap in wraps:
-        if int(model.wrap_type[wrap]) == mujoco.mjtWrap.mjWRAP_JOINT:
-            yield int(model.wrap_objid[wrap])
