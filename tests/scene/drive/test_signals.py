@@ -82,6 +82,39 @@ def test_an_exercise_moves_each_alone_then_all(scene: Scene, tmp_path: Path) -> 
     assert (qpos.max(axis=0) > 0.9 * high).all()
 
 
+BOUNDED = """<mujoco><worldbody><body><joint name="turn" axis="0 1 0"/>
+<geom name="rod" type="capsule" size=".03" fromto="0 0 0 .5 0 0"/>
+<body pos=".5 0 0"><joint name="slide" type="slide"/><geom size=".05"/></body></body></worldbody>
+<tendon><fixed name="both"><joint joint="turn" coef=".5"/><joint joint="slide" coef=".5"/></fixed>
+</tendon><actuator>
+<general name="hand" tendon="both" ctrlrange="0 255" biastype="affine" gainprm=".0157"
+  biasprm="0 -100 -10"/>
+<position name="servo" joint="slide" kp="900" ctrlrange="-.2 .01"/>
+<position name="turned" joint="turn" gear="-3" kp="9" ctrlrange="-.2 .1"/>
+<intvelocity name="rate" joint="turn" kp="50" actrange="-.1 .3" ctrlrange="-.05 .2"/>
+<damper name="damper" joint="turn" kv="1" ctrlrange="0 3"/>
+<general name="off" joint="turn" gainprm="2" biasprm="0 -5" biastype="affine" ctrlrange="1 3"/>
+</actuator></mujoco>"""
+
+
+def test_exercised_controls_stay_in_their_ranges(tmp_path: Path) -> None:
+    """Joints and tendons without limits say nothing of how far; and each control moves."""
+    (tmp_path / "bounded.xml").write_text(BOUNDED)
+    scene = Scene.open(str(tmp_path / "bounded.xml")).with_drive("exercise", tmp_path)
+    run = scene.resolve({"timestep": 1e-3}, 0, 10.0)
+    starts, model = scene.starts([run]), scene.base_of(run).model
+    inputs = starts.inputs(0, 1e-3, np.arange(run.steps))[:, : model.nu]
+    assert (np.ptp(inputs, axis=0) > 1e-3).all()
+    low, high = model.actuator_ctrlrange.T
+    # What is held outside may not go farther.
+    rounding = 1e-9 * (high - low)
+    assert (inputs >= np.minimum(low, inputs[0]) - rounding).all()
+    assert (inputs <= np.maximum(high, inputs[0]) + rounding).all()
+    activation = starts.act[0, 0] + np.cumsum(inputs[:, 3]) * 1e-3
+    assert activation.min() > -0.1 - 1e-3
+    assert activation.max() < 0.3 + 1e-3
+
+
 def test_what_has_no_actuators_starts_moving(tmp_path: Path) -> None:
     (tmp_path / "free.xml").write_text(
         '<mujoco><worldbody><body pos="0 0 3"><freejoint/><geom size=".1"/><body pos="0 0 .3">'

@@ -42,12 +42,12 @@ class ControlRoom:
     Attributes:
         half: (nu,) half the range of each control; 0 where there is none.
         travel: (nu, 2) how far an exercise goes from the held controls, to both sides.
-        slope: (nu,) how fast a control moves when its actuator does at 1 rad/s or 1 m/s.
+        speed: (nu,) how fast an exercise moves a control at most [1/s]; 0 where any speed will do.
     """
 
     half: Floats
     travel: Floats
-    slope: Floats
+    speed: Floats
 
 
 def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> ControlRoom:
@@ -65,10 +65,29 @@ def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> Con
     for limited, bounds, by in reversed(ranges):
         half = np.where(limited, np.abs(np.ptp(bounds, axis=1) / 2 / by), half)
     # What has no length goes through its controls.
-    bounded = model.actuator_ctrllimited.astype(bool)
-    straight = np.where(bounded[:, None], model.actuator_ctrlrange - posture.inputs[:, None], 0.0)
-    travel = np.where(slope[:, None] != 0, ways * slope[:, None], straight)
-    return ControlRoom(half, travel, np.abs(slope))
+    low, high = _offsets(model, servos, posture)
+    straight = np.stack([low, high], axis=1)
+    straight[~np.isfinite(straight)] = 0.0
+    travel = np.where(slope[:, None] != 0, np.sort(ways * slope[:, None]), straight)
+    speed = _SPEED * np.abs(slope)
+    # The leg from the held control to an end is up to twice as fast as the one across.
+    rated = is_integrated(model) & model.actuator_ctrllimited.astype(bool)
+    most = np.abs(model.actuator_ctrlrange).min(axis=1, initial=np.inf) / 2
+    speed[rated] = np.minimum(speed, most)[rated]
+    return ControlRoom(half, np.clip(travel, low[:, None], high[:, None]), speed)
+
+
+def _offsets(model: mujoco.MjModel, servos: Servos, posture: Posture) -> tuple[Floats, Floats]:
+    """Return (nu,) how far controls may go down and up, integrated ones as activations."""
+    integrated = is_integrated(model)[:, None]
+    limited = np.where(
+        integrated, model.actuator_actlimited[:, None], model.actuator_ctrllimited[:, None]
+    )
+    bounds = np.where(integrated, model.actuator_actrange, model.actuator_ctrlrange)
+    offsets = np.where(limited, bounds - posture.inputs[:, None], [-np.inf, np.inf])
+    # What has a spring is limited by its force.
+    offsets[servos.actuators] = -np.inf, np.inf
+    return np.minimum(offsets[:, 0], 0.0), np.maximum(offsets[:, 1], 0.0)
 
 
 def _ways(model: mujoco.MjModel, lengths: Floats) -> Floats:
@@ -153,7 +172,9 @@ def exercise_signals(
         )
         for each, start in enumerate(starts)
     ]
-    times, levels = (np.array(part) for part in zip(*lines, strict=True))
+    most = max(len(times) for times, _ in lines)
+    padded = [[np.pad(part, (0, most - len(part)), "edge") for part in line] for line in lines]
+    times, levels = (np.array(part) for part in zip(*padded, strict=True))
     return Signals(np.arange(count), times, levels)
 
 
@@ -162,8 +183,8 @@ def _arc(room: ControlRoom, actuator: int, window: float) -> Floats:
     ends = room.travel[actuator]
     # The fastest leg goes from end to end in half the window, as half a period of a cosine.
     fastest = np.pi / 2 * np.ptp(ends) / (window / 2) if window > 0 else np.inf
-    slope = room.slope[actuator]
-    shrink = min(1.0, _SPEED * slope / fastest) if slope and fastest else 1.0
+    speed = room.speed[actuator]
+    shrink = min(1.0, speed / fastest) if speed and fastest else 1.0
     first = (1 - np.cos(4 * np.pi * _ARC)) / 2
     across = np.where(_ARC < 0.25, first * ends[1], 0.0)
     middle = (_ARC >= 0.25) & (_ARC < 0.75)
