@@ -18,8 +18,7 @@ import pyarrow.parquet as pq
 
 from contactlab.store.mcap import trace_writer
 from contactlab.store.mcap.trace_reader import ChannelMessages
-from contactlab.store.rows_digest import rows_digest
-from contactlab.store.runs_table import count_outcomes
+from contactlab.store.runs_table import count_outcomes, rows_digest
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
 

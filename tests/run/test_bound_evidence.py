@@ -15,7 +15,7 @@ from contactlab.run.recomputed_runs import recomputed_problems, simulated_proble
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
 from contactlab.store.row_journal import mend_journal
-from contactlab.store.rows_digest import rows_digest
+from contactlab.store.runs_table import rows_digest
 from contactlab.store.store_manifest import document_json
 from contactlab.store.verify_store import unverified, verify
 

@@ -26,8 +26,7 @@ from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.sweep_schema import effects_base
-from contactlab.store.control_table import read_control_table
-from contactlab.store.controls_file import read_controls
+from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.store_access import backend_at, local_scene
 
 MAX_RUNS = 32

@@ -46,7 +46,7 @@ from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import parse_drive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.sweep_schema import effects_base
-from contactlab.store.control_table import read_control_table
+from contactlab.store.controls_file import read_control_table
 from contactlab.store.finished_store import Store
 
 

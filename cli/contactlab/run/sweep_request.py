@@ -17,7 +17,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive, drive_text
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.schema.vocabulary import Vocabulary
-from contactlab.store.control_table import read_control_table
+from contactlab.store.controls_file import read_control_table
 from contactlab.store.store_address import Address
 from contactlab.store.table_layout import RESERVED_COLUMNS
 

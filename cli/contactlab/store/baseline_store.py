@@ -17,8 +17,7 @@ from contactlab.store.atomic_files import (
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
-from contactlab.store.rows_digest import rows_digest
-from contactlab.store.runs_table import write_compact_table
+from contactlab.store.runs_table import rows_digest, write_compact_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import check_tree

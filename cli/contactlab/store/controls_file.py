@@ -1,17 +1,29 @@
-"""Recorded controls in a store: one Arrow file for each content, named after its hash.
+"""Recorded controls: in a store, and in the tables that drive runs.
 
-Its columns are `time` and the actuators, so that it can also drive other runs.
+A store has one Arrow file for each content, named after its hash. Its columns are `time` and the
+actuators, so that it can also drive other runs.
 """
 
+import csv
 import io
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
+from pathlib import Path
+from zipfile import BadZipFile
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.parquet as pq
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+from numpy.typing import NDArray
 
 from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.errors import StoreError
+from contactlab.errors import SceneError, StoreError
 from contactlab.store.backend_protocol import CONTROLS, Backend
+
+Columns = dict[str, NDArray[np.float64]]
 
 
 def controls_name(sha256: str) -> str:
@@ -61,3 +73,117 @@ def has_controls(backend: Backend, sha256: str) -> bool:
     except StoreError:
         return False
     return True
+
+
+def read_control_table(path: Path) -> Columns:
+    """Return the columns of a table by name, each (T,).
+
+    A column of vectors, as arrays of .npz files are, becomes `NAME[0]`, `NAME[1]`, ...
+
+    Raises:
+        SceneError: it cannot be read, or has cells that are no numbers, or columns of two lengths.
+    """
+    read = _READERS.get(path.suffix.lower())
+    if read is None:
+        known = ", ".join(_READERS)
+        raise SceneError(f"drive: {path.name} is no table of controls; write a file {known}")
+    try:
+        columns = read(path)
+    except (OSError, ValueError, BadZipFile, McapError, pa.ArrowException) as error:
+        raise SceneError(f"drive: cannot read {path}: {error}") from error
+    lengths = {name: len(values) for name, values in columns.items()}
+    if len(set(lengths.values())) > 1:
+        fewest, most = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)
+        raise SceneError(
+            f"drive: {path.name}: column `{fewest}` has {lengths[fewest]} rows, but `{most}` has "
+            f"{lengths[most]}; write as many"
+        )
+    return columns
+
+
+def _read_csv(path: Path) -> Columns:
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = [row for row in csv.reader(file) if row]
+    names = [name.strip() for name in rows[0]] if rows else []
+    if len(set(names)) < len(names):
+        raise ValueError(f"column `{next(x for x in names if names.count(x) > 1)}` occurs twice")
+    for number, row in enumerate(rows[1:], 1):
+        if len(row) != len(names):
+            raise ValueError(f"row {number} has {len(row)} cells, not {len(names)}")
+    return {name: _numbers(name, [row[k] for row in rows[1:]]) for k, name in enumerate(names)}
+
+
+def _numbers(name: str, cells: list[str]) -> NDArray[np.float64]:
+    try:
+        return np.array(cells, np.float64)
+    except ValueError:
+        for number, cell in enumerate(cells, 1):
+            try:
+                float(cell)
+            except ValueError:
+                message = f"row {number} of column `{name}` is '{cell}', not a number"
+                raise ValueError(message) from None
+        raise
+
+
+def _read_parquet(path: Path) -> Columns:
+    table = pq.read_table(path)
+    return _columns({name: _plain(table.column(name)) for name in table.column_names})
+
+
+def _read_arrow(path: Path) -> Columns:
+    with pa.ipc.open_file(path) as file:
+        table = file.read_all()
+    return _columns({name: _plain(table.column(name)) for name in table.column_names})
+
+
+def _plain(column: pa.ChunkedArray) -> object:
+    return column.to_pylist() if pa.types.is_nested(column.type) else column.to_numpy()
+
+
+def _read_npz(path: Path) -> Columns:
+    with np.load(path, allow_pickle=False) as arrays:
+        return _columns({name: arrays[name] for name in arrays.files})
+
+
+def _columns(arrays: Mapping[str, object]) -> Columns:
+    """Return columns of numbers; those of vectors are split."""
+    columns: Columns = {}
+    for name, values in arrays.items():
+        array = np.asarray(values, np.float64)
+        if array.ndim == 2:
+            columns |= {f"{name}[{k}]": array[:, k] for k in range(array.shape[1])}
+        elif array.ndim == 1:
+            columns[name] = array
+        else:
+            raise ValueError(f"`{name}` has {array.ndim} dimensions, not rows, or rows and columns")
+    return columns
+
+
+def _read_mcap(path: Path) -> Columns:
+    """Return what JSON messages say: numbers by name, or lists of `name` and `position`."""
+    rows: list[dict[str, object]] = []
+    with path.open("rb") as file:
+        for _, channel, message in make_reader(file).iter_messages():
+            if channel.message_encoding != "json":
+                raise ValueError(
+                    f"topic {channel.topic} is encoded as {channel.message_encoding}; write JSON"
+                )
+            data: dict[str, object] = json.loads(message.data)
+            if isinstance(names := data.get("name"), list):
+                positions = data.get("position")
+                data = dict(
+                    zip(names, positions if isinstance(positions, list) else (), strict=True)
+                )
+            rows.append({"time": message.log_time * 1e-9, **data})
+    names = dict.fromkeys(chain.from_iterable(rows))
+    return _columns({name: [row.get(name, np.nan) for row in rows] for name in names})
+
+
+_READERS: Mapping[str, Callable[[Path], Columns]] = {
+    ".csv": _read_csv,
+    ".parquet": _read_parquet,
+    ".arrow": _read_arrow,
+    ".npz": _read_npz,
+    ".mcap": _read_mcap,
+}

@@ -4,6 +4,7 @@ from collections.abc import Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.errors import StoreError, did_you_mean
+from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.atomic_files import sha256_of
@@ -28,7 +29,6 @@ from contactlab.store.runs_table import (
     iterate_rows,
     read_table,
 )
-from contactlab.store.runs_view import Runs, store_line, store_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
 from contactlab.store.store_files import check_tree, stored_file
@@ -36,6 +36,55 @@ from contactlab.store.store_manifest import parse_manifest
 from contactlab.store.table_layout import row_to_record
 
 _MAX_SIMILAR = 32
+_SHOWN = ("run_id", "label", "label_reason")
+_MOST_ROWS = 20
+
+
+@dataclass(frozen=True, repr=False)
+class Runs:
+    """Every run of a store as a row, in plan order.
+
+    Whatever reads Arrow reads it as it is: polars, DuckDB and pandas take it by the Arrow
+    PyCapsule interface.
+
+    Attributes:
+        arrow: the table; units and descriptions are in the metadata of its fields.
+    """
+
+    arrow: pa.Table
+
+    def to_pandas(self) -> Any:  # noqa: ANN401 - pandas is not a dependency
+        """Return a pandas DataFrame.
+
+        Raises:
+            OutputError: pandas is not installed.
+        """
+        with optional("frames", "to_pandas()"):
+            return self.arrow.to_pandas()
+
+    def to_polars(self) -> Any:  # noqa: ANN401 - polars is not a dependency
+        """Return a polars DataFrame.
+
+        Raises:
+            OutputError: polars is not installed.
+        """
+        with optional("frames", "to_polars()"):
+            import polars as pl  # noqa: PLC0415 - is not a dependency
+        return pl.from_arrow(self.arrow)
+
+    def __arrow_c_stream__(self, requested_schema: object | None = None) -> object:
+        return self.arrow.__arrow_c_stream__(requested_schema)
+
+    def __len__(self) -> int:
+        return self.arrow.num_rows
+
+    def __repr__(self) -> str:
+        return f"<{len(self)} runs, {self.arrow.num_columns} columns>"
+
+    def _repr_html_(self) -> str:
+        rows = self.arrow.select(list(_SHOWN)).slice(0, _MOST_ROWS).to_pylist()
+        more = f"<p>and {len(self) - _MOST_ROWS:,} more</p>" if len(self) > _MOST_ROWS else ""
+        return _table(_SHOWN, (row.values() for row in rows)) + more
 
 
 @dataclass(frozen=True, repr=False)
@@ -100,10 +149,14 @@ class Store:
         return backend_at(self.address, StoreError)
 
     def __repr__(self) -> str:
-        return store_line(self.address, self.manifest)
+        labels = ", ".join(f"{count} {label}" for label, count in self.manifest.labels.items())
+        runs, scene = self.manifest.runs, self.manifest.sweep.scene
+        return f"<store {self.address}: {runs} runs of {scene}: {labels}>"
 
     def _repr_html_(self) -> str:
-        return store_table(self.address, self.manifest)
+        name, scene = escape(str(self.address)), escape(self.manifest.sweep.scene)
+        head = f"<p><b>{name}</b>: {self.manifest.runs} runs of {scene}</p>"
+        return head + _table(("label", "runs"), self.manifest.labels.items())
 
     def file(self, name: str) -> Path:
         """Return the local path of one of the store's files but traces.
@@ -275,3 +328,11 @@ def _no_manifest(backend: Backend) -> StoreError:
     if IDENTITY in names:
         return StoreError(f"{backend.address} is unfinished; run its sweep again to resume it")
     return StoreError(f"{backend.address} is not a store: it has no {MANIFEST}")
+
+
+def _table(header: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    return f"<table>{_row('th', header)}{''.join(_row('td', each) for each in rows)}</table>"
+
+
+def _row(tag: str, cells: Iterable[object]) -> str:
+    return f"<tr>{''.join(f'<{tag}>{escape(str(cell))}</{tag}>' for cell in cells)}</tr>"

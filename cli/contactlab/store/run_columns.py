@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
 from contactlab.store.backend_protocol import TABLE
-from contactlab.store.runs_table import shared_fields, table_errors
+from contactlab.store.runs_table import shared_fields, table_errors, texts_of
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import stored_file
 
@@ -198,7 +198,7 @@ class RunColumns:
 
 
 def _measured(field: pa.Field) -> MeasuredColumn:
-    meta = {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
+    meta = texts_of(field.metadata)
     return MeasuredColumn(
         field.name,
         meta.get("unit", ""),

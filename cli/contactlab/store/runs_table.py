@@ -3,9 +3,11 @@
 The table is written from the journal in groups of rows, of which one at a time is in memory.
 """
 
+import hashlib
 import json
 import os
 import re
+from collections import defaultdict
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -13,6 +15,7 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.json
 import pyarrow.parquet as pq
 from numpy.typing import NDArray
@@ -50,10 +53,7 @@ def write_table(
         StoreError: a row has another column, or a value of another type.
     """
     schema, rows = table_schema(own), OrderedLines(journal)
-    described = {
-        field.name: {key.decode(): text.decode() for key, text in (field.metadata or {}).items()}
-        for field in schema
-    }
+    described = {field.name: texts_of(field.metadata) for field in schema}
     meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
     with (
         atomic_write(target) as temporary,
@@ -134,10 +134,15 @@ def _read_lines(file: BinaryIO, spans: NDArray[np.void]) -> bytes:
     return b"\n".join([*(os.pread(file.fileno(), size, start) for start, size in where), b""])
 
 
+def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Return the metadata of a field as texts."""
+    return {key.decode(): text.decode() for key, text in (metadata or {}).items()}
+
+
 def write_compact_table(source: Path, target: Path) -> None:
     """Write a table without descriptions and column statistics, which only explain."""
     table = read_table(source)
-    fields = [field.with_metadata(essential(field)) for field in table.schema]
+    fields = [field.with_metadata(_essential(field)) for field in table.schema]
     meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
     pq.write_table(
         pa.Table.from_arrays(table.columns, schema=pa.schema(fields, meta)),
@@ -149,7 +154,7 @@ def write_compact_table(source: Path, target: Path) -> None:
     )
 
 
-def essential(field: pa.Field) -> dict[bytes, bytes]:
+def _essential(field: pa.Field) -> dict[bytes, bytes]:
     """Return the metadata of a column without its description, which only explains."""
     return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
 
@@ -237,6 +242,76 @@ def _value_counts(column: pa.ChunkedArray) -> dict[Any, int]:
 def shared_fields(schema: pa.Schema) -> dict[str, Any]:
     """Return the fields that all runs of a table share, from the metadata of its schema."""
     return json.loads((schema.metadata or {})[_SHARED])
+
+
+def rows_digest(path: Path) -> str:
+    """Return the digest of all rows of a table's file.
+
+    Raises:
+        StoreError: there is none, or it is damaged.
+    """
+    with table_errors(path), pq.ParquetFile(path) as file:
+        digest = RowsDigest(file.schema_arrow)
+        for batch in file.iter_batches(GROUP):
+            digest.add(batch)
+    return digest.hexdigest
+
+
+class RowsDigest:
+    """A digest of all rows of a table, whatever its file's encoding, compression and row groups.
+
+    Each column is one or more streams of bytes: which values there are, the lengths of texts and
+    lists, and the values themselves, nulls as zeros. The digest is the SHA-256 of the names, types
+    and units of all columns, the SHA-256 of each of their streams, and the fields that all runs
+    share. A copy that only compresses otherwise has the same digest; any other value, order or
+    column another one.
+
+    Args:
+        schema: of the table, with its metadata.
+    """
+
+    def __init__(self, schema: pa.Schema) -> None:
+        described = [[field.name, str(field.type), texts_of(_essential(field))] for field in schema]
+        self._head = json.dumps([described, shared_fields(schema)], sort_keys=True)
+        self._streams: defaultdict[str, Any] = defaultdict(hashlib.sha256)
+
+    def add(self, batch: pa.RecordBatch) -> None:
+        """Take the next rows."""
+        for name, column in zip(batch.schema.names, batch.columns, strict=True):
+            for stream, data in _streams(name, column):
+                self._streams[stream].update(data)
+
+    @property
+    def hexdigest(self) -> str:
+        """The digest of all rows so far, in hex."""
+        streams = {name: stream.hexdigest() for name, stream in self._streams.items()}
+        return hashlib.sha256(
+            (self._head + json.dumps(streams, sort_keys=True)).encode()
+        ).hexdigest()
+
+
+def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryview]]:
+    """Yield the bytes of a column, each part with the name of its stream."""
+    kind = column.type
+    yield f"{name}?", np.asarray(column.is_valid()).data
+    if pa.types.is_struct(kind):
+        for field, inner in zip(kind, column.flatten(), strict=True):
+            yield from _streams(f"{name}.{field.name}", inner)
+    elif pa.types.is_list(kind):
+        yield f"{name}#", _lengths(pc.call_function("list_value_length", [column]))
+        yield from _streams(f"{name}[]", column.flatten())
+    elif pa.types.is_string(kind):
+        yield f"{name}#", _lengths(pc.call_function("binary_length", [column]))
+        texts = column.drop_null().cast(pa.binary())
+        whole = pa.ListArray.from_arrays(pa.array([0, len(texts)], pa.int32()), texts)
+        yield f"{name}=", pc.call_function("binary_join", [whole, b""])[0].as_buffer()
+    else:
+        zero = pa.scalar(0).cast(kind)
+        yield f"{name}=", column.fill_null(zero).to_numpy(zero_copy_only=False).data
+
+
+def _lengths(lengths: pa.Array) -> memoryview:
+    return lengths.fill_null(0).cast(pa.int64()).to_numpy(zero_copy_only=False).data
 
 
 def _strings(schema: pa.Schema) -> list[str]:

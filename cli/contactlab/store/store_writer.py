@@ -39,12 +39,12 @@ from contactlab.store.row_journal import (
     sealed,
     write_journal,
 )
-from contactlab.store.rows_digest import rows_digest
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
     count_outcomes,
     iterate_rows,
     read_table,
+    rows_digest,
     write_table,
 )
 from contactlab.store.store_access import backend_at

@@ -15,9 +15,9 @@ from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE,
 from contactlab.store.bound_trace import trace_problems
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
-from contactlab.store.rows_digest import RowsDigest
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
+    RowsDigest,
     count_outcomes,
     read_table,
     shared_fields,
