@@ -34,7 +34,7 @@ from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
-from contactlab.store.bound_trace import ACTIVATIONS
+from contactlab.store.mcap.stored_trace import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.store.store_access import TraceSink
 from contactlab.store.table_layout import record_to_row

@@ -25,11 +25,12 @@ from contactlab.store.backend_protocol import (
     Backend,
     WriteSession,
 )
-from contactlab.store.resumed_rows import IsPlanned, ResumedRows
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
+    IsPlanned,
     Journal,
     Mended,
+    ResumedRows,
     Row,
     amend_journal,
     has_lines,

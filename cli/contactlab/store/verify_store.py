@@ -12,9 +12,9 @@ from contactlab.errors import StoreError
 from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
-from contactlab.store.bound_trace import trace_problems
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
+from contactlab.store.mcap.mcap_check import trace_problems
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
     RowsDigest,

@@ -14,7 +14,7 @@ from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType, Writer
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
-from contactlab.store.mcap import chunk_writer
+from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 
@@ -22,12 +22,12 @@ MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 
 
 @pytest.mark.parametrize("steps", [0, 1, 50])
-@pytest.mark.parametrize("chunk_size", [1, 2000, chunk_writer.CHUNK_SIZE])
+@pytest.mark.parametrize("chunk_size", [1, 2000, file_parts.CHUNK_SIZE])
 def test_our_files_are_sound(
     tmp_path: Path, make_trace: MakeTrace, extras: TraceExtras, steps: int, chunk_size: int
 ) -> None:
     trace, series = make_trace(pairs=("a-b", "c-d"), steps=steps, momentum=True)
-    with patch.object(chunk_writer, "CHUNK_SIZE", chunk_size):
+    with patch.object(file_parts, "CHUNK_SIZE", chunk_size):
         write_trace(tmp_path / "trace.mcap", trace, 0, series, extras)
     assert check_trace(tmp_path / "trace.mcap") == []
 

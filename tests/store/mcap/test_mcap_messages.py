@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
-from contactlab.store.mcap import chunk_writer
+from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
@@ -85,7 +85,7 @@ def with_topics(expected: Iterator[tuple[str, int, dict[str, Any]]]) -> Found:
             "seed": st.integers(0, 2**32 - 1),
         }
     ),
-    chunk_size=st.sampled_from([1, 700, chunk_writer.CHUNK_SIZE]),
+    chunk_size=st.sampled_from([1, 700, file_parts.CHUNK_SIZE]),
 )
 def test_python_reads_what_was_recorded(
     *,
@@ -100,7 +100,7 @@ def test_python_reads_what_was_recorded(
     trace, series = make_trace(**sizes)
     run = sizes["runs"] - 1
     path = tmp_path_factory.getbasetemp() / "read_in_python.mcap"
-    with patch.object(chunk_writer, "CHUNK_SIZE", chunk_size):
+    with patch.object(file_parts, "CHUNK_SIZE", chunk_size):
         summary = write_trace(path, trace, run, series, extras)
     found, evidence = read_in_python(path)
     expected = with_topics(expected_messages(trace, run, series))
@@ -127,7 +127,7 @@ def test_rerun_reads_what_was_recorded(
     rerun = pytest.importorskip("rerun.chunk")
     trace, series = make_trace(pairs=NAMES, steps=60, momentum=momentum)
     path = tmp_path / "trace.mcap"
-    with patch.object(chunk_writer, "CHUNK_SIZE", 5000):
+    with patch.object(file_parts, "CHUNK_SIZE", 5000):
         write_trace(path, trace, 0, series, extras)
     found: Found = []
     for chunk in rerun.McapReader(path, timeline_type="duration_ns").stream():
@@ -177,7 +177,7 @@ def test_javascript_reads_what_was_recorded(
 ) -> None:
     trace, series = make_trace(pairs=NAMES, steps=steps, momentum=True)
     path = tmp_path / "trace.mcap"
-    with patch.object(chunk_writer, "CHUNK_SIZE", 5000):
+    with patch.object(file_parts, "CHUNK_SIZE", 5000):
         write_trace(path, trace, 0, series, extras)
     done = subprocess.run(
         ["node", NODE / "read.mjs", path], capture_output=True, text=True, check=False

@@ -20,7 +20,7 @@ from mcap.writer import Writer
 
 from contactlab.contact.trace_arrays import FOUND, PairSeries, Trace
 from contactlab.errors import OutputError, StoreError
-from contactlab.store.mcap import chunk_writer
+from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
@@ -69,7 +69,7 @@ def assert_stored(stored: StoredTrace, trace: Trace, run: int, series: list[Pair
 
 
 @settings(max_examples=60, deadline=None)
-@given(sizes=SIZES, chunk_size=st.sampled_from([1, 700, chunk_writer.CHUNK_SIZE]))
+@given(sizes=SIZES, chunk_size=st.sampled_from([1, 700, file_parts.CHUNK_SIZE]))
 def test_what_is_read_is_what_was_written(
     tmp_path_factory: pytest.TempPathFactory,
     make_trace: MakeTrace,
@@ -80,7 +80,7 @@ def test_what_is_read_is_what_was_written(
     trace, series = make_trace(**sizes)
     run = sizes["runs"] - 1
     path = tmp_path_factory.getbasetemp() / "round_trip.mcap"
-    with patch.object(chunk_writer, "CHUNK_SIZE", chunk_size):
+    with patch.object(file_parts, "CHUNK_SIZE", chunk_size):
         summary = write_trace(path, trace, run, series, extras)
     stored = read_trace(path)
     assert_stored(stored, trace, run, series)

@@ -1,16 +1,18 @@
-"""Check the structure of a trace file, independently of the writer.
+"""Check a trace file: its structure, independently of the writer, and its record.
 
 Viewers rely on more than readable messages: they seek by the summary, the message indexes and the
 statistics, and expect messages in order of time.
 """
 
+import json
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
+import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
@@ -26,6 +28,10 @@ from mcap.records import (
     SummaryOffset,
 )
 
+from contactlab.contact.trace_arrays import hash_of_states
+from contactlab.errors import StoreError
+from contactlab.schema.evidence import EvidenceRecord, TraceFile
+from contactlab.store.atomic_files import sha256_of
 from contactlab.store.mcap.mcap_survey import (
     UNREADABLE,
     ChunkRecords,
@@ -34,12 +40,16 @@ from contactlab.store.mcap.mcap_survey import (
     find_damage,
     read_records,
 )
+from contactlab.store.mcap.stored_trace import ACTIVATIONS, StoredTrace
+from contactlab.store.mcap.trace_reader import read_trace
 
 _Record = TypeVar("_Record", bound=McapRecord)
 
 _INDEX_HEAD_SIZE = 15
 _INDEX_ENTRY_SIZE = 16
 _CRC_SIZE = 4
+# What a record has only once its trace is written; so that equal runs have equal traces.
+_LATER = ("trace", "cost", "started", "finished", "accuracy", "timing")
 
 
 def check_trace(path: Path) -> list[str]:
@@ -216,3 +226,63 @@ def _check_summary_offsets(file: FileRecords) -> Iterator[str]:
 
 def _of(records: Iterable[RawRecord], kind: type[_Record]) -> list[_Record]:
     return [record for raw in records if isinstance(record := raw.record, kind)]
+
+
+def trace_problems(
+    path: Path, record: EvidenceRecord, model: bytes | None = None, but: Collection[str] = ()
+) -> Iterator[str]:
+    """Yield how a trace's file and its record contradict each other.
+
+    Args:
+        path: the file.
+        record: the record of its run.
+        model: the scene's model file, which the trace holds too; None if that is not compared.
+        but: fields of the record that are not compared.
+    """
+    assert record.trace is not None
+    if sha256_of(path) != record.trace.sha256:
+        yield "changed since it was written"
+        return
+    if problems := check_trace(path):
+        yield from problems
+        return
+    try:
+        trace = read_trace(path, path.name)
+        yield from _contradictions(trace, record, but)
+        yield from _wrong_counts(trace, record, record.trace)
+    except (StoreError, ValueError) as error:
+        yield str(error)
+        return
+    if model is not None and trace.model_xml != model:
+        yield "its model is not the scene's"
+
+
+def _contradictions(
+    trace: StoredTrace, record: EvidenceRecord, but: Collection[str]
+) -> Iterator[str]:
+    inside = _plain(EvidenceRecord.model_validate_json(trace.record_json))
+    for name, value in _plain(record).items():
+        # Errors have a tolerance too, which is judged after the trace is written.
+        is_later = name == "tolerances_met" and record.accuracy is not None
+        if inside[name] != value and name not in but and not is_later:
+            yield f"its record has another {name} than the table"
+    states = np.column_stack((trace.time, trace.qpos, trace.qvel))
+    # The hash is of the activations too, which the trace has not.
+    if trace.metadata.get(ACTIVATIONS) == "0" and hash_of_states(states) != record.trajectory_hash:
+        yield "its states do not give the trajectory's hash"
+
+
+def _plain(record: EvidenceRecord) -> dict[str, Any]:
+    content = json.loads(record.model_dump_json(exclude=set(_LATER)))
+    # The table has one column of settings for all runs, with nulls for those of other runs.
+    content["settings"] = {name: v for name, v in content["settings"].items() if v is not None}
+    return content
+
+
+def _wrong_counts(trace: StoredTrace, record: EvidenceRecord, file: TraceFile) -> Iterator[str]:
+    for name, states in (
+        ("its messages", len(trace.time)),
+        ("the table", file.messages.get("/state")),
+    ):
+        if states != record.steps + 1:
+            yield f"{states} states in {name} for {record.steps} steps"

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats, Integers
 from contactlab.errors import StoreError, did_you_mean
 
+ACTIVATIONS = "activations"
+"""Entry of a trace's metadata: actuator activations, which are hashed but not in the trace."""
 _PAIR_UNITS = {
     "contacts": "1",
     "found": "1",

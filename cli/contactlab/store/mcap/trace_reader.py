@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.errors import StoreError
-from contactlab.store.mcap.chunk_writer import CHUNK_HEAD, INDEX_HEAD, overlapping
+from contactlab.store.mcap.file_parts import CHUNK_HEAD, INDEX_HEAD, overlapping
 from contactlab.store.mcap.mcap_survey import UNREADABLE, find_damage, unpacked
 from contactlab.store.mcap.message_encoder import POINT_FIELDS
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace

@@ -19,19 +19,17 @@ from mcap.records import Attachment, Channel, ChunkIndex, Schema
 from contactlab.contact.trace_arrays import Floats, PairSeries, PairTrace, Trace
 from contactlab.errors import OutputError
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.chunk_writer import (
+from contactlab.store.mcap.file_parts import (
+    FileHead,
+    FilePrefix,
     MessageStream,
     Times,
     chunk_records,
-    interleave,
-    overlapping,
-)
-from contactlab.store.mcap.mcap_summary import (
-    FileHead,
-    FilePrefix,
     file_head,
     file_prefix,
     file_tail,
+    interleave,
+    overlapping,
 )
 from contactlab.store.mcap.message_encoder import (
     STATE_CHANNEL,
