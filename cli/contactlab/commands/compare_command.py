@@ -1,4 +1,4 @@
-"""`contactlab compare`: whether a store is worse than another."""
+"""`contactlab compare`: whether a store is worse than another; `baseline`: what to keep of one."""
 
 import os
 import sys
@@ -10,15 +10,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from contactlab.commands.options import Address, BaselineDigestOption, store_argument
-from contactlab.commands.terminal import echo, echo_commands
+from contactlab.commands import options as opt
+from contactlab.commands.terminal import echo, echo_commands, print_json
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
     from contactlab.comparison.remeasured_time import Remeasure
     from contactlab.schema.compare_policy import ComparePolicy
     from contactlab.schema.comparison_report import ComparisonReport
-
 
 ReportFormat = Literal["text", "json", "markdown", "junit", "github"]
 Match = Literal["id", "axes"]
@@ -31,8 +30,8 @@ _FORMATS: dict[str, ReportFormat] = {
 
 
 def compare(
-    baseline: Annotated[Address, store_argument("BASELINE", "Store to compare with.")],
-    candidate: Annotated[Address, store_argument("CANDIDATE", "Store to judge.")],
+    baseline: Annotated[opt.Address, opt.store_argument("BASELINE", "Store to compare with.")],
+    candidate: Annotated[opt.Address, opt.store_argument("CANDIDATE", "Store to judge.")],
     policy: Annotated[
         Path | None,
         typer.Option(metavar="FILE", help="Policy file: tolerances, and what fails the job."),
@@ -56,7 +55,7 @@ def compare(
     thorough: Annotated[
         bool, typer.Option("--thorough", help="Verify every record and every trace first.")
     ] = False,
-    baseline_digest: BaselineDigestOption = None,
+    baseline_digest: opt.BaselineDigestOption = None,
     remeasure: Annotated[
         int | None,
         typer.Option(min=1, metavar="N", help="Time N pairs of runs again, interleaved."),
@@ -184,3 +183,31 @@ def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:
         "github": ci_output.as_annotations,
     }
     return renderers[format_](report)
+
+
+baselines = typer.Typer(help="Keep stores to compare with.", no_args_is_help=True)
+
+
+@baselines.command()
+def update(
+    store: Annotated[opt.Address, opt.store_argument("STORE", "Store to take as the baseline.")],
+    dest: Annotated[Path, typer.Argument(help="Folder of the baseline, created or replaced.")],
+    baseline_digest: opt.BaselineDigestOption = None,
+    output: opt.FormatOption = "text",
+) -> None:
+    """Write a store without its traces, small enough to commit."""
+    from contactlab.store.baseline_store import write_baseline
+
+    written = write_baseline(store, dest, baseline_digest)
+    runs, digest = written.manifest.runs, written.digest
+    size = sum(path.stat().st_size for path in dest.rglob("*") if path.is_file())
+    if output == "json":
+        print_json({"baseline": str(dest), "runs": runs, "bytes": size, "digest": digest})
+        return
+    echo(f"{dest} holds the {runs} runs of {store} without traces: {_size(size)}")
+    echo(f"digest {digest}")
+    echo(f"compare with it: contactlab compare {dest} STORE --baseline-digest {digest}")
+
+
+def _size(size: int) -> str:
+    return f"{size / 1e3:.0f} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"

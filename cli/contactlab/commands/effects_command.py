@@ -98,6 +98,4 @@ def _print_set(report: "EffectsReport") -> None:
             f"{verification.reason}"
         )
     for title, lines in (("MJCF", smallest.mjcf), ("sweep", smallest.sweep)):
-        echo(f"{title}:")
-        for line in lines:
-            echo(f"  {line}")
+        echo("\n  ".join((f"{title}:", *lines)))

@@ -15,13 +15,9 @@ def scenes(
     output: FormatOption = "text",
 ) -> None:
     """List the shipped scenes, or every axis that one scene offers."""
-    if name is None:
-        _list_scenes(output)
-    else:
+    if name is not None:
         _list_axes(name, output)
-
-
-def _list_scenes(output: Format) -> None:
+        return
     from contactlab import resources
     from contactlab.scene.scene_source import find_scene
 
@@ -29,10 +25,8 @@ def _list_scenes(output: Format) -> None:
     rows = [
         (each.name, each.manifest.title, each.manifest.duration) for each in found if each.manifest
     ]
-    if output == "json":
-        print_rows(("scene", "title", "duration"), rows, as_json=True)
-    else:
-        print_rows(("scene", "title", "duration [s]"), rows, as_json=False)
+    duration = "duration" if output == "json" else "duration [s]"
+    print_rows(output, ("scene", "title", duration), rows)
 
 
 def _list_axes(name: str, output: Format) -> None:
@@ -43,8 +37,7 @@ def _list_axes(name: str, output: Format) -> None:
     rows = [
         (each.name, each.unit, each.description, ", ".join(each.choices)) for each in specs if each
     ]
-    keys = ("axis", "unit", "description", "values")
-    print_rows(keys, rows, as_json=output == "json")
+    print_rows(output, ("axis", "unit", "description", "values"), rows)
 
 
 def sweeps(output: FormatOption = "text") -> None:
@@ -58,8 +51,7 @@ def sweeps(output: FormatOption = "text") -> None:
         path = resources.sweep_file(name)
         read = read_sweep(path, SceneLoader(path.parent).vocabulary)
         rows.append((name, read.sweep.scene, read.plan.count, read.sweep.description or ""))
-    keys = ("sweep", "scene", "runs", "description")
-    print_rows(keys, rows, as_json=output == "json")
+    print_rows(output, ("sweep", "scene", "runs", "description"), rows)
 
 
 def metrics(plugin: PluginOption = None, output: FormatOption = "text") -> None:
@@ -67,12 +59,11 @@ def metrics(plugin: PluginOption = None, output: FormatOption = "text") -> None:
     from contactlab.measure import METRICS
 
     load_plugins(plugin)
-    keys = ("metric", "unit", "better", "version", "definition")
     rows = [
         (each.name, each.unit, each.better, each.version, each.definition)
         for each in METRICS.values()
     ]
-    print_rows(keys, rows, as_json=output == "json")
+    print_rows(output, ("metric", "unit", "better", "version", "definition"), rows)
 
 
 def labels(plugin: PluginOption = None, output: FormatOption = "text") -> None:
@@ -84,7 +75,7 @@ def labels(plugin: PluginOption = None, output: FormatOption = "text") -> None:
         (each.name, each.meaning, ", ".join(limit.name for limit in each.thresholds))
         for each in LABELS.values()
     ]
-    print_rows(("label", "meaning", "thresholds"), rows, as_json=output == "json")
+    print_rows(output, ("label", "meaning", "thresholds"), rows)
 
 
 def thresholds(plugin: PluginOption = None, output: FormatOption = "text") -> None:
@@ -93,5 +84,4 @@ def thresholds(plugin: PluginOption = None, output: FormatOption = "text") -> No
 
     load_plugins(plugin)
     rows = [(each.name, each.default, each.unit, each.source) for each in THRESHOLDS.values()]
-    keys = ("threshold", "default", "unit", "source")
-    print_rows(keys, rows, as_json=output == "json")
+    print_rows(output, ("threshold", "default", "unit", "source"), rows)

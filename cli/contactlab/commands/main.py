@@ -8,22 +8,19 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.baseline_command import app as baseline
 from contactlab.commands.check_command import check
-from contactlab.commands.compare_command import compare
+from contactlab.commands.compare_command import baselines, compare
 from contactlab.commands.effects_command import effects
-from contactlab.commands.init_command import init
+from contactlab.commands.init_command import init, schema
 from contactlab.commands.list_commands import labels, metrics, scenes, sweeps, thresholds
 from contactlab.commands.render_command import render
-from contactlab.commands.replay_command import replay
 from contactlab.commands.report_command import report
-from contactlab.commands.schema_command import schema
 from contactlab.commands.show_command import show
 from contactlab.commands.stability_command import stability
 from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
-from contactlab.commands.verify_command import verify
+from contactlab.commands.verify_command import replay, verify
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.printable import printable
 
@@ -39,7 +36,7 @@ _READ = (show, replay, render, verify, compare, report)
 _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
 for command in (*_RUN, *_READ, *_LIST):
     app.command()(command)
-app.add_typer(baseline, name="baseline")
+app.add_typer(baselines, name="baseline")
 
 
 def _print_version(wanted: bool) -> None:

@@ -26,22 +26,14 @@ Format = Literal["text", "json"]
 
 
 def store_at(text: str) -> "Address":
-    """Return the address of a store: a folder, or a place in object storage.
-
-    Raises:
-        OutputError: the text is neither.
-    """
+    """Return the address of a store; raise OutputError for what is none."""
     from contactlab.store.store_address import parse_address
 
     return parse_address(text)
 
 
 def folder_at(text: str) -> Path:
-    """Return the folder that a text names, for commands that write several stores.
-
-    Raises:
-        OutputError: it is an address in object storage.
-    """
+    """Return a folder, for commands that write several stores; raise OutputError for a bucket."""
     address = store_at(text)
     if not isinstance(address, Path):
         raise OutputError(f"{text}: this command writes into a folder; sweep -o takes addresses")
@@ -145,11 +137,7 @@ FormatOption = Annotated[Format, typer.Option("--format", help="How results are 
 
 
 def load_plugins(files: Sequence[Path] | None) -> None:
-    """Load installed plug-ins and those of `--plugin`.
-
-    Raises:
-        PluginError: one cannot be loaded.
-    """
+    """Load installed plug-ins and those of `--plugin`; raise PluginError for one that cannot be."""
     from contactlab import plugins
 
     plugins.load_plugins(files or ())
@@ -195,11 +183,7 @@ def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
 
 
 def accuracy_criteria(error: str | None, tolerances: Sequence[str] | None) -> "Criteria":
-    """Return what `--error` and `--tolerance` ask of a store.
-
-    Raises:
-        SweepFileError: a tolerance is not written as METRIC=VALUE.
-    """
+    """Return what `--error` and `--tolerance` ask of a store."""
     from contactlab.pareto.criteria import Criteria
 
     return Criteria(
@@ -210,13 +194,7 @@ def accuracy_criteria(error: str | None, tolerances: Sequence[str] | None) -> "C
 def read_limit(text: str, what: str = "limit", like: str = "slip=1e-3") -> tuple[str, float]:
     """Return the metric and the value of `METRIC=VALUE`, where the value may be a percentage.
 
-    Args:
-        text: what was typed.
-        what: the word for it in an error.
-        like: an example of it.
-
-    Raises:
-        SweepFileError: it is not written so.
+    Other text is a SweepFileError, which says `what` it is not, and that it is written `like`.
     """
     metric, _, value = text.partition("=")
     try:

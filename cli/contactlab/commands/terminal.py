@@ -9,7 +9,6 @@ import time
 from collections import Counter, deque
 from collections.abc import Generator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import typer
@@ -47,9 +46,9 @@ def print_json(data: object) -> None:
     echo(json.dumps(data, indent=2, allow_nan=False))
 
 
-def print_rows(keys: Sequence[str], rows: Sequence[Sequence[object]], *, as_json: bool) -> None:
+def print_rows(output: str, keys: Sequence[str], rows: Sequence[Sequence[object]]) -> None:
     """Print rows to stdout: as a table, or as a JSON list of objects with these keys."""
-    if as_json:
+    if output == "json":
         print_json([dict(zip(keys, row, strict=True)) for row in rows])
     else:
         print_table(keys, rows)
@@ -91,20 +90,6 @@ def stdout() -> Console:
 def say(message: str) -> None:
     """Print a message for people to stderr."""
     Console(stderr=True).print(Text(printable(message)), soft_wrap=True)
-
-
-def write_text(path: Path, text: str) -> None:
-    """Write a file.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
-    from contactlab.store.atomic_files import write_error
-
-    try:
-        path.write_text(text, encoding="utf-8")
-    except OSError as error:
-        raise write_error(path, error) from error
 
 
 def _cell(value: object, *, is_label: bool) -> Text:

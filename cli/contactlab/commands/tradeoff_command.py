@@ -8,7 +8,7 @@ import typer
 
 from contactlab.commands import options as opt
 from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import echo, print_json, print_table, say, write_text
+from contactlab.commands.terminal import echo, print_json, print_table, say
 from contactlab.errors import ExpectationError, OutputError
 from contactlab.resources import RESULTS
 
@@ -114,11 +114,14 @@ def _fail_on(report: "TradeoffReport") -> None:
 def _write(path: Path, report: "TradeoffReport") -> None:
     from contactlab.pareto.configuration_export import recommended_sweep
     from contactlab.schema.evidence import ERRORS
+    from contactlab.store.atomic_files import atomic_write
     from contactlab.store.finished_store import Store
     from contactlab.store.store_address import parse_address
 
     store = Store.open(parse_address(report.store))
-    write_text(path, recommended_sweep(store, report, path.parent))
+    text = recommended_sweep(store, report, path.parent)
+    with atomic_write(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
     command = "tradeoff" if report.tolerances.keys() & set(ERRORS) else "sweep"
     say(f"wrote {path}\nnext: contactlab {command} {path}")
 
@@ -142,8 +145,7 @@ def _head(report: "TradeoffReport") -> Iterator[str]:
     source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
     yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
     yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
-    kind = f"{report.error.kind}, {report.error.against}" if report.error.against else ""
-    kind = kind or report.error.kind
+    kind = ", ".join(filter(None, (report.error.kind, report.error.against)))
     yield f"  error         {report.error.name}{unit}, largest over the runs ({kind})"
     yield f"  time          CPU seconds per simulated second, mean over the runs, from {source}"
     limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())

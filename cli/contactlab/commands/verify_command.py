@@ -1,23 +1,27 @@
-"""`contactlab verify`: whether a store is complete and unchanged."""
+"""`contactlab verify` and `replay`: whether a store is sound, and whether its runs repeat."""
 
+from collections.abc import Iterator
+from dataclasses import asdict
 from itertools import islice
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import FormatOption, StoreArgument, mention_plugins
+from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, print_json
-from contactlab.errors import StoreError
+from contactlab.errors import ExpectationError, StoreError
 from contactlab.printable import in_one_line
+
+if TYPE_CHECKING:
+    from contactlab.run.stored_runs import ReplayResult
 
 
 def verify(
-    store: StoreArgument,
+    store: opt.StoreArgument,
     simulate: Annotated[
-        int,
-        typer.Option(min=0, metavar="N", help="Simulate N runs again, drawn at random."),
+        int, typer.Option(min=0, metavar="N", help="Simulate N runs again, drawn at random.")
     ] = 0,
-    output: FormatOption = "text",
+    output: opt.FormatOption = "text",
 ) -> None:
     """Check every file of a store against its hash, and recompute what its content gives."""
     from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unresolved
@@ -28,7 +32,7 @@ def verify(
     problems = find_problems(store)
     opened = Store.unchecked(store)
     manifest, left = opened.manifest, unverified(opened)
-    mention_plugins(store, manifest.sweep.plugins)
+    opt.mention_plugins(store, manifest.sweep.plugins)
     if why := unresolved(opened):
         left.append(why)
     elif not problems:
@@ -57,3 +61,52 @@ def verify(
     if problems:
         count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
         raise StoreError(f"{store} is not sound: {count}")
+
+
+def replay(
+    store: opt.StoreArgument,
+    run: opt.RunArgument,
+    *,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
+    ] = False,
+    plugin: opt.PluginOption = None,
+    output: opt.FormatOption = "text",
+) -> None:
+    """Simulate a stored run again and check that every state is bitwise equal."""
+    from contactlab.run.stored_runs import prepare_replay
+    from contactlab.run.stored_runs import replay as run_again
+    from contactlab.store.finished_store import Store
+
+    opt.load_plugins(plugin)
+    opened = Store.open(store)
+    if view:
+        from contactlab.view.live_viewer import open_viewer
+
+        start = prepare_replay(opened, run)
+        open_viewer(start.prepared.model, start.runs.starts)
+        return
+    result = run_again(opened, run)
+    if output == "json":
+        print_json(asdict(result))
+    else:
+        for line in _lines(result):
+            echo(line)
+    if not result.equal:
+        raise ExpectationError("the trajectory is not the stored one")
+
+
+def _lines(result: "ReplayResult") -> Iterator[str]:
+    if result.equal:
+        yield f"run {result.run_id}: bitwise equal ({result.hash})"
+        return
+    if result.stored_hash is None:
+        yield f"run {result.run_id}: no trajectory was stored"
+        return
+    yield f"run {result.run_id}: differs"
+    yield f"  stored {result.stored_hash}"
+    yield f"  now    {result.hash}"
+    if result.step is not None:
+        amount = "" if result.difference is None else f" by {result.difference:.3g}"
+        yield f"  first after step {result.step}{amount}"
+    yield f"  stored with {result.stored_engine}"

@@ -1,8 +1,4 @@
-"""What every study shares: the session that it runs in, and settings given as options.
-
-A study is a function `run(request, session) -> report`: the request says what is asked, as the
-options of its command do; the report is plain data.
-"""
+"""What every study shares: the session that it runs in, and settings given as options."""
 
 import json
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -55,30 +51,23 @@ class Session:
     allow_code: bool = False
 
     def claim(self, results: str, reference: str) -> None:
-        """Take a place in the folder for the results of a model, a scene or a sweep.
-
-        Args:
-            results: what they are; each has one place in a folder.
-            reference: the model, as it was named.
+        """Take the folder's one place for such results, of a model, a scene or a sweep as named.
 
         Raises:
             OutputError: the place has the results of another one, or cannot be written.
         """
         path = Path(reference).expanduser()
         source = str(path.resolve()) if path.exists() else reference
-        claimed = self._claimed()
+        data = read_stored(self.folder, CLAIMS)
+        try:
+            claimed = TypeAdapter(dict[str, str]).validate_json(data or b"{}")
+        except ValidationError as error:
+            raise OutputError(f"{self.folder / CLAIMS} is damaged; remove it") from error
         if claimed.setdefault(results, source) != source:
             raise OutputError(
                 f"{self.folder} has the results of {claimed[results]}; write elsewhere with -o"
             )
         self.write({CLAIMS: json.dumps(claimed, indent=2) + "\n"})
-
-    def _claimed(self) -> dict[str, str]:
-        data = read_stored(self.folder, CLAIMS)
-        try:
-            return TypeAdapter(dict[str, str]).validate_json(data or b"{}")
-        except ValidationError as error:
-            raise OutputError(f"{self.folder / CLAIMS} is damaged; remove it") from error
 
     def run(self, sweep: SweepRequest) -> Store:
         """Run a sweep and open its store.
@@ -92,27 +81,20 @@ class Session:
         return Store.open(sweep.store)
 
     def run_derived(self, name: str, sweep: Mapping[str, object], scenes: SceneLoader) -> Store:
-        """Run a sweep that a study makes up, into a fresh store of the session's folder.
-
-        Args:
-            name: of the sweep and its store.
-            sweep: what a sweep file would say, as data.
-            scenes: opens its scene.
-        """
+        """Run a sweep that a study makes up, as data, into a fresh store of the folder."""
         read = read_sweep(sweep, scenes.vocabulary)
         scene, plan = scenes.for_sweep(read)
-        return self.run(
-            SweepRequest(
-                plan=plan,
-                scene=scene,
-                name=name,
-                source=read.text,
-                overrides=(),
-                store=self.folder / name,
-                workers=self.workers,
-                fresh=True,
-            )
+        request = SweepRequest(
+            plan=plan,
+            scene=scene,
+            name=name,
+            source=read.text,
+            overrides=(),
+            store=self.folder / name,
+            workers=self.workers,
+            fresh=True,
         )
+        return self.run(request)
 
     def write(self, files: Mapping[str, str]) -> None:
         """Write text files into the session's folder, by name.
@@ -137,16 +119,9 @@ def model_name(reference: str) -> str:
 def read_settings(
     scenes: SceneLoader, reference: str, assign: Sequence[str], keys: Collection[str] = ()
 ) -> tuple[Values, Sweep]:
-    """Read options `--set` that give one value to each of some axes of a scene.
+    """Return values by axis of options `--set`, and the sweep that these make.
 
-    Args:
-        scenes: opens the scene.
-        reference: what a sweep file says after `scene:`.
-        assign: `NAME=VALUE` each.
-        keys: keys of a sweep file that may be set beside axes.
-
-    Returns:
-        Values by axis, and the sweep that the options make.
+    The options give one value to each of some axes of a scene, and may set these keys of a sweep.
 
     Raises:
         SweepFileError: an option is wrong, or gives more than one value; all that are, are named.

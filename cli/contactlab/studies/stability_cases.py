@@ -10,14 +10,13 @@ from typing import Any
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.sweep_request import SweepRequest, read_request
-from contactlab.scene.scene_source import is_menagerie, menagerie_name
+from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie, menagerie_name
 from contactlab.schema.drive import Drive
 from contactlab.schema.stability_report import StabilityReport, StabilityResult
 from contactlab.store.exercised import Exercised
 from contactlab.studies.session import Session
 
 FOLDER = "stability"
-_MODELS = (".xml", ".urdf", ".mjcf")
 
 
 @dataclass(frozen=True)
@@ -74,30 +73,31 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
 
 
 def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
-    """Return cases by name, a generic one for a model file, a scene's folder or a robot.
-
-    Without names, return all.
-
-    Raises:
-        SweepFileError: there is no such case.
-    """
+    """Return cases by name, or all; a generic one for a model file, a scene's folder or a robot."""
     known = {path.stem: path for path in sorted((resources.sweeps() / FOLDER).glob("*.yaml"))}
     return [_case(name, known) for name in names or known]
 
 
 def is_model(name: str) -> bool:
-    """Say whether a name is that of a model, and not of a case.
-
-    Raises:
-        SweepFileError: it is neither.
-    """
+    """Say whether a name is that of a model, and not of a case."""
     return isinstance(find_cases([name])[0].source, str)
 
 
 def run_case(case: StabilityCase, session: Session, drive: Drive | None = None) -> StabilityResult:
     """Run one case; see `run`."""
     started = time.monotonic()
-    sweep = _sweep(case, session, drive)
+    store = session.folder / case.name
+    sweep = read_request(
+        case.source,
+        case.name,
+        store,
+        folder=case.folder,
+        workers=session.workers,
+        drive=drive,
+        bare="exercise",
+        fresh=(store / "manifest.json").is_file(),
+        partly=True,
+    )
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
     seconds = time.monotonic() - started
     return _result(sweep, rows, seconds, whole=isinstance(case.source, str))
@@ -109,7 +109,7 @@ def _case(name: str, known: dict[str, Path]) -> StabilityCase:
     if is_menagerie(name):
         return StabilityCase(menagerie_name(name), _GENERIC.format(scene=name), Path(), name)
     path = Path(name)
-    if path.suffix in _MODELS or path.is_dir():
+    if path.suffix in MODEL_SUFFIXES or path.is_dir():
         return StabilityCase(path.stem, _GENERIC.format(scene=path.resolve()), Path(), name)
     raise SweepFileError(
         f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
@@ -127,21 +127,6 @@ trace: flagged
 expect:
   - {{label: stable, reason: a sound model needs no excuse}}
 """
-
-
-def _sweep(case: StabilityCase, session: Session, drive: Drive | None) -> SweepRequest:
-    store = session.folder / case.name
-    return read_request(
-        case.source,
-        case.name,
-        store,
-        folder=case.folder,
-        workers=session.workers,
-        drive=drive,
-        bare="exercise",
-        fresh=(store / "manifest.json").is_file(),
-        partly=True,
-    )
 
 
 def _result(

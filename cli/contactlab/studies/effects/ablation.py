@@ -1,7 +1,7 @@
 """Ablation: which effects a scene needs, what each costs, and the smallest set that will do."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import combinations
 
 from contactlab.run.evidence_record import as_written, engine, provenance
@@ -32,7 +32,6 @@ from contactlab.studies.effects.metric_changes import (
     ConfigurationDifference,
     cost_ratio,
     difference,
-    unmeasured_metrics,
     work_ratios,
 )
 from contactlab.studies.session import Session, Values
@@ -44,7 +43,7 @@ class SmallestSetSearch:
 
     trials: ConfigurationRunner
     base: ConfigurationRows
-    tried: int = field(default=0)
+    tried: int = 0
 
     def smallest(self, certain: Sequence[str], likely: Sequence[str]) -> Changed:
         """Return a large set of toggles that changes no result, found greedily.
@@ -75,14 +74,11 @@ class SmallestSetSearch:
         if not pairs:
             return free, ()
         seed = self.trials.setup.seeds[:1]
-        each_changed = {pair: merged(free, pair) for pair in pairs}
-        outcomes = self._run([BASE, *each_changed.values()], seeds=seed)
-        first = {
-            pair: self._difference(changed, outcomes[BASE], outcomes[changed])
-            for pair, changed in each_changed.items()
-        }
+        each_changed = [merged(free, pair) for pair in pairs]
+        outcomes = self._run([BASE, *each_changed], seeds=seed)
         interactions: list[Interaction] = []
-        for pair, change in first.items():
+        for pair, changed in zip(pairs, each_changed, strict=True):
+            change = self._difference(changed, outcomes[BASE], outcomes[changed])
             passed = not change.matters and self._is_free(merged(free, pair))
             free = merged(free, pair) if passed else free
             interactions.append(Interaction(effects=pair, free=passed, reason=change.reason))
@@ -104,18 +100,12 @@ class SmallestSetSearch:
         self, changed: Changed, base: ConfigurationRows, other: ConfigurationRows
     ) -> ConfigurationDifference:
         setup = self.trials.setup
-        exempt = exempted(changed, setup.tolerances)
-        return difference(setup, setup.scenarios, base, other, exempt)
+        return difference(setup, setup.scenarios, base, other, changed)
 
 
 def merged(*names: Collection[str]) -> Changed:
     """Return the union of toggled effects."""
     return tuple(sorted({name for each in names for name in each}))
-
-
-def exempted(changed: Collection[str], given: Collection[str]) -> list[str]:
-    """Return the metrics without a tolerance that a configuration cannot measure."""
-    return [name for name in unmeasured_metrics(changed) if name not in given]
 
 
 REPORT = "effects.json"
@@ -204,8 +194,7 @@ def _finding(
 ) -> EffectFinding:
     """Return the finding of one effect; effects unused by proof are toggled together."""
     changed = proven if toggle.proof is not None else (toggle.effect,)
-    exempt = exempted(changed, setup.tolerances)
-    change = difference(setup, setup.scenarios, outcomes[BASE], outcomes[changed], exempt)
+    change = difference(setup, setup.scenarios, outcomes[BASE], outcomes[changed], changed)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect = EFFECTS[toggle.effect]
     return EffectFinding(
@@ -288,8 +277,7 @@ def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
         return Verification(seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, cost=None)
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
-    exempt = exempted(free, setup.tolerances)
-    change = difference(setup, scenarios, outcomes[BASE], outcomes[free], exempt)
+    change = difference(setup, scenarios, outcomes[BASE], outcomes[free], free)
     timed = _timed(trials, "fresh-timing", [BASE, free], seeds)
     return Verification(
         seeds=seeds,

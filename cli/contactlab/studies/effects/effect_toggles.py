@@ -35,10 +35,9 @@ class Toggle:
 
 def find_toggles(setup: AblationSetup) -> tuple[Toggle, ...]:
     """Return a toggle of every effect that can be toggled in the base configuration."""
-    written = [*_choices(setup, "all")]
-    proven = [*_choices(setup, "auto")]
+    written, proven = list(_choices(setup, "all")), list(_choices(setup, "auto"))
     toggles = (_toggle(each, written, proven) for each in EFFECTS.values() if each.studied)
-    return tuple(each for each in toggles if each is not None)
+    return tuple(filter(None, toggles))
 
 
 def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
@@ -48,11 +47,7 @@ def _choices(setup: AblationSetup, rest: str) -> Iterator[States]:
         yield scene.prepare(run, scene.starts([run])).effects
 
 
-def _toggle(
-    effect: Effect,
-    written: list[Mapping[str, EffectState]],
-    proven: list[Mapping[str, EffectState]],
-) -> Toggle | None:
+def _toggle(effect: Effect, written: list[States], proven: list[States]) -> Toggle | None:
     name = effect.name
     if not any(each[name].on for each in written):
         return Toggle(name, False, effect.on, None) if effect.on else None

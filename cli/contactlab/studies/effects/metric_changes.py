@@ -9,7 +9,7 @@ from statistics import fmean, median
 from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.effects_report import MetricChange, Ratio
-from contactlab.studies.effects.effect_toggles import ConfigurationRows, Row
+from contactlab.studies.effects.effect_toggles import BASE, Changed, ConfigurationRows, Row
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values
 
@@ -19,15 +19,14 @@ _SHARE = 0.01
 _UNMEASURED: Mapping[str, Requirement] = {"energy": "energy", "speculative": "depth"}
 
 
-def judged_metrics() -> list[str]:
-    """Return the metrics of the physics; all others count work, or explain one of these."""
-    return [each.name for each in METRICS.values() if each.kind == "physics"]
+def judged_metrics(changed: Collection[str] = ()) -> list[str]:
+    """Return the metrics of the physics; all others count work, or explain one of these.
 
-
-def unmeasured_metrics(changed: Collection[str]) -> list[str]:
-    """Return the metrics that cannot be measured with or without one of the changed effects."""
+    Those are left out that cannot be measured with or without one of the changed effects.
+    """
     missing = {_UNMEASURED[effect] for effect in changed if effect in _UNMEASURED}
-    return [each.name for each in METRICS.values() if each.requires in missing]
+    physics = [each for each in METRICS.values() if each.kind == "physics"]
+    return [each.name for each in physics if each.requires not in missing]
 
 
 def tolerance_of(name: str, given: Mapping[str, float], values: Sequence[float]) -> float:
@@ -88,13 +87,10 @@ def difference(
     scenarios: Sequence[Values],
     base: ConfigurationRows,
     other: ConfigurationRows,
-    exempt: Collection[str] = (),
+    changed: Changed = BASE,
 ) -> ConfigurationDifference:
-    """Return the difference of two configurations over scenarios and seeds.
-
-    Exempt are metrics that the other one cannot measure.
-    """
-    names = [name for name in setup.tolerances or judged_metrics() if name not in exempt]
+    """Return the difference that changed effects make, over scenarios and seeds."""
+    names = setup.tolerances or judged_metrics(changed)
     matched = list(zip(scenarios, base.rows, other.rows, strict=True))
     largest = [
         max((_change(name, setup.tolerances, *each) for each in matched), key=_weight)
