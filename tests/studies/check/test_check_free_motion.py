@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
-from contactlab.studies.check.limits import LIMITS
+from contactlab.studies.check.check_results import LIMITS
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.studies.check.tree_energy import tree_energies, trees_of
+from contactlab.studies.check.free_motion_runs import tree_energies, trees_of
 
 BALL = """<body name="ball" pos="0 0 1"><freejoint/>
   <geom size=".1" mass="2"/><geom pos=".3 -.1 .2" type="box" size=".1 .05 .02" mass="1"/>

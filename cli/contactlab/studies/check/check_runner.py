@@ -80,24 +80,18 @@ class CheckRunner:
         drive: Drive | None = None,
         **keys: object,
     ) -> list[CheckRun]:
-        """Run the model with more settings.
+        """Run the model with the settings of each row, beyond those under check, into a store.
 
-        Args:
-            name: of the store.
-            description: what the runs are for.
-            rows: settings of each run, beyond those under check.
-            duration: simulated time [s]; that of the model if None.
-            drive: what drives it; that of the model if None.
-            keys: further keys of the sweep file.
+        Duration [s] and drive are the model's unless given; `keys` are more of a sweep file.
 
         Raises:
             TooLongError: a run takes too many steps, or too much memory.
         """
         whole = [{**self.checked.values, **row} for row in rows]
-        if self.brief or name != NOMINAL_STORE:
-            self._require_short(self.checked.reference, whole, duration)
         seconds = self.checked.duration if duration is None else duration
         reference, drive = self.checked.reference, drive or self.checked.drive
+        if self.brief or name != NOMINAL_STORE:
+            self._require_short(reference, whole, seconds)
         runs = self._run(name, description, reference, whole, duration=seconds, drive=drive, **keys)
         return [replace(run, row=row) for row, run in zip(rows, runs, strict=True)]
 
@@ -145,10 +139,7 @@ class CheckRunner:
             CheckRun(row, row, store, store.record(run)) for row, run in zip(rows, ids, strict=True)
         ]
 
-    def _require_short(
-        self, reference: str, rows: Sequence[Values], duration: float | None
-    ) -> None:
-        seconds = self.checked.duration if duration is None else duration
+    def _require_short(self, reference: str, rows: Sequence[Values], seconds: float) -> None:
         for row in rows:
             if not self._is_short(reference, row, seconds):
                 steps = steps_of(seconds, as_number(row["timestep"]))

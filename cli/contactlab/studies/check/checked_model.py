@@ -10,7 +10,7 @@ from contactlab.engines import ChecksRuns, find_engine
 from contactlab.errors import SceneError, SweepFileError
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
-from contactlab.scene.initial_states import QPOS0, InitialStates
+from contactlab.scene.initial_states import QPOS0
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ResolvedRun
@@ -22,7 +22,7 @@ from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.studies.check.limits import DEFAULT_LIMITS, Limits
+from contactlab.studies.check.check_results import DEFAULT_LIMITS, Limits
 from contactlab.studies.session import Values, read_settings
 
 _WALKING = 2
@@ -84,24 +84,14 @@ class CheckedModel:
         """Its model with the settings written."""
         return self.base.prepare(self.resolved.edits())
 
-    @property
-    def start(self) -> InitialStates:
-        """The initial state of the nominal run."""
-        return self.scene.starts([self.resolved])
-
     @cached_property
-    def free_masses(self) -> list[float]:
-        """Masses of the bodies on free joints, each with its subtree [kg]."""
-        setup = make_setup(self.base, None, [self.resolved], [self.prepared.model], {})
-        return [float(body.mass[0]) for body in setup.free_bodies]
-
-    @property
     def subject_mass(self) -> float:
         """Mass of the scene's subject [kg], else of its heaviest free body, else 1 kg."""
-        subject = self.base.targets.subject
+        subject, model = self.base.targets.subject, self.prepared.model
         if subject is not None:
-            return float(self.prepared.model.body_mass[subject])
-        return max(self.free_masses, default=1.0)
+            return float(model.body_mass[subject])
+        free = make_setup(self.base, None, [self.resolved], [model], {}).free_bodies
+        return max((float(body.mass[0]) for body in free), default=1.0)
 
     @property
     def hold_window(self) -> tuple[float, float] | None:
@@ -129,14 +119,9 @@ def open_model(
     drive: Drive | None = None,
     limits: Limits = DEFAULT_LIMITS,
 ) -> CheckedModel:
-    """Open a model for its checks.
+    """Open a model for its checks; what is None is derived from the model or its scene.
 
-    Args:
-        reference: a shipped scene, a folder, a model file or a robot.
-        assign: `NAME=VALUE` for axes of the scene, each one value, and for `duration`.
-        kind: of task; derived from the model if None.
-        drive: what drives it; the scene's own if None.
-        limits: what its measures are held against.
+    Each of `assign` is a `NAME=VALUE` for an axis of the scene, or for `duration`.
 
     Raises:
         SceneError: there is no such scene, or it does not compile.

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.contact.trace_arrays import DISTANCE, FORCE
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import check_result, not_applicable
+from contactlab.studies.check.check_results import check_result, informative, not_applicable
 from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.contact_sets import STIFF_SOLREF, effective_solref, longest_timestep
-from contactlab.studies.check.limits import informative
 from contactlab.studies.session import Values
 
 NAME = "shells"

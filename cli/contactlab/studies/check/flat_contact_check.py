@@ -6,7 +6,12 @@ import numpy as np
 
 from contactlab.contact.contact_laws import rest_penetration, stiffness_damping
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import check_result, not_applicable, violated
+from contactlab.studies.check.check_results import (
+    check_result,
+    informative,
+    not_applicable,
+    violated,
+)
 from contactlab.studies.check.check_runner import HOLD_STORE, NOMINAL_STORE, CheckRunner
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun
 from contactlab.studies.check.contact_sets import (
@@ -19,7 +24,6 @@ from contactlab.studies.check.contact_sets import (
     stiff_solref,
 )
 from contactlab.studies.check.hold_check import nothing_held
-from contactlab.studies.check.limits import informative
 from contactlab.studies.session import Values
 
 NAME = "flat_contact"

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from contactlab.scene.written_inertia import InertiaFault
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import check_result, not_applicable
+from contactlab.studies.check.check_results import check_result, informative, not_applicable
 from contactlab.studies.check.check_runner import CheckRunner
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.free_motion_runs import (
@@ -20,7 +20,6 @@ from contactlab.studies.check.free_motion_runs import (
     why_not_applicable,
 )
 from contactlab.studies.check.inertia import inertia_faults, scene_inertia_faults
-from contactlab.studies.check.limits import informative
 from contactlab.studies.session import Values
 
 NAME = "free_motion"

@@ -1,18 +1,103 @@
 """Runs in free motion, where nothing acts but springs and inertia, and their energy."""
 
+import copy
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
+import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.setting_values import as_number
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.studies.check.check_runner import CheckRunner
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun
-from contactlab.studies.check.tree_energy import Tree, tree_energies, trees_of
 from contactlab.studies.session import Values
+
+
+@dataclass(frozen=True)
+class Tree:
+    """Bodies that move together, and no others with them.
+
+    Attributes:
+        name: of its root body.
+        dofs: (nv,) whether each degree of freedom is its.
+        bodies: (nbody,) whether each body is its.
+        mass: of its bodies [kg].
+        floats: whether gravity would move its root freely.
+    """
+
+    name: str
+    dofs: NDArray[np.bool_]
+    bodies: NDArray[np.bool_]
+    mass: float
+    floats: bool
+
+
+def trees_of(model: mujoco.MjModel) -> list[Tree]:
+    """Return the kinematic trees of a model; one if tendons with stiffness couple them."""
+    dofs, bodies = np.array(model.dof_treeid), np.array(model.body_treeid)
+    if model.ntree > 1 and model.tendon_stiffness.any():
+        dofs, bodies = np.minimum(dofs, 0), np.minimum(bodies, 0)
+    return [_tree(model, dofs == each, bodies == each) for each in sorted(set(dofs.tolist()))]
+
+
+def _tree(model: mujoco.MjModel, dofs: NDArray[np.bool_], bodies: NDArray[np.bool_]) -> Tree:
+    root = int(np.flatnonzero(bodies)[0])
+    joints = np.flatnonzero(model.jnt_bodyid == root)
+    return Tree(
+        name=model.body(root).name,
+        dofs=dofs,
+        bodies=bodies,
+        mass=float(model.body_mass[bodies].sum()),
+        floats=any(_falls(model, joint) for joint in joints.tolist()),
+    )
+
+
+def _falls(model: mujoco.MjModel, joint: int) -> bool:
+    """Say whether gravity moves a root along its joint: free, or a slide without a spring."""
+    kind = int(model.jnt_type[joint])
+    if kind != mujoco.mjtJoint.mjJNT_SLIDE:
+        return kind == mujoco.mjtJoint.mjJNT_FREE
+    along = np.array(model.jnt_axis[joint]) @ np.array(model.opt.gravity)
+    steep = abs(along) > 0.1 * np.linalg.norm(model.opt.gravity)
+    return bool(steep and not np.any(model.jnt_stiffness[joint]))
+
+
+def tree_energies(
+    model: mujoco.MjModel, trees: Sequence[Tree], qpos: Floats, qvel: Floats
+) -> tuple[Floats, Floats]:
+    """Return the kinetic and the potential energy of each tree [J], (T, N) each.
+
+    The mass matrix does not couple trees, so that a tree's kinetic energy is v' M v / 2 of its own
+    velocities. Its potential energy is that of a model where only its bodies have weight and only
+    its joints have springs. Configurations are (N, nq), velocities (N, nv).
+    """
+    data = mujoco.MjData(model)
+    alone = [_alone(model, tree) for tree in trees] if len(trees) > 1 else [model]
+    kinetic, potential = np.zeros((2, len(trees), len(qpos)))
+    product = np.zeros(model.nv)
+    for row, (position, velocity) in enumerate(zip(qpos, qvel, strict=True)):
+        data.qpos[:], data.qvel[:] = position, velocity
+        mujoco.mj_fwdPosition(model, data)
+        for place, (tree, own) in enumerate(zip(trees, alone, strict=True)):
+            moving = velocity * tree.dofs
+            mujoco.mj_mulM(model, data, product, moving)
+            kinetic[place, row] = moving @ product / 2
+            mujoco.mj_energyPos(own, data)
+            potential[place, row] = data.energy[0]
+    return kinetic, potential
+
+
+def _alone(model: mujoco.MjModel, tree: Tree) -> mujoco.MjModel:
+    own = copy.copy(model)
+    own.body_mass[~tree.bodies] = 0
+    own.jnt_stiffness[~tree.bodies[model.jnt_bodyid]] = 0
+    return own
+
 
 _SAMPLE = 0.25
 """Time at which trajectories are compared [s], before chaos separates them."""
@@ -82,26 +167,17 @@ def energy_budget(
 def convergence_order(coarse: StoredTrace, middle: StoredTrace, fine: StoredTrace) -> float:
     """Return the order p of an error of h^p, by the ratio of Richardson extrapolation.
 
-    Args:
-        coarse: a run at timestep h.
-        middle: the same at h/2.
-        fine: the same at h/4.
-
-    Returns:
-        ``log2(|q(h) - q(h/2)| / |q(h/2) - q(h/4)|)`` with the largest difference of a coordinate
-        a quarter of a second after the start; NaN where there is no difference but rounding.
+    Of runs at timesteps h, h/2 and h/4 that is ``log2(|q(h) - q(h/2)| / |q(h/2) - q(h/4)|)`` with
+    the largest difference of a coordinate a quarter of a second after the start; NaN where there is
+    no difference but rounding.
     """
     step = max(1, round(_SAMPLE / float(coarse.time[1] - coarse.time[0])))
     step = min(step, len(coarse.qpos) - 1)
-    first = _largest_difference(coarse.qpos[step], middle.qpos[2 * step])
-    second = _largest_difference(middle.qpos[2 * step], fine.qpos[4 * step])
+    places = coarse.qpos[step], middle.qpos[2 * step], fine.qpos[4 * step]
+    first, second = (float(np.abs(one - two).max()) for one, two in pairwise(places))
     if not min(first, second) > _LEAST:
         return math.nan
     return math.log2(first / second)
-
-
-def _largest_difference(some: Floats, others: Floats) -> float:
-    return float(np.abs(some - others).max())
 
 
 SECONDS = 5.0
@@ -151,7 +227,7 @@ def why_not_applicable(checked: CheckedModel) -> str:
         return "the model has nothing that moves"
     if model.nplugin:
         return "plugins act on the model, and their work is not known"
-    if np.any(checked.start.applied):
+    if np.any(checked.scene.starts([checked.resolved]).applied):
         return "the scene pushes its bodies with forces from outside, which do work"
     return ""
 
@@ -228,7 +304,7 @@ def _budgets(
 ) -> Iterator[tuple[str, EnergyBudget]]:
     """Yield the budget of each tree that moves: the others have nothing to keep."""
     model, trace = checked.changed(tried.row).prepared.model, tried.trace
-    trees: Sequence[Tree] = trees_of(model)
+    trees = trees_of(model)
     rows = np.unique(np.linspace(0, len(trace.qpos) - 1, _STATES).astype(int))
     energies = tree_energies(model, trees, trace.qpos[rows], trace.qvel[rows])
     for tree, kinetic, potential in zip(trees, *energies, strict=True):

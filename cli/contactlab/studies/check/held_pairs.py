@@ -1,8 +1,9 @@
 """The pairs that are held or stand in a time window of a run."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
+import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import SLIDE, SLOT_WIDTH, Floats, PairTrace, Trace
@@ -12,7 +13,6 @@ from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.run_setup import make_setup
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.studies.check.checked_model import CheckedModel, CheckRun
-from contactlab.studies.check.pair_speeds import pair_speeds
 
 _BEARS = 0.5
 """Fraction of steps with force from which a pair counts as held; chattering pairs lose it."""
@@ -96,12 +96,11 @@ def held_pairs(checked: CheckedModel, tried: CheckRun, start: float, stop: float
     steps = slice(*(round(time / resolved.timestep) for time in (start, stop)))
     trace = tried.trace
     speeds = pair_speeds(model, base.pairs, trace.qpos[steps], trace.qvel[steps], mean=True)
-    held = _held(base.pairs, tried, steps, setup)
-    return [replace(pair, speed=float(speed)) for pair, speed in zip(held, speeds, strict=True)]
+    return list(_held(base.pairs, speeds, tried, steps, setup))
 
 
 def _held(
-    pairs: tuple[MonitoredPair, ...], tried: CheckRun, steps: slice, setup: Setup
+    pairs: Sequence[MonitoredPair], speeds: Floats, tried: CheckRun, steps: slice, setup: Setup
 ) -> Iterator[HeldPair]:
     trace = tried.trace
     seconds = (steps.stop - steps.start) * np.diff(trace.time[:2])
@@ -124,7 +123,7 @@ def _held(
             name=pair.name,
             share=float(bearing.mean()),
             sliding=float((series.mode[0] == SLIDE)[bearing].mean()) if bearing.any() else 0.0,
-            speed=np.nan,
+            speed=float(speeds[index]),
             force=float(series.normal[0].mean()),
             switches=float(metrics["hold_switches"][0]),
             depth=float(metrics["penetration_mean"][0]),
@@ -164,3 +163,71 @@ def part_of(trace: StoredTrace, steps: slice, pairs: tuple[PairTrace, ...]) -> T
         pairs=pairs,
         warnings=({},),
     )
+
+
+_MOST_STATES = 5000
+
+
+def pair_speeds(
+    model: mujoco.MjModel,
+    pairs: Sequence[MonitoredPair],
+    qpos: Floats,
+    qvel: Floats,
+    *,
+    mean: bool = False,
+    step: float = 1e9,
+) -> Floats:
+    """Return (P,) a bound on how fast the geoms of each pair move against each other [m/s].
+
+    The relative speed of their centres, and for the rotation of each its angular speed times how
+    far off its centre a ball of its least half extent can lie: a sphere that spins goes nowhere.
+
+    Args:
+        model: the run's model.
+        pairs: the pairs.
+        qpos: (N, nq) configurations; of more than 5000, an evenly spaced part counts.
+        qvel: (N, nv) velocities.
+        mean: whether of the mean velocities, where what only shakes is at rest; else the largest.
+        step: length of a step [s]; states count whose bounding spheres can meet within it.
+    """
+    geoms = sorted({geom for pair in pairs for side in pair.geoms for geom in side})
+    places = {geom: place for place, geom in enumerate(geoms)}
+    stride = max(1, -(-len(qpos) // _MOST_STATES))
+    centres, velocities = _motion(model, geoms, qpos[::stride], qvel[::stride])
+    if mean:
+        centres, velocities = (each.mean(axis=0, keepdims=True) for each in (centres, velocities))
+    planes = np.asarray(model.geom_type)[geoms] == int(mujoco.mjtGeom.mjGEOM_PLANE)
+    bounds = np.where(planes, np.inf, np.asarray(model.geom_rbound)[geoms])
+    turning = np.linalg.norm(velocities[..., :3], axis=2) * [_reach(model, geom) for geom in geoms]
+    speeds = np.zeros(len(pairs))
+    for index, pair in enumerate(pairs):
+        first, second = ([places[geom] for geom in side] for side in pair.geoms)
+        apart = velocities[:, first, None, 3:] - velocities[:, None, second, 3:]
+        moving = np.linalg.norm(apart, axis=3)
+        speed = moving + turning[:, first, None] + turning[:, None, second]
+        gap = np.linalg.norm(centres[:, first, None] - centres[:, None, second], axis=3)
+        near = gap - bounds[first][:, None] - bounds[second] <= speed * step
+        speeds[index] = (speed * near).max()
+    return speeds
+
+
+def _motion(
+    model: mujoco.MjModel, geoms: Sequence[int], qpos: Floats, qvel: Floats
+) -> tuple[Floats, Floats]:
+    """Return (N, G, 3) centres of geoms, and (N, G, 6) angular and linear velocities, all world."""
+    data = mujoco.MjData(model)
+    centres, velocities = np.zeros((len(qpos), len(geoms), 3)), np.zeros((len(qpos), len(geoms), 6))
+    for place, row, position, velocity in zip(centres, velocities, qpos, qvel, strict=True):
+        data.qpos[:], data.qvel[:] = position, velocity
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        place[:] = data.geom_xpos[list(geoms)]
+        for out, geom in zip(row, geoms, strict=True):
+            mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_GEOM, geom, out, 0)
+    return centres, velocities
+
+
+def _reach(model: mujoco.MjModel, geom: int) -> float:
+    """Return how far off a geom's centre a ball in it can lie [m]; 0 for a plane."""
+    inside = float(model.geom_aabb[geom, 3:].min())
+    return max(float(model.geom_rbound[geom]) - inside, 0.0)

@@ -5,11 +5,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import check_result, not_applicable
+from contactlab.studies.check.check_results import Limits, check_result, informative, not_applicable
 from contactlab.studies.check.check_runner import HOLD_STORE, NOMINAL_STORE, CheckRunner
 from contactlab.studies.check.checked_model import CheckRun
 from contactlab.studies.check.held_pairs import HeldPair, Holding
-from contactlab.studies.check.limits import Limits, informative
 from contactlab.studies.session import Values
 
 NAME = "hold"
@@ -25,7 +24,8 @@ _ASKS = "what is held or stands stays: below 5 mode switches a second, 1 mm deep
 
 def check_hold(runner: CheckRunner) -> CheckResult:
     """Measure the pairs that are held or stand in the window of a hold."""
-    limits, incomplete = runner.checked.limits, _incomplete(runner)
+    limits, runs = runner.checked.limits, (runner.nominal, runner.standing)
+    incomplete = next((run for run in runs if not run.is_complete), None)
     stores = runner.stores(NOMINAL_STORE, HOLD_STORE)
     if incomplete:
         lost = incomplete.record.steps_asked - incomplete.record.steps
@@ -42,18 +42,12 @@ def check_hold(runner: CheckRunner) -> CheckResult:
     return check_result(NAME, _ASKS, measures, notes=notes, stores=stores)
 
 
-def _incomplete(runner: CheckRunner) -> CheckRun | None:
-    """Return the run of the model that is not complete, if one is not."""
-    return next((run for run in (runner.nominal, runner.standing) if not run.is_complete), None)
-
-
 def _measures(held: HeldPair, holding: Holding, limits: Limits) -> list[Measure]:
+    severity = "error" if holding.declared else None
     return [
         limits.measure("mode_switches", held.switches, held.name),
         limits.measure("penetration_mean", held.depth, held.name),
-        limits.measure(
-            "slip", held.slip, held.name, severity="error" if holding.declared else None
-        ),
+        limits.measure("slip", held.slip, held.name, severity=severity),
         informative("force_mean", held.force, "N", held.name),
     ]
 

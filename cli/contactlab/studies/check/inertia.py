@@ -71,15 +71,11 @@ def density_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iter
     light = density < LIGHTEST
     limit = LIGHTEST if light else DENSEST
     words = "lighter than foam" if light else "denser than any metal"
-    yield InertiaFault(
-        body.name,
-        "density",
-        density,
-        limit,
-        "kg/m^3",
+    reason = (
         f"its mass of {body.mass:g} kg in the {space:.3g} m^3 of its geoms makes "
-        f"{density:.3g} kg/m^3, {words} ({limit:g})",
+        f"{density:.3g} kg/m^3, {words} ({limit:g})"
     )
+    yield InertiaFault(body.name, "density", density, limit, "kg/m^3", reason)
 
 
 def shape_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterator[InertiaFault]:
@@ -106,26 +102,16 @@ def _outside(body: BodyInertia, spans: list[tuple[float, float]]) -> Iterator[In
     worst = int(np.argmax(beyond))
     allowed = _OUTSIDE * (spans[worst][1] - spans[worst][0])
     if beyond[worst] > allowed:
-        yield InertiaFault(
-            body.name,
-            "outside",
-            beyond[worst],
-            allowed,
-            "m",
-            f"its centre of mass lies {beyond[worst]:.3g} m outside its geoms",
-        )
+        reason = f"its centre of mass lies {beyond[worst]:.3g} m outside its geoms"
+        yield InertiaFault(body.name, "outside", beyond[worst], allowed, "m", reason)
 
 
 def _too_large(body: BodyInertia, spread: float, length: float) -> InertiaFault:
-    return InertiaFault(
-        body.name,
-        "too_large",
-        spread,
-        _SLACK * length / 2,
-        "m",
+    reason = (
         f"its inertia puts its mass {spread:.3g} m (rms) from its centre along an axis on which "
-        f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit",
+        f"its geoms are {length:.3g} m long, where at most {length / 2:.3g} m would fit"
     )
+    return InertiaFault(body.name, "too_large", spread, _SLACK * length / 2, "m", reason)
 
 
 def _too_small(body: BodyInertia, spread: float, length: float) -> Iterator[InertiaFault]:
@@ -133,19 +119,12 @@ def _too_small(body: BodyInertia, spread: float, length: float) -> Iterator[Iner
     # A body without moments is a point mass that is fixed to others.
     limit = max(ball, _LEAST_SPREAD * length)
     if 0 < spread < limit:
-        yield InertiaFault(
-            body.name,
-            "too_small",
-            spread,
-            limit,
-            "m",
-            f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; "
-            + (
-                f"a ball of {body.mass:g} kg of the densest metal has {ball:.3g} m"
-                if limit == ball
-                else f"its geoms are {length:.3g} m long"
-            ),
+        reason = f"its inertia puts its mass within {spread:.3g} m (rms) of its centre; " + (
+            f"a ball of {body.mass:g} kg of the densest metal has {ball:.3g} m"
+            if limit == ball
+            else f"its geoms are {length:.3g} m long"
         )
+        yield InertiaFault(body.name, "too_small", spread, limit, "m", reason)
 
 
 _FATAL = ("not_positive", "triangle")
@@ -158,20 +137,14 @@ def scene_inertia_faults(
 ) -> tuple[InertiaFault, ...]:
     """Return the faults of a scene's model, even if it does not compile because of them.
 
-    Args:
-        source: the scene.
-        structure: structure values; those of the model if left out.
-
     Raises:
         SceneError: the model does not compile for another reason.
     """
     written: list[InertiaFault] = []
-
-    def inspect(spec: mujoco.MjSpec) -> None:
-        written.extend(written_inertia_faults(spec))
-
     try:
-        model = compile_model(source, structure or {}, inspect)
+        model = compile_model(
+            source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
+        )
     except SceneError:
         fatal = tuple(each for each in written if each.kind in _FATAL)
         if not fatal:

@@ -13,14 +13,13 @@ from contactlab.schema.judged_check import AcceptedCheck
 from contactlab.store.exercised import Exercised
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_page import page
-from contactlab.studies.check.check_results import findings_of, not_applicable
+from contactlab.studies.check.check_results import LIMITS, Limits, findings_of, not_applicable
 from contactlab.studies.check.check_runner import CheckRunner, TooLongError
 from contactlab.studies.check.checked_model import open_model
 from contactlab.studies.check.contact_margin_check import check_contact_margin
 from contactlab.studies.check.flat_contact_check import check_flat_contact
 from contactlab.studies.check.free_motion_check import check_free_motion
 from contactlab.studies.check.hold_check import check_hold
-from contactlab.studies.check.limits import LIMITS, Limits
 from contactlab.studies.check.remedies import Check, find_remedies
 from contactlab.studies.check.repeat_check import check_repeat, reference_of
 from contactlab.studies.check.timestep_check import check_timestep
@@ -35,6 +34,7 @@ _CHECKS: Mapping[CheckName, Check] = {
     "repeat": check_repeat,
     "shells": check_contact_margin,
 }
+_KNOWN = {*LIMITS, "inertia_not_positive", "inertia_triangle", "inertia_balanced"}
 _ORDER = ("failed", "warned", "noted", "skipped", "passed")
 
 
@@ -74,7 +74,8 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         StoppedError: the session was stopped.
     """
     checks: dict[CheckName, Check] = {name: _CHECKS[name] for name in _chosen(request.only)}
-    _require_findings(request.accepted)
+    # Raises an error for what no check can find, before anything is run.
+    _judged([], request.accepted)
     checked = open_model(
         request.model,
         request.assign,
@@ -85,10 +86,14 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
     session.claim("check", request.model)
     runner = CheckRunner(checked, session)
     results = [_result(name, check, runner) for name, check in checks.items()]
-    findings = _findings(results, request.accepted)
+    findings = _judged(results, request.accepted)
     failing = [each.name for each in findings if each.outcome in {"failed", "warned"}]
     aims = failing if request.remedies else []
     remedies, notes = find_remedies(checks, runner, results, aims)
+    stale = (
+        f"'{each.check}' is accepted ({each.reason}), but does not fail: remove it"
+        for each in stale_acceptances(findings, request.accepted)
+    )
     report = CheckReport(
         model=request.model,
         scene=checked.scene.name,
@@ -105,7 +110,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         checks=tuple(results),
         findings=tuple(findings),
         remedies=remedies,
-        notes=(*_stale(findings, request.accepted), *notes, *_not_exercised(runner)),
+        notes=(*stale, *notes, *_not_exercised(runner)),
     )
     session.write(_files(report, runner))
     return report
@@ -134,26 +139,11 @@ def _result(name: CheckName, check: Check, runner: CheckRunner) -> CheckResult:
         return not_applicable(name, "whether it can be run at all", str(error))
 
 
-def _findings(results: Sequence[CheckResult], accepted: Sequence[AcceptedCheck]) -> list[Finding]:
+def _judged(results: Sequence[CheckResult], accepted: Sequence[AcceptedCheck]) -> list[Finding]:
     """Return all findings, those first that fail and are not accepted."""
     found = [each for result in results for each in findings_of(result)]
     judged = apply_acceptances(found, accepted, datetime.now(UTC).date(), _KNOWN)
     return sorted(judged, key=lambda each: _ORDER.index(each.outcome))
-
-
-_KNOWN = {*LIMITS, "inertia_not_positive", "inertia_triangle", "inertia_balanced"}
-
-
-def _require_findings(accepted: Sequence[AcceptedCheck]) -> None:
-    """Raise an error for what no check can find, before anything is run."""
-    apply_acceptances([], accepted, datetime.now(UTC).date(), _KNOWN)
-
-
-def _stale(findings: Sequence[Finding], accepted: Sequence[AcceptedCheck]) -> list[str]:
-    return [
-        f"'{each.check}' is accepted ({each.reason}), but does not fail: remove it"
-        for each in stale_acceptances(findings, accepted)
-    ]
 
 
 def _files(report: CheckReport, runner: CheckRunner) -> dict[str, str]:

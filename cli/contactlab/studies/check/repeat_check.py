@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 from contactlab.measure import METRICS
-from contactlab.schema.check_report import CheckResult, Measure, Reference
-from contactlab.studies.check.check_results import check_result, not_applicable
+from contactlab.schema.check_report import CheckResult, Reference
+from contactlab.studies.check.check_results import DEFAULT_LIMITS, check_result, not_applicable
 from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
 from contactlab.studies.check.checked_model import CheckRun
-from contactlab.studies.check.limits import DEFAULT_LIMITS
 
 NAME = "repeat"
 TOLERANCE = 0.05
@@ -22,8 +21,16 @@ def check_repeat(runner: CheckRunner) -> CheckResult:
     if nominal.record.trajectory_hash is None:
         reason = f"the model could not be run: {nominal.record.status_reason}"
         return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL_STORE))
-    again = _again(runner)
-    measures = [_differs("in another process", nominal, again), *_in_this_process(nominal)]
+    other = replace(runner, session=replace(runner.session, workers=1))
+    again = other.run(NAME, "The model once more", [{}], checks="none")[0]
+    unequal = nominal.record.trajectory_hash != again.record.trajectory_hash
+    differing = {"in another process": float(unequal)}
+    if (repeats := nominal.record.metrics.get("repeats")) is not None:
+        differing["in the same process"] = 1.0 - repeats
+    measures = [
+        DEFAULT_LIMITS.measure("trajectories_differ", value, where)
+        for where, value in differing.items()
+    ]
     note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
     stores = runner.stores(NOMINAL_STORE, NAME)
     return check_result(NAME, _ASKS, measures, notes=[note], stores=stores)
@@ -55,21 +62,3 @@ def reference_of(nominal: CheckRun) -> Reference:
         tolerance=TOLERANCE,
         resolution={name: METRICS[name].resolution for name in metrics},
     )
-
-
-def _again(runner: CheckRunner) -> CheckRun:
-    """Run the model again, in another process."""
-    other = replace(runner, session=replace(runner.session, workers=1))
-    return other.run(NAME, "The model once more", [{}], checks="none")[0]
-
-
-def _differs(where: str, some: CheckRun, other: CheckRun) -> Measure:
-    unequal = some.record.trajectory_hash != other.record.trajectory_hash
-    return DEFAULT_LIMITS.measure("trajectories_differ", float(unequal), where)
-
-
-def _in_this_process(nominal: CheckRun) -> list[Measure]:
-    repeats = nominal.record.metrics.get("repeats")
-    if repeats is None:
-        return []
-    return [DEFAULT_LIMITS.measure("trajectories_differ", 1.0 - repeats, "in the same process")]

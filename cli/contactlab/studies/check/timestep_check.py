@@ -8,12 +8,11 @@ import numpy as np
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.check_report import CheckResult, Measure, TaskKind
-from contactlab.studies.check.check_results import check_result, violated
+from contactlab.studies.check.check_results import check_result, informative, utilization, violated
 from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
 from contactlab.studies.check.checked_model import CheckedModel
-from contactlab.studies.check.contact_sets import ContactSet, contact_sets, rounded_down
-from contactlab.studies.check.limits import informative, utilization
-from contactlab.studies.check.pair_speeds import pair_speeds
+from contactlab.studies.check.contact_sets import contact_sets, rounded_down
+from contactlab.studies.check.held_pairs import pair_speeds
 from contactlab.studies.session import Values
 
 NAME = "timestep"
@@ -25,36 +24,26 @@ _ASKS = "the timestep suits the task, the thinnest geometry and the stiffest con
 
 def check_timestep(runner: CheckRunner) -> CheckResult:
     """Compare the timestep with the kind of task, the thinnest geoms and the stiffest contact."""
-    checked = runner.checked
+    checked, step = runner.checked, runner.checked.resolved.timestep
     limit = LONGEST[checked.kind]
-    return check_result(
-        NAME,
-        _ASKS,
-        [
-            checked.limits.measure(
-                "timestep", checked.resolved.timestep, checked.kind, limit=limit
-            ),
-            *_ratios(checked),
-            *_travels(runner),
-        ],
-        notes=list(_notes(checked)),
-        stores=runner.stores(NOMINAL_STORE),
-    )
+    measures = [
+        checked.limits.measure("timestep", step, checked.kind, limit=limit),
+        *_ratios(checked),
+        *_travels(runner),
+    ]
+    notes = list(_notes(checked))
+    return check_result(NAME, _ASKS, measures, notes=notes, stores=runner.stores(NOMINAL_STORE))
 
 
 def _ratios(checked: CheckedModel) -> Iterator[Measure]:
-    """Yield h / (timeconst dampratio) of each contact, with the engine's effective solref."""
-    for each in contact_sets(checked):
-        yield checked.limits.measure("step_ratio", step_ratio(checked, each), each.name)
+    """Yield the timestep times the natural frequency of each contact: h / (timeconst dampratio).
 
-
-def step_ratio(checked: CheckedModel, contact: ContactSet) -> float:
-    """Return the timestep times the natural frequency of a contact: h / (timeconst dampratio).
-
-    Up to 0.8 a contact gains no energy with Euler.
+    Up to 0.8 a contact gains no energy with Euler. The solref is the engine's effective one.
     """
-    stiffness, _ = stiffness_damping(contact.solref)
-    return checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
+    for each in contact_sets(checked):
+        stiffness, _ = stiffness_damping(each.solref)
+        ratio = checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
+        yield checked.limits.measure("step_ratio", ratio, each.name)
 
 
 def _travels(runner: CheckRunner) -> Iterator[Measure]:
@@ -63,20 +52,16 @@ def _travels(runner: CheckRunner) -> Iterator[Measure]:
     base, model = checked.base, checked.prepared.model
     if not base.pairs or not runner.nominal.is_complete or not checked.resolved.flags["contact"]:
         return
-    trace = runner.nominal.trace
-    step = checked.resolved.timestep
+    trace, step = runner.nominal.trace, checked.resolved.timestep
     speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel, step=step)
     thickness = make_setup(base, None, [checked.resolved], [model], {}).thickness
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
         if math.isfinite(half):
             travel = float(speed) * step
             yield checked.limits.measure("travel", travel, pair.name, limit=float(half))
-    fall = math.sqrt(
-        2 * float(np.linalg.norm(checked.settings.vector("gravity"))) * model.stat.extent
-    )
-    yield informative(
-        "travel_of_a_fall", fall * checked.resolved.timestep, "m", "over the model's extent"
-    )
+    gravity = float(np.linalg.norm(checked.settings.vector("gravity")))
+    fall = math.sqrt(2 * gravity * model.stat.extent)
+    yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
 
 
 def shorter_timestep(runner: CheckRunner, result: CheckResult) -> Iterator[Values]:
