@@ -14,7 +14,7 @@ from pathlib import Path
 import mujoco
 
 from contactlab.engines import ENGINES, Buffers, PreparedRuns, make_trace
-from contactlab.engines.run_loads import with_loads
+from contactlab.engines.mujoco_engine import with_loads
 from contactlab.measure import context_of
 from contactlab.measure.coverage import coverages
 from contactlab.run.sweep_request import SceneLoader

@@ -22,8 +22,7 @@ def init(
     """Write a starter sweep file for a scene, and its JSON Schema beside it."""
     from contactlab.plan.starter import SCHEMA_NAME
     from contactlab.plan.sweep_file import read_sweep
-    from contactlab.run.starter_sweep import starter_sweep
-    from contactlab.run.sweep_request import SceneLoader
+    from contactlab.run.sweep_request import SceneLoader, starter_sweep
     from contactlab.scene.scene_source import reference_from
     from contactlab.schema.json_schemas import json_schemas
     from contactlab.store.atomic_files import write_error

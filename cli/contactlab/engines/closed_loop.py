@@ -7,10 +7,11 @@ that starts at or after a latency more, and stay until the next ones do.
 
 import copy
 import sys
-from collections.abc import Sequence
-from contextlib import redirect_stdout
+from collections.abc import Generator, Sequence
+from contextlib import contextmanager, redirect_stdout
 from itertools import groupby, pairwise
-from typing import Any, NamedTuple
+from types import ModuleType
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -29,8 +30,9 @@ from contactlab.engines.engine import (
 )
 from contactlab.engines.mujoco_batch import STATE, driven, record_starts, recorded, start_batch
 from contactlab.engines.older_mujoco import SimulationError
-from contactlab.errors import in_one_line
+from contactlab.errors import SceneError, in_one_line
 from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import PolicyDrive
 
@@ -45,6 +47,17 @@ _NOISE = 3
 
 class _PolicyFailureError(Exception):
     """A policy cannot act; the message says why."""
+
+
+@contextmanager
+def _policy_errors(what: str) -> Generator[None]:
+    """Turn errors of a policy's own code within into failures of it."""
+    try:
+        yield
+    except MemoryError:
+        raise
+    except (Exception, SystemExit) as error:
+        raise _PolicyFailureError(f"{what}: {in_one_line(error, __file__)}") from error
 
 
 class _Flown(NamedTuple):
@@ -152,8 +165,8 @@ class _Flight:
         waiting: dict[int, Floats] = {}
         marks = {0, *calls, *(step + self._delay for step in calls)}
         slices = -1
-        marks = {step for step in marks if step < self._steps}
-        for begin, end in pairwise([*sorted(marks), self._steps]):
+        begins = sorted(step for step in marks if step < self._steps)
+        for begin, end in pairwise([*begins, self._steps]):
             if begin in calls:
                 # n time limits for n runs: each for as many calls as an n-th of all runs takes.
                 if (now := calls[begin] * count // len(calls)) > slices:
@@ -191,14 +204,8 @@ class _Flight:
         return scale * np.random.default_rng([run.seed, _NOISE]).standard_normal(shape)
 
     def _made(self, policy: PolicyClass, model: mujoco.MjModel) -> Policy:
-        try:
+        with _policy_errors(f"policy {self._name}"):
             made = policy(copy.copy(model))
-        except MemoryError:
-            raise
-        except (Exception, SystemExit) as error:
-            raise _PolicyFailureError(
-                f"policy {self._name}: {in_one_line(error, __file__)}"
-            ) from error
         if not callable(made):
             raise _PolicyFailureError(
                 f"policy {self._name} cannot be called; give it a method "
@@ -209,14 +216,8 @@ class _Flight:
     def _ask(self, call: int, step: int) -> Floats:
         """Return (n, nu) what the policy wants of what it observes before a step."""
         observed, time = self._observed(call, step), step * self._timestep
-        try:
+        with _policy_errors(f"policy {self._name}, at {time:g} s"):
             returned = np.asarray(self._policy(*observed))
-        except MemoryError:
-            raise
-        except (Exception, SystemExit) as error:
-            raise _PolicyFailureError(
-                f"policy {self._name}, at {time:g} s: {in_one_line(error, __file__)}"
-            ) from error
         if returned.shape != self._controls.shape:
             raise _PolicyFailureError(
                 f"policy {self._name} returned an array of shape {returned.shape}; one control for "
@@ -247,14 +248,8 @@ class _Flight:
         """Return copies of (n,) times, (n, nq) and (n, nv) noisy states, and sensor data."""
         model, state = self._models[0], self._arrays.state[:, step]
         velocity = 1 + model.nq
-        time, qpos, qvel = (
-            part.copy()
-            for part in (
-                state[:, 0],
-                state[:, 1:velocity],
-                state[:, velocity : velocity + model.nv],
-            )
-        )
+        time, qpos = state[:, 0].copy(), state[:, 1:velocity].copy()
+        qvel = state[:, velocity : velocity + model.nv].copy()
         for run in self._flying:
             if self._noise[run].size:
                 offset, speed = self._noise[run][call]
@@ -282,10 +277,9 @@ class _Flight:
             "sensordata": np.empty((*shape, arrays.sensors.shape[2])),
             "solver_niter": np.empty((*shape, arrays.iterations.shape[2]), np.int32),
         }
+        inputs = self._inputs(begin, end)
         try:
-            batch.rollout(
-                end - begin, record=list(out), ids=flying, out=out, **self._inputs(begin, end)
-            )
+            batch.rollout(end - begin, record=list(out), ids=flying, out=out, **inputs)
         except SimulationError:
             for run in flying:
                 self._errors[run] = batch.error(run) or None
@@ -302,12 +296,10 @@ class _Flight:
         """Return a batch's arguments where a scene drives forces beside the policy."""
         if not self._pushed:
             return {}
-        each = [
-            driven(self._models[run], self._starts, run, end - begin, begin) for run in self._flying
-        ]
+        models, starts, flying = self._models, self._starts, self._flying
+        each = [driven(models[run], starts, run, end - begin, begin) for run in flying]
         control = np.concatenate([one["control"] for one in each])
-        controls = self._controls[self._flying]
-        control[:, :, : controls.shape[1]] = controls[:, None]
+        control[:, :, : self._controls.shape[1]] = self._controls[flying][:, None]
         return {**each[0], "control": control}
 
     def _land(self, runs: Sequence[int], step: int) -> None:
@@ -338,9 +330,54 @@ def _first_step(time: float) -> int:
 
 def _own_sensors(model: mujoco.MjModel) -> int:
     """Return how many numbers a model's own sensors measure; those that record come after them."""
-    own = [
-        int(model.sensor_adr[sensor] + model.sensor_dim[sensor])
-        for sensor in range(model.nsensor)
-        if not model.sensor(sensor).name.startswith(PREFIX)
-    ]
+    ends = model.sensor_adr + model.sensor_dim
+    names = (model.sensor(sensor).name for sensor in range(model.nsensor))
+    own = (int(end) for end, name in zip(ends, names, strict=True) if not name.startswith(PREFIX))
     return max(own, default=0)
+
+
+def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None:
+    """Return a drive if it is a policy, once its code was loaded to show its mistakes.
+
+    Raises:
+        SceneError: it is one, but code is not allowed; or it cannot be loaded.
+    """
+    if not isinstance(drive.drive, PolicyDrive):
+        return None
+    if not allowed:
+        raise SceneError(
+            f"drive: {drive.files[0]} is Python code, which runs only if you allow it; add "
+            "--allow-code, or allow_code=True in Python"
+        )
+    load_policy(drive)
+    return LocatedDrive(drive.drive, tuple(file.absolute() for file in drive.files))
+
+
+def load_policy(located: LocatedDrive) -> PolicyClass:
+    """Return the class of a policy, from its file.
+
+    Raises:
+        SceneError: the file is not what it was, cannot be run, or has no such class.
+    """
+    drive, file = located.drive, located.files[0]
+    assert isinstance(drive, PolicyDrive)
+    located.check()
+    module = ModuleType(f"contactlab_policy_{file.stem}")
+    module.__file__ = str(file)
+    # Classes of the module can be pickled once it is listed.
+    sys.modules[module.__name__] = module
+    try:
+        exec(compile(file.read_bytes(), file, "exec"), module.__dict__)  # noqa: S102 - allowed
+    except (Exception, SystemExit) as error:
+        raise SceneError(f"policy {file}: {in_one_line(error, __file__)}") from error
+    name = drive.policy.rpartition(":")[2]
+    found = getattr(module, name, None)
+    if not callable(found):
+        raise SceneError(f"policy {file}: it has no class {name}{_classes(module)}")
+    return cast("PolicyClass", found)
+
+
+def _classes(module: ModuleType) -> str:
+    classes = [each for each in vars(module).items() if isinstance(each[1], type)]
+    own = [name for name, each in classes if each.__module__ == module.__name__]
+    return f"; write one of {', '.join(own)}" if own else ""

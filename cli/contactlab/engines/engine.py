@@ -33,7 +33,6 @@ Watch = Callable[[], None]
 Proceed = Callable[[], bool]
 """Asked between runs; False leaves out the rest of them."""
 
-
 # Reading the metadata of a package takes milliseconds, and every record names the version.
 package_version = cache(version)
 
@@ -87,12 +86,7 @@ class Rollout:
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":
-        """Return the first n runs that were recorded, all of them completed without warnings.
-
-        Args:
-            arrays: where they were recorded.
-            cost: (n,) CPU time of each [s].
-        """
+        """Return the first n runs that were recorded, completed without warnings at (n,) costs."""
         count, steps = len(cost), arrays.sensors.shape[1]
         return cls(
             state=arrays.state[:count],
@@ -198,11 +192,7 @@ class PreparedRuns:
         )
 
     def repeating(self, controls: Sequence[RecordedControls | None]) -> "PreparedRuns":
-        """Return the runs as they were acted on, which need no policy.
-
-        Args:
-            controls: what their policies did; empty without policies.
-        """
+        """Return the runs driven by what their policies did, if any did, without the policies."""
         acted = [each for each in controls if each is not None]
         return replace(self, starts=self.starts.acted_on(acted), policy=None) if acted else self
 
@@ -271,8 +261,7 @@ class SimulationEngine(ABC):
     def null_fields(self, *, driven: bool) -> dict[str, str]:  # noqa: ARG002 - as above
         """Return what is null in the records of all its runs, with the reason.
 
-        Args:
-            driven: whether the runs have inputs that change over time.
+        Runs are driven if their inputs change over time.
         """
         return {}
 
@@ -290,13 +279,7 @@ class ChecksRuns(Protocol):
     def check_runs(
         self, runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always
     ) -> SelfChecks:
-        """Return the self-checks of runs that completed.
-
-        Args:
-            runs: what was simulated.
-            trace: what they did.
-            proceed: asked between runs; if it says no, only the first ones are checked.
-        """
+        """Return the self-checks of runs that completed; of the first ones if told to stop."""
         ...
 
 
@@ -333,8 +316,8 @@ class SolvesReferences(Protocol):
         """Return a run's states at some times, or None if it does not complete.
 
         Args:
-            model: what to step; automatic reset must be off.
-            start: where it starts, n being 1.
+            model: automatic reset must be off.
+            start: n being 1.
             times: (T,) since the beginning of the run that it is part of [s], increasing.
             begin: when in that run it starts [s].
             state: (nstate,) where it starts then, if not at the run's own start.
@@ -400,29 +383,17 @@ class TimesSteps(Protocol):
     ) -> Work | None:
         """Simulate one run, untimed, and count; None if it does not complete.
 
-        Args:
-            model: what to step.
-            start: where it starts, n being 1.
-            steps: how many to make.
-            watch: called before each block of steps.
+        The watch is called before each block of steps.
         """
         ...
 
     def time_segments(self, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
-        """Return the CPU time of stepping [s], and how many steps it took.
+        """Return the CPU time of going through all segments repeatedly [s], and the steps made.
 
-        Args:
-            segments: what to time.
-            most: steps of each segment.
-            repeats: how often to go through all segments.
+        At most so many steps are made of each segment.
         """
         ...
 
     def time_steps(self, segments: Segments, most: int) -> Floats:
-        """Return the CPU time of single steps [s], less what reading the clock takes.
-
-        Args:
-            segments: what to time.
-            most: steps of each segment.
-        """
+        """Return the CPU time of single steps [s], less what reading the clock takes."""
         ...

@@ -132,12 +132,8 @@ def recorded(
 ) -> Rollout:
     """Return the first n runs that were recorded.
 
-    Args:
-        arrays: where they were recorded.
-        cost: (n,) CPU time of each [s].
-        warnings: (n, kinds) how often each run raised each kind of warning.
-        errors: why runs failed, or None.
-        controls: what policies did.
+    Of each: `cost` (n,) its CPU time [s], `warnings` (n, kinds) how often each kind was raised,
+    `errors` why it failed, and `controls` what its policy did.
     """
     count = len(cost)
     for run in range(count):

@@ -9,6 +9,7 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
+from contactlab.plan.starter import SceneAsWritten, starter
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
 from contactlab.scene.axis_catalogue import LenientCatalogue
@@ -264,3 +265,24 @@ def _check_manifest(scene: Scene) -> None:
     oracle = manifest.oracle
     if oracle and oracle.name not in ORACLES:
         raise SceneError(f"no oracle '{oracle.name}'{did_you_mean(oracle.name, ORACLES)}")
+
+
+def starter_sweep(reference: str, loader: SceneLoader) -> str:
+    """Return the text of a sweep file to start from.
+
+    Args:
+        reference: the scene, as the file will name it.
+        loader: opens the scene.
+
+    Raises:
+        SceneError: there is no such scene, or it does not compile.
+    """
+    scene = loader.open(reference)
+    base, bare = scene.base({}), scene.source.manifest is None
+    written = SceneAsWritten(
+        reference=reference,
+        settings={name: base.settings[name] for name in base.settings.keys() - base.nonuniform},
+        duration=scene.duration,
+        drive=("hold" if base.model.nu else "exercise") if bare else None,
+    )
+    return starter(written, loader.vocabulary(reference))

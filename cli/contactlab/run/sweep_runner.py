@@ -8,6 +8,7 @@ from typing import Any
 from pydantic_core import PydanticSerializationError
 
 from contactlab.engines import engine_of
+from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, Metric
 from contactlab.plugins import loaded_plugins
@@ -21,7 +22,6 @@ from contactlab.run.evidence_record import (
 )
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
-from contactlab.run.policy_code import allowed_policy
 from contactlab.run.sweep_request import SweepRequest
 from contactlab.run.tasks import (
     BeginCallback,

@@ -24,11 +24,11 @@ from contactlab.engines import (
     proceed_always,
     trajectory_hash,
 )
+from contactlab.engines.closed_loop import load_policy
 from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
 from contactlab.run.planned_runs import AbandonedError, Preparer
-from contactlab.run.policy_code import load_policy
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.initial_states import InitialStates

@@ -1,15 +1,19 @@
-"""A worker process, seen from the process that starts it, and how it is started.
+"""A worker process: how it is started and spoken to, and what it does until its end.
 
 Workers are forked from a server that has loaded what they need, and are out of reach of signals
 that are meant for the command.
 """
 
 import contextlib
+import fcntl
 import multiprocessing
 import os
+import re
+import select
 import signal
 import sys
 import tempfile
+import threading
 import time
 from collections.abc import Generator, Iterable
 from dataclasses import dataclass
@@ -21,9 +25,13 @@ from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from types import ModuleType
 
-from contactlab.run import worker_main
+from contactlab.errors import ContactlabError
 from contactlab.run.tasks import Crashed, Job, Result, Task
+from contactlab.run.worker import Worker
 
+_STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
+# As the engine, zstandard and the operating system put it.
+_NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
 _MAX_TRACEBACK_LINES = 6
 _MOST_HALTED = 3
 _HALTED = "the worker was halted, as by SIGSTOP, and did not go on"
@@ -58,7 +66,7 @@ def fork_context() -> ForkServerContext:
     """Return the context that forks workers, with all that they need preloaded."""
     _place_socket()
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([worker_main.__name__])
+    context.set_forkserver_preload([__name__])
     return context
 
 
@@ -71,7 +79,7 @@ def start_worker(
     with _only_installed(), _signals_blocked():
         ours, theirs = context.Pipe()
         arguments = (task, theirs, marker, environment)
-        process = context.Process(target=worker_main.serve_jobs, args=arguments, daemon=True)
+        process = context.Process(target=_serve_jobs, args=arguments, daemon=True)
         _start_process(process)
         theirs.close()
         workers.append(WorkerHandle(process, ours, marker, job))
@@ -189,7 +197,7 @@ def _signals_blocked() -> Generator[None]:
     """
     # Starting the tracker ends with signals let through; if it runs already, nothing happens.
     resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, worker_main.STOP_SIGNALS)
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
     try:
         yield
     finally:
@@ -225,3 +233,61 @@ def _main_hidden() -> Generator[None]:
         yield
     finally:
         sys.modules["__main__"] = main
+
+
+def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str, str]) -> None:
+    """Run jobs until the pipe closes or None arrives; a worker never outlives its parent.
+
+    The environment is that of the process that started this one; the fork server's is of the time
+    when it was started. The marker gets a traceback when a run times out.
+    """
+    os.environ.update(environment)
+    signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
+    _exit_with_parent()
+    with contextlib.suppress(OSError):
+        # Where memory runs out, Linux should kill a worker, not the command.
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="utf-8")
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        try:
+            worker = Worker(task, marker, lambda: not poll.poll(0))
+        except ContactlabError as error:
+            pipe.recv()
+            pipe.send(error)
+            return
+        while (job := pipe.recv()) is not None:
+            pipe.send(_run_job(worker, job))
+
+
+def _run_job(worker: Worker, job: Job) -> Result | Exception:
+    """Return a job's results, or the error that should end the sweep.
+
+    A job whose memory does not suffice has crashed: that may not happen again in another process
+    or with fewer runs at once.
+    """
+    try:
+        return worker.run(job)
+    except Exception as error:  # noqa: BLE001 - raised again in the process that sent the job
+        if isinstance(error, MemoryError) or _NO_MEMORY.search(str(error)):
+            text = " / ".join(str(error).split("\n")) or "the worker can have no more"
+            return Crashed(job, f"out of memory: {text}", timed_out=False)
+        return error
+
+
+def _exit_with_parent() -> None:
+    """Have this process end as soon as its parent (not the fork server) has ended."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    pipe = parent.sentinel
+    if hasattr(fcntl, "F_SETSIG"):
+        # By the kernel: Python itself gets no turn as long as C code holds its lock.
+        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    threading.Thread(target=_wait_and_exit, args=(parent,), daemon=True).start()
+
+
+def _wait_and_exit(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)

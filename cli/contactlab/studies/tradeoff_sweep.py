@@ -11,8 +11,7 @@ from contactlab import resources
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.criteria import Criteria, chosen_error, find_store
 from contactlab.plan.overrides import Overrides
-from contactlab.run.starter_sweep import starter_sweep
-from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request
+from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request, starter_sweep
 from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import ERRORS
