@@ -42,8 +42,8 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 
-_GEOM = mujoco.mjtGeom
-_NO_FORCES = "the impulse engine knows no forces but gravity; use engine: mujoco"
+_FREE, _SLIDE = int(mujoco.mjtJoint.mjJNT_FREE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_PLANE, _SPHERE = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_SPHERE)
 _NEEDS = (
     "the impulse engine moves one sphere, on a free joint or on slides along orthogonal axes, "
     "against one plane; use such a scene, or engine: mujoco"
@@ -135,7 +135,7 @@ class ImpulseEngine(SimulationEngine):
 
 def _require_gravity_alone(starts: InitialStates) -> None:
     if starts.applied.any() or starts.driven.size:
-        raise SceneError(_NO_FORCES)
+        raise SceneError("the impulse engine knows no forces but gravity; use engine: mujoco")
 
 
 def _simulate(
@@ -204,7 +204,7 @@ def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     axes = _axes(model, int(model.geom_bodyid[sphere]))
-    if model.jnt_type[0] == int(mujoco.mjtJoint.mjJNT_FREE):
+    if model.jnt_type[0] == _FREE:
         data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
     record = next(iter(prepared.pairs.values()))
@@ -223,14 +223,11 @@ def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
 
 
 def _plane_and_sphere(base: CompiledScene, model: mujoco.MjModel) -> tuple[int, int]:
-    kinds = {int(_GEOM.mjGEOM_PLANE): 0, int(_GEOM.mjGEOM_SPHERE): 1}
-    if len(base.pairs) != 1 or base.pairs[0].bodies:
-        raise SceneError(_NEEDS)
-    geoms = [side[0] for side in base.pairs[0].geoms]
-    found = sorted(geoms, key=lambda geom: kinds.get(int(model.geom_type[geom]), 2))
-    if [kinds.get(int(model.geom_type[geom])) for geom in found] != [0, 1]:
-        raise SceneError(_NEEDS)
-    return found[0], found[1]
+    if len(base.pairs) == 1 and not base.pairs[0].bodies:
+        found = {int(model.geom_type[side[0]]): side[0] for side in base.pairs[0].geoms}
+        if found.keys() == {_PLANE, _SPHERE}:
+            return found[_PLANE], found[_SPHERE]
+    raise SceneError(_NEEDS)
 
 
 def _axes(model: mujoco.MjModel, body: int) -> Floats:
@@ -239,10 +236,9 @@ def _axes(model: mujoco.MjModel, body: int) -> Floats:
     if model.body_parentid[body] != 0 or any(model.jnt_bodyid[joint] != body for joint in joints):
         raise SceneError(_NEEDS)
     kinds = {int(model.jnt_type[joint]) for joint in joints}
-    if kinds == {int(mujoco.mjtJoint.mjJNT_FREE)}:
+    if kinds == {_FREE}:
         return np.eye(3)
     axes = np.array([model.jnt_axis[joint] for joint in joints]).T
-    straight = kinds == {int(mujoco.mjtJoint.mjJNT_SLIDE)}
-    if not straight or not np.allclose(axes.T @ axes, np.eye(len(joints)), atol=1e-9):
+    if kinds != {_SLIDE} or not np.allclose(axes.T @ axes, np.eye(len(joints)), atol=1e-9):
         raise SceneError(_NEEDS)
     return axes

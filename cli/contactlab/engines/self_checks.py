@@ -43,12 +43,11 @@ def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_alwa
     jacobian_steps = _spread(trace.steps, _JACOBIAN_SAMPLES)
     geometry_steps = _spread(trace.steps, _GEOMETRY_SAMPLES)
     states = range(len(again))
+    jacobian = [_jacobian(models[run], trace, starts, run, jacobian_steps) for run in states]
     geometry = [_geometry(runs.base, models[run], trace, run, geometry_steps) for run in states]
     return SelfChecks(
         residual=np.array([_residual(models[run], again[run]) for run in states]),
-        jacobian=np.array(
-            [_jacobian(models[run], trace, starts, run, jacobian_steps) for run in states]
-        ),
+        jacobian=np.array(jacobian),
         jacobian_steps=jacobian_steps,
         overlap=np.array([overlap for overlap, _ in geometry]),
         apart=np.array([apart for _, apart in geometry]),
@@ -128,11 +127,8 @@ def _geometry(
     data = mujoco.MjData(model)
     overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
     speculative = _is_speculative(model)
-    monitored = [
-        (pair, recorded)
-        for pair, recorded in zip(base.pairs, trace.pairs, strict=True)
-        if can_collide(model, pair)
-    ]
+    pairs = zip(base.pairs, trace.pairs, strict=True)
+    monitored = [each for each in pairs if can_collide(model, each[0])]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)

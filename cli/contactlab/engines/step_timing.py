@@ -19,10 +19,7 @@ _FIELDS = ("solver_niter", "ncon", "nefc")
 
 
 def count_work(
-    model: mujoco.MjModel,
-    start: InitialStates,
-    steps: int,
-    watch: Watch = no_limit,
+    model: mujoco.MjModel, start: InitialStates, steps: int, watch: Watch = no_limit
 ) -> Work | None:
     """Simulate one run, untimed, and count, as `TimesSteps.count_work` says."""
     batch = start_batch([model], start)

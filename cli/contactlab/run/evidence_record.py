@@ -54,14 +54,7 @@ def plugin_infos(plugins: Iterable[Plugin]) -> tuple[PluginInfo, ...]:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """All that determines one run.
-
-    Attributes:
-        run: its place in the plan, id and axis values.
-        resolved: its settings.
-        prepared: its model.
-        start: its initial state (a batch of one).
-    """
+    """All that determines one run; its start is a batch of one."""
 
     run: PlannedRun
     resolved: ResolvedRun
@@ -74,13 +67,11 @@ class RunOutcome:
     """All that one run produced.
 
     Attributes:
-        plan: what determined it.
         assessment: of the group of runs that it was measured with.
         row: its place in that group.
         steps: steps made.
-        warnings: engine warnings by name.
+        warnings: how often the engine raised each, by name.
         error: the engine's error, or None.
-        trajectory_hash: of its state rows.
         cpu: thread CPU time of the stepping [s]; NaN where that includes more than the engine.
         started: when its job started.
         controls: what the policy did; None without one, and where it failed.
@@ -115,16 +106,15 @@ class RecordMaker:
 
     def make(self, outcome: RunOutcome) -> EvidenceRecord:
         """Return a run's record without cost and times of day: equal runs have equal records."""
-        metrics = {
-            name: _finite(values[outcome.row])
-            for name, values in outcome.assessment.metrics.items()
-        }
+        measured = outcome.assessment.metrics.items()
+        metrics = {name: _finite(values[outcome.row]) for name, values in measured}
+        status, reason = _status(outcome)
         return self._record(
             outcome.plan,
             metrics=metrics,
             labels=_labels(outcome),
-            status=_status(outcome),
-            status_reason=_status_reason(outcome),
+            status=status,
+            status_reason=reason,
             steps=outcome.steps,
             warnings=dict(outcome.warnings),
             trajectory_hash=outcome.trajectory_hash,
@@ -252,26 +242,18 @@ def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
     return (LabelEntry(label="invalid", reason=outcome.error, step=0), *labels)
 
 
-def _status(outcome: RunOutcome) -> str:
+def _status(outcome: RunOutcome) -> tuple[str, str | None]:
+    """Return how a run ended, and why if it ended early."""
     if outcome.error is not None:
-        return "error"
-    return "ok" if outcome.steps == outcome.plan.resolved.steps else "stopped"
-
-
-def _status_reason(outcome: RunOutcome) -> str | None:
-    if outcome.error is not None:
-        return outcome.error
+        return "error", outcome.error
     if outcome.steps == outcome.plan.resolved.steps:
-        return None
+        return "ok", None
     warnings = ", ".join(outcome.warnings) or "no warning"
-    return f"the engine stopped after {outcome.steps} steps: {warnings}"
+    return "stopped", f"the engine stopped after {outcome.steps} steps: {warnings}"
 
 
 def _finite(value: float) -> float | None:
     return float(value) if math.isfinite(value) else None
-
-
-_CPUINFO = Path("/proc/cpuinfo")
 
 
 @cache
@@ -304,9 +286,8 @@ def _host() -> Host:
 
 def _cpu_info() -> dict[str, str]:
     """Return the first processor's entries in /proc/cpuinfo; none without such a file."""
-    if not _CPUINFO.is_file():
-        return {}
-    first = _CPUINFO.read_text(encoding="utf-8").split("\n\n")[0]
+    file = Path("/proc/cpuinfo")
+    first = file.read_text(encoding="utf-8").split("\n\n")[0] if file.is_file() else ""
     pairs = (line.partition(":") for line in first.splitlines())
     return {name.strip(): value.strip() for name, _, value in pairs}
 

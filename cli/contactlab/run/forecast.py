@@ -55,15 +55,7 @@ class Forecast:
 
 @dataclass
 class _Sums:
-    """Sums over the runs.
-
-    Attributes:
-        steps: of all runs.
-        bytes: of recorded arrays.
-        fast: runs whose timestep is too long for their contacts.
-        clamped: runs whose solref refsafe changes.
-        sampled: runs whose cost is measured.
-    """
+    """Sums over the runs, how many are `_Timestep.fast` or `clamped`, and a sample of them."""
 
     steps: int = 0
     bytes: int = 0

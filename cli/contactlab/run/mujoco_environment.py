@@ -28,12 +28,7 @@ _MAX_LINES = 6
 
 
 class Interpreter(NamedTuple):
-    """A Python with another version of MuJoCo and all that contactlab needs.
-
-    Attributes:
-        python: its path.
-        mujoco: the version of MuJoCo.
-    """
+    """The path of a Python with all that contactlab needs, and its version of MuJoCo."""
 
     python: Path
     mujoco: str
@@ -70,10 +65,6 @@ def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
     """Replace this process by the contactlab command on another interpreter.
 
     So exit codes, signals and all output are those of the other process.
-
-    Args:
-        interpreter: what runs it.
-        arguments: of the command.
     """
     module, function = _command()
     code = f"from {module} import {function}; {function}()"
@@ -96,10 +87,7 @@ def without_option(arguments: Sequence[str], option: str) -> list[str]:
 def install_commands(folder: Path, mujoco: str, others: Sequence[str]) -> list[list[str]]:
     """Return the commands that make an environment: by uv if there is one, else by venv and pip.
 
-    Args:
-        folder: where.
-        mujoco: the version of MuJoCo.
-        others: further requirements.
+    It gets a version of MuJoCo and other requirements.
     """
     python = str(folder / "bin" / "python")
     # Building an old engine from its sources needs more than most machines have.

@@ -39,7 +39,6 @@ class RecordedOutcome(NamedTuple):
     """The outcome of a recorded run, as far as later passes need it.
 
     Attributes:
-        status: `ok`, or why it ended early.
         tolerances_met: whether every tolerance is met except those of errors; None without any.
         controls: hash of what its policy did, or None.
     """
@@ -54,12 +53,6 @@ class SweepSession:
     """A sweep that is running, and what runs it.
 
     Attributes:
-        task: what its jobs share.
-        scene: its scene.
-        store: where its runs are.
-        index: all of its runs.
-        executor: where they are run.
-        stop: set to end the sweep soon.
         begin: called with the number of runs of a pass and how many of them are done already.
         progress: called with runs as a pass finishes them.
     """

@@ -185,11 +185,7 @@ def pack_jobs(
     Runs are consumed lazily, some hundred ahead of what is yielded. Jobs become smaller towards the
     end, so that no worker has a large one while the others have none.
 
-    Args:
-        runs: the runs that are not done yet.
-        count: how many these are.
-        scene: their scene.
-        workers: how many there are; jobs stay small enough that each gets several.
+    The runs are those that are not done yet; jobs stay small enough that each worker gets several.
     """
     most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
     shares = 2 * workers if workers > 1 else 1
@@ -222,10 +218,10 @@ def _key(resolved: ResolvedRun) -> Key:
 def _max_runs(scene: Scene, resolved: ResolvedRun, most: int) -> int:
     base = scene.base_of(resolved)
     size = bytes_of_run(base.model, resolved.steps)
-    return max(1, min(most, JOB_BYTES // size, max_models(base)))
+    return max(1, min(most, JOB_BYTES // size, _max_models(base)))
 
 
-def max_models(base: CompiledScene) -> int:
+def _max_models(base: CompiledScene) -> int:
     """Return how many models like this one a worker may hold; at least one."""
     return max(1, MODEL_BYTES // base.size)
 
@@ -238,13 +234,7 @@ class AbandonedError(Exception):
 
 
 class Preparer:
-    """Prepares the runs of one sweep.
-
-    Attributes:
-        task: what all jobs of the sweep share.
-        scene: their scene, from the store's copy.
-        proceed: returns, between runs, whether the next one should begin.
-    """
+    """Prepares the runs of one sweep; its scene is the store's copy."""
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:
         silence_mujoco()
@@ -284,7 +274,7 @@ class Preparer:
         key = self.scene.model_key(run, start)
         if key not in self._models:
             self._models[key] = self.scene.prepare(run, start)
-            most = min(_MAX_MODELS, max_models(self.scene.base_of(run)))
+            most = min(_MAX_MODELS, _max_models(self.scene.base_of(run)))
             while len(self._models) > most:
                 self._models.popitem(last=False)
         self._models.move_to_end(key)
@@ -311,11 +301,7 @@ class Preparer:
 
     @contextmanager
     def watchdog_or_give_up(self) -> Generator[Callable[[], None]]:
-        """Do the same, and abandon the pass before the next run if the sweep should stop.
-
-        Raises:
-            AbandonedError: from what is yielded, if the sweep should stop.
-        """
+        """Do the same, but what is yielded raises AbandonedError if the sweep should stop."""
 
         def watch() -> None:
             if not self.proceed():

@@ -77,11 +77,7 @@ def _connect(address: str | None, workers: int | None) -> None:
 
 
 def _check_address(address: str) -> None:
-    """Ask the cluster whether it is there, in another process: Ray itself waits for minutes.
-
-    Raises:
-        ClusterError: it is not, or does not answer soon.
-    """
+    """Ask the cluster whether it is there, in another process: Ray itself waits for minutes."""
     if address.startswith("ray://"):
         raise ClusterError(
             f"{address}: the sweep must run on a node of the cluster; write auto, or the HOST:PORT "

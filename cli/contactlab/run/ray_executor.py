@@ -116,8 +116,7 @@ class InFlight:
             while self._fill():
                 ready, _ = ray.wait(list(self._sent), timeout=_STOP_INTERVAL)
                 for reference in ready:
-                    result = self._result(reference)
-                    if result is not None:
+                    if (result := self._result(reference)) is not None:
                         yield result
         finally:
             self._end()
@@ -199,8 +198,7 @@ def check_nodes(requirements: NodeRequirements) -> None:
     for each in answered:
         # A node may be lost while it is asked.
         with suppress(RayError):
-            refused = ray.get(each)
-            if refused is not None:
+            if (refused := ray.get(each)) is not None:
                 raise ClusterError(refused)
 
 

@@ -55,20 +55,13 @@ def refusal(requirements: NodeRequirements) -> str | None:
 
 
 def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN401 - see below
-    """Run a job.
+    """Return a job's result, the exception that ended it, or why this node refuses it, in words.
 
-    Args:
-        token: what identifies its sweep.
-        shared: references to the requirements and to the task's bundle; fetched where needed.
-        job: the pickled runs.
-
-    Returns:
-        Its result, the exception that ended it, or why this node refuses it, in words.
+    References to the requirements and to the task's bundle are shared, and fetched where needed.
     """
     requirements, bundle = shared
     if token not in _accepted:
-        refused = refusal(ray.get(requirements))
-        if refused is not None:
+        if (refused := refusal(ray.get(requirements))) is not None:
             return refused
         _accepted.add(token)
     from contactlab.run.ray_worker import run_on_worker  # noqa: PLC0415 - see the top

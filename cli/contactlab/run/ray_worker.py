@@ -50,22 +50,16 @@ def unpack_bundle(bundle: bytes, folder: Path) -> Task:
         replace(each, file=folder / _PLUGINS / each.file.name) if each.file else each
         for each in task.plugins
     )
-    scene = task.scene_folder
-    if not isinstance(task.store, Path):
-        scene = folder / _SCENES / scene.name
+    ours = task.scene_folder
+    scene = ours if isinstance(task.store, Path) else folder / _SCENES / ours.name
     return replace(task, scene_folder=scene, plugins=plugins)
 
 
 def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result | Exception:
-    """Run a job on the persistent worker, or on a new one if that is of another sweep.
+    """Return the result of a pickled job, or the exception that should end the sweep.
 
-    Args:
-        token: what identifies the sweep.
-        bundle: fetches what its jobs have in common.
-        job: the runs, pickled.
-
-    Returns:
-        The job's result, or the exception that should end the sweep.
+    It runs on the persistent worker, or on a new one if that is of another sweep. The token
+    identifies the sweep; the bundle is fetched only for a new worker.
     """
     with _cancellation() as stop:
         try:

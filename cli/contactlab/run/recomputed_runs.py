@@ -19,9 +19,7 @@ from contactlab.run.stored_runs import (
 )
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.run.worker import Worker
-from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
-from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.backend_protocol import SCENES
 from contactlab.store.finished_store import Store
@@ -84,18 +82,15 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
                 if not (result := replay(store, record.run_id)).equal:
                     yield f"run {record.run_id}: simulated again, its hash is {result.hash}"
                 continue
-            (finished,) = worker.run((_planned(scene, record),))
+            values = canonical_values(scene, record)
+            planned = PlannedRun(record.index, record.run_id, values, record.seed)
+            (finished,) = worker.run((planned,))
             again = from_json(finished.row)
             for name in (each for each in names if again[each] != stored[each]):
                 yield (
                     f"run {record.run_id}: simulated again, {name} is {again[name]}, "
                     f"not {stored[name]}"
                 )
-
-
-def _planned(scene: Scene, record: EvidenceRecord) -> PlannedRun:
-    values = canonical_values(scene, record)
-    return PlannedRun(record.index, record.run_id, values, record.seed)
 
 
 def _task(store: Store, folder: Path) -> Task:

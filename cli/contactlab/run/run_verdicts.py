@@ -18,7 +18,7 @@ class ExpectationVerdict:
 
     Attributes:
         expected: labels of which one is expected; None without such an expectation.
-        met: whether every expectation is met; None without any.
+        met: None without any expectation.
         reason: which are not met, or None.
     """
 
@@ -32,12 +32,9 @@ def judge(
     labels: Sequence[str],
     metrics: Mapping[str, float | None],
 ) -> ExpectationVerdict:
-    """Return whether a run meets every expectation.
+    """Return whether a run meets the expectations whose condition selects it.
 
-    Args:
-        expectations: those whose condition selects the run.
-        labels: the run's labels, worst first; a run without any is stable.
-        metrics: the run's metrics.
+    Its labels are worst first; a run without any is stable.
     """
     unmet = [reason for each in expectations for reason in _unmet(each, labels, metrics)]
     expected = [label for each in expectations for label in each.label or ()]
@@ -83,6 +80,8 @@ def _unmet(
 # Slower motion is the creep and the rocking of soft contact.
 _SLIDE = 5e-3
 _TURN = 0.1
+# As the engine numbers kinds of joints: free, ball, slide, hinge.
+_SLIDE_JOINT = 2
 Moving = Callable[[PairTrace, int], NDArray[np.float64]]
 
 
@@ -90,12 +89,7 @@ def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str
     """Return the effects that the run needed although they were off, each with the evidence.
 
     Only effects that the model has and that were turned off are considered: friction that would
-    oppose motion in contacts, and limits that joints exceed.
-
-    Args:
-        trace: the arrays of a group of runs.
-        run: the run's index in them.
-        prepared: its model, with its effects.
+    oppose motion in contacts, and limits that joints exceed. The trace is of a group of runs.
     """
     off = {name for name, each in prepared.effects.items() if not each.on}
     left_out = {name for name in off if prepared.effects[name].reason != NOT_IN_MODEL}
@@ -152,7 +146,3 @@ def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
             if len(steps) and (first is None or steps[0] < first[0]):
                 first = int(steps[0]), model.joint(joint).name
     return None if first is None else f"{first[1]} passes its limit from step {first[0]}"
-
-
-# As the engine numbers kinds of joints: free, ball, slide, hinge.
-_SLIDE_JOINT = 2

@@ -55,7 +55,6 @@ class ReplayResult:
     """A replay, compared with the stored run.
 
     Attributes:
-        run_id: the run.
         equal: whether every state is equal, bit for bit.
         stored_hash: of the stored trajectory.
         hash: of the new one.
@@ -119,9 +118,12 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
         PluginError: it cannot be prepared, and a plug-in that it was run with is not loaded.
     """
     record = store.record(run)
-    missing = [str(each) for each in record.plugins if each.name not in _loaded_names()]
+    loaded = {each.name for each in loaded_plugins()}
+    missing = [str(each) for each in record.plugins if each.name not in loaded]
     try:
-        return record, *_prepared(store, record)
+        find_engine(record.engine.name)
+        scene = stored_sweep_scene(store)
+        return record, scene, resolve_record(scene, record)
     except ContactlabError as error:
         if not missing:
             raise
@@ -129,16 +131,6 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
             f"run {record.run_id} was run with plug-in {', '.join(missing)}, not loaded here; "
             f"install it or name its file with --plugin: {error}"
         ) from error
-
-
-def _loaded_names() -> set[str]:
-    return {each.name for each in loaded_plugins()}
-
-
-def _prepared(store: Store, record: EvidenceRecord) -> tuple[Scene, ResolvedRun]:
-    find_engine(record.engine.name)
-    scene = stored_sweep_scene(store)
-    return scene, resolve_record(scene, record)
 
 
 def stored_sweep_scene(store: Store) -> Scene:
@@ -272,7 +264,7 @@ def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
 
 
 class TimedRun(NamedTuple):
-    """A stored run, ready to be timed: the segments of it, and the engine that steps them."""
+    """The segments of a stored run, ready to be timed, and the engine that steps them."""
 
     engine: TimesSteps
     segments: Segments
@@ -311,12 +303,7 @@ def main() -> None:
 
 
 class TimingProcess:
-    """Times runs; made by `timing_process`.
-
-    Attributes:
-        engine: the MuJoCo that steps its runs, with its version.
-        timed_engines: names of the engines whose runs it can time.
-    """
+    """Times runs, stepped by MuJoCo of a version or by other engines; see `timing_process`."""
 
     def __init__(self, python: Path, requests: IO[str], answers: IO[str]) -> None:
         self._python = python

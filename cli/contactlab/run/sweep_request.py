@@ -1,6 +1,6 @@
 """From a sweep file to a request: its plan, its scene, and what may be named in it."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -28,9 +28,6 @@ class SweepRequest:
     """A sweep to run.
 
     Attributes:
-        plan: its runs.
-        scene: its scene.
-        name: the sweep's name.
         source: the sweep file's text.
         overrides: the options that changed it, as given.
         store: where the store is written.
@@ -73,33 +70,22 @@ def read_request(  # noqa: PLR0913 - one argument an option
     retry_failed: bool = False,
     repair: bool = False,
 ) -> SweepRequest:
-    """Read a sweep.
+    """Read a sweep: a file by its path or its text, or its content as data.
 
-    Args:
-        source: the sweep file's path or its text, or its content as data.
-        name: the sweep's name.
-        store: where the store is written.
-        folder: where relative paths of scenes start.
-        workers: worker processes; 0 to run everything in this process.
-        overrides: of the command line.
-        drive: what drives the runs, whatever sweep and scene say.
-        bare: what drives a model without a manifest, if nothing else is said.
-        fresh: whether to replace an existing store.
-        partly: whether to leave out runs that only newer engines support, instead of refusing them.
-        retry_failed: whether stored runs that failed are run again.
-        repair: whether stored runs that are damaged are run again.
+    Relative paths of scenes start in the folder. `drive` and `bare` are as in `SceneLoader`. With
+    `partly`, runs that only newer engines support are left out instead of refused.
 
     Raises:
         SweepFileError: the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
     scenes = SceneLoader(folder, drive, bare=bare)
-    vocabulary = lenient_vocabulary(scenes.vocabulary) if partly else scenes.vocabulary
+    vocabulary = _lenient(scenes.vocabulary) if partly else scenes.vocabulary
     read = read_sweep(source, vocabulary, options)
     scene, plan = scenes.for_sweep(read)
-    supported = supported_plan(plan)
+    plan, reasons = _supported(plan)
     return SweepRequest(
-        plan=supported.plan,
+        plan=plan,
         scene=scene,
         name=name,
         source=read.text,
@@ -107,7 +93,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
         store=store,
         workers=workers,
         fresh=fresh,
-        left_out=supported.reasons,
+        left_out=reasons,
         retry_failed=retry_failed,
         repair=repair,
     )
@@ -124,20 +110,7 @@ def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
     )
 
 
-@dataclass(frozen=True)
-class SupportedPlan:
-    """The part of a plan that this engine supports.
-
-    Attributes:
-        plan: its runs.
-        reasons: why others are left out, each once.
-    """
-
-    plan: Plan
-    reasons: tuple[str, ...]
-
-
-def lenient_vocabulary(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str], Vocabulary]:
+def _lenient(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str], Vocabulary]:
     """Return vocabularies that also have what other versions of the engine support."""
 
     def with_other_versions(reference: str) -> Vocabulary:
@@ -147,26 +120,22 @@ def lenient_vocabulary(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str
     return with_other_versions
 
 
-def supported_plan(plan: Plan) -> SupportedPlan:
-    """Return a plan without the rows that this engine does not support."""
-    if not any(_lacks(name, values) for name, values in _values(plan)):
-        return SupportedPlan(plan, ())
+def _supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
+    """Return a plan without the rows that this engine does not support, and why, each once."""
+    if not any(why_unsupported(name, value) for name, value in _values(plan)):
+        return plan, ()
     rows = list(plan.grid.rows())
     reasons = [_reason(row) for row in rows]
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
     grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left)
     count = min(plan.count, len(left) * len(plan.sweep.seed_values))
     distinct = dict.fromkeys(filter(None, reasons))
-    return SupportedPlan(replace(plan, grid=grid, count=count), tuple(distinct))
+    return replace(plan, grid=grid, count=count), tuple(distinct)
 
 
-def _values(plan: Plan) -> Iterator[tuple[str, Iterable[object]]]:
-    yield from ((axis.name, axis.values) for axis in plan.axes)
-    yield from ((name, [value]) for name, value in plan.grid.base.items())
-
-
-def _lacks(name: str, values: Iterable[object]) -> bool:
-    return any(why_unsupported(name, value) for value in values)
+def _values(plan: Plan) -> Iterator[tuple[str, object]]:
+    yield from ((axis.name, value) for axis in plan.axes for value in axis.values)
+    yield from plan.grid.base.items()
 
 
 def _reason(row: Mapping[str, object]) -> str | None:
@@ -268,11 +237,7 @@ def _check_manifest(scene: Scene) -> None:
 
 
 def starter_sweep(reference: str, loader: SceneLoader) -> str:
-    """Return the text of a sweep file to start from.
-
-    Args:
-        reference: the scene, as the file will name it.
-        loader: opens the scene.
+    """Return the text of a sweep file to start from: around a scene's own values, and small.
 
     Raises:
         SceneError: there is no such scene, or it does not compile.

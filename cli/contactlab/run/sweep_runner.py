@@ -41,6 +41,7 @@ from contactlab.scene.row_resolution import RowGroup
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_address import absolute_address
 from contactlab.store.store_writer import CopyableFiles, StoreWriter, open_writer
 from contactlab.store.table_layout import (
@@ -61,12 +62,6 @@ def run_sweep(
     stop: Stop | None = None,
 ) -> StoreManifest:
     """Run what is not stored yet and publish the store.
-
-    Args:
-        request: the sweep and where it goes.
-        begin: called with the number of runs and how many of them are done already.
-        progress: called with runs as they finish.
-        stop: set to end the sweep soon.
 
     Raises:
         SweepFileError: the sweep has no runs, or cannot be run.
@@ -158,8 +153,7 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         name=request.name,
         source=request.source,
         overrides=request.overrides,
-        # Sweeps of versions that knew no drives stay the same.
-        resolved=_without_none(request.plan.sweep.model_dump(mode="json"), "drive"),
+        resolved=_resolved(request.plan.sweep),
         scene=request.scene.name,
         scene_hash=request.scene.hash,
         scene_model=request.scene.source.content.model.as_posix(),
@@ -180,8 +174,9 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     return identity
 
 
-def _without_none(data: dict[str, Any], key: str) -> dict[str, Any]:
-    return {name: value for name, value in data.items() if name != key or value is not None}
+def _resolved(sweep: Sweep) -> dict[str, Any]:
+    # Sweeps of versions that knew no drives stay the same.
+    return sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None)
 
 
 _TOGETHER = "runs with a policy advance together, and none has a time of its own; `timing` takes it"

@@ -70,12 +70,8 @@ class Task:
     """What all jobs of a sweep share; sent to a worker once.
 
     Attributes:
-        sweep: the sweep file.
         expected: conditions, each with what is expected of the runs that it selects.
-        name: the sweep's name.
         runs: how many runs there are in all.
-        store: where the store is.
-        scene: the scene's name.
         scene_folder: the store's copy of the scene, on the machine that runs the sweep.
         scene_model: the model file, relative to it.
         engine: MuJoCo and its version.

@@ -48,14 +48,7 @@ CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
 
 @dataclass(frozen=True)
 class MeasuredGroup:
-    """Some runs of a job, with their arrays and measurements.
-
-    Attributes:
-        places: indices of the runs in the job.
-        rows: indices of the runs in the arrays and measurements.
-        trace: the arrays.
-        assessment: metrics and labels.
-    """
+    """Some runs of a job: their places in it, and their rows in arrays and measurements."""
 
     places: Sequence[int]
     rows: Sequence[int]
@@ -66,16 +59,10 @@ class MeasuredGroup:
 def measured_groups(
     trace: Trace, setup: Setup, rollout: Rollout, rule: str, check: CheckRuns
 ) -> Iterator[MeasuredGroup]:
-    """Measure and label runs: complete ones together, those cut short one by one.
+    """Measure and label every run: complete ones together, those cut short one by one.
 
-    Every run is in one of the groups.
-
-    Args:
-        trace: the job's arrays.
-        setup: properties of its runs that are not in the trace.
-        rollout: of the engine.
-        rule: which complete runs get a second pass: all, flagged or none.
-        check: makes the second pass over the runs at some indices of the job.
+    The rule says which complete runs get a second pass (all, flagged or none), and `check` makes it
+    over the runs at some places of the job.
     """
     trace = _without_momentum(trace, setup)
     whole = [place for place, steps in enumerate(rollout.steps) if steps == trace.steps_asked]
@@ -140,23 +127,18 @@ class Worker:
         self._traces = TraceSink(task.store)
         self._policy = task.policy and load_policy(task.policy.found_in(self._scene.drive))
         self._records = RecordMaker(task, self._scene.hash)
-        model = self._scene.source.model
-        self._model_xml = model.read_bytes()
+        self._model_xml = self._scene.source.model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
         """Do the task's purpose with the runs of a job, or with some of them if it should stop."""
         if not self._proceed():
             return []
+        if self._task.purpose == "record":
+            return self._record(job)
+        repeat = _errors if self._task.purpose == "errors" else _work
         with suppress(AbandonedError):
-            return self._do(job)
+            return repeat(self._preparer, job)
         return []
-
-    def _do(self, job: Job) -> list[Finished]:
-        if self._task.purpose == "errors":
-            return _errors(self._preparer, job)
-        if self._task.purpose == "work":
-            return _work(self._preparer, job)
-        return self._record(job)
 
     def _record(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count; write their traces."""
