@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import Floats, SelfChecks, Trace
 from contactlab.engines.engine import PreparedRuns, Proceed, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import MonitoredPair, can_collide
+from contactlab.scene.contact_pairs import MonitoredPair, colliding
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _JACOBIAN_SAMPLES = 16
@@ -128,7 +128,7 @@ def _geometry(
     overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
     speculative = _is_speculative(model)
     pairs = zip(base.pairs, trace.pairs, strict=True)
-    monitored = [each for each in pairs if can_collide(model, each[0])]
+    monitored = [each for each in pairs if colliding(model, each[0])]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)

@@ -262,13 +262,7 @@ def _place_resources(spec: mujoco.MjSpec, resources: Mapping[str, Path]) -> None
 
 
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
-    """Return the error for a model that does not compile, with what to write instead.
-
-    Args:
-        model: its file, for the message.
-        tried: the file that was compiled, which may be a copy.
-        error: what MuJoCo raised.
-    """
+    """Return why a model, or the copy of it that was tried, does not compile, and what to write."""
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
     hints = [*_missing_file(lines[0], model), *_impossible_inertias(lines[0], tried)]
     if "no decoder found" in lines[0]:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
+from contactlab.mjcf import CONTACT
 from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -35,7 +36,6 @@ from contactlab.scene.model_edits import (
     EditTargets,
     apply_settings,
     find_targets,
-    geoms_written,
     nonuniform_settings,
 )
 from contactlab.scene.model_names import find_id
@@ -106,25 +106,20 @@ class CompiledScene:
             run = RunState(model, self.facts, straight)
             effects = choose(run, effect_request)
             leave_out(run, effects)
+        written = self.targets.geoms if edits.keys() & set(CONTACT) else ()
         return PreparedModel(
             model=model,
             pairs={pair.name: effective_parameters(model, pair) for pair in self.pairs},
-            edited_geoms=tuple(
-                model.geom(index).name for index in geoms_written(edits, self.targets)
-            ),
+            edited_geoms=tuple(model.geom(index).name for index in written),
             effects=effects,
         )
 
 
 @dataclass(frozen=True)
 class PreparedModel:
-    """A model ready to run.
+    """A model with a run's settings, and the effective contact parameters of monitored pairs.
 
-    Attributes:
-        model: the compiled model with a run's settings.
-        pairs: the effective contact parameters of every monitored pair.
-        edited_geoms: the geoms whose contact parameters were set.
-        effects: every effect, on or off, with the reason; empty if that was not decided.
+    Contact parameters of the edited geoms were set. Effects are empty if they were not decided.
     """
 
     model: mujoco.MjModel
@@ -136,12 +131,7 @@ class PreparedModel:
 def compile_scene(
     source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
 ) -> CompiledScene:
-    """Compile one structure of a scene.
-
-    Args:
-        source: the scene.
-        structure: its structure values.
-        without: effects to compile it without.
+    """Compile one structure of a scene without some effects.
 
     Raises:
         SceneError: the model does not compile, or the manifest names something that it lacks.
@@ -183,12 +173,7 @@ def compile_scene(
 def full_structure(
     manifest: SceneManifest | None, values: Mapping[str, object]
 ) -> dict[str, object]:
-    """Return every structure value of a scene, its defaults where no value is given.
-
-    Args:
-        manifest: the scene's, if it has one.
-        values: values by name; what is not structure is left out.
-    """
+    """Return every structure value of a scene, its defaults where none is given."""
     full: dict[str, object] = {}
     for name, entry in (manifest.structure if manifest else {}).items():
         value = as_number(values.get(name, entry.default))

@@ -22,8 +22,7 @@ from contactlab.schema.scene_manifest import PairEntry
 
 MAX_PAIRS = 64
 _SEARCH_STEPS = 2000
-_BODY_SLOTS = 16
-_FIELD_SLOTS = 16
+_MANY_SLOTS = 16
 _GEOM = mujoco.mjtGeom
 
 
@@ -107,7 +106,7 @@ def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None
 
 def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None) -> MonitoredPair:
     sides = (_geoms_of(model, first), _geoms_of(model, second))
-    return MonitoredPair(f"{first}-{second}", (first, second), True, sides, slots or _BODY_SLOTS)
+    return MonitoredPair(f"{first}-{second}", (first, second), True, sides, slots or _MANY_SLOTS)
 
 
 def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
@@ -130,15 +129,10 @@ def _is_solid(model: mujoco.MjModel, geom: int) -> bool:
 def _default_slots(first: int, second: int) -> int:
     shapes = {first, second}
     if _GEOM.mjGEOM_HFIELD in shapes:
-        return _FIELD_SLOTS
+        return _MANY_SLOTS
     if _GEOM.mjGEOM_SPHERE in shapes:
         return 1
     return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
-
-
-def can_collide(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
-    """Return whether MuJoCo's collision filters let any geoms of a pair touch."""
-    return bool(colliding(model, pair))
 
 
 def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int]]:
@@ -152,7 +146,7 @@ def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int
 
 
 def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
-    if _listed(model, first, second):
+    if explicit_pair(model, first, second) is not None:
         return True
     bits = (model.geom_contype[first] & model.geom_conaffinity[second]) | (
         model.geom_contype[second] & model.geom_conaffinity[first]
@@ -161,11 +155,6 @@ def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
     both_flat = {int(model.geom_type[first]), int(model.geom_type[second])} <= flat
     bodies = (int(model.geom_bodyid[first]), int(model.geom_bodyid[second]))
     return bool(bits) and not both_flat and not _excluded(model, *bodies)
-
-
-def _listed(model: mujoco.MjModel, first: int, second: int) -> bool:
-    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-    return any({first, second} == set(each) for each in pairs)
 
 
 def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
@@ -233,10 +222,8 @@ def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairReco
 
 def explicit_pair(model: mujoco.MjModel, first: int, second: int) -> int | None:
     """Return the index of the <pair> element that names both geoms, or None."""
-    for index in range(model.npair):
-        if {int(model.pair_geom1[index]), int(model.pair_geom2[index])} == {first, second}:
-            return index
-    return None
+    pairs = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    return next((index for index, each in enumerate(pairs) if set(each) == {first, second}), None)
 
 
 def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:

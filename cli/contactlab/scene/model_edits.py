@@ -1,7 +1,7 @@
 """Write resolved settings, and any MjModel field by name, into a compiled model."""
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -49,8 +49,7 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     if parts is None:
         return None
     _locate(model, name)
-    text = "MuJoCo's model field"
-    return AxisSpec(name, "", text, _parser(model, name))
+    return AxisSpec(name, "", "MuJoCo's model field", _parser(model, name))
 
 
 def is_field(model: mujoco.MjModel, name: str) -> bool:
@@ -166,13 +165,7 @@ def find_targets(
 def apply_settings(
     model: mujoco.MjModel, changed: Mapping[str, object], targets: EditTargets
 ) -> None:
-    """Write the changed settings into a model, in place.
-
-    Args:
-        model: a copy that this call may edit.
-        changed: resolved settings by name; only these are touched.
-        targets: where contact and mass settings go.
-    """
+    """Write the changed settings into a model, in place."""
     write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
     derived = False
     for name, value in changed.items():
@@ -190,11 +183,6 @@ def apply_settings(
             derived |= write_field(model, name, value)
     if derived:
         mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
-def geoms_written(changed: Iterable[str], targets: EditTargets) -> tuple[int, ...]:
-    """Return the ids of the geoms that `apply_settings` gives contact parameters to."""
-    return targets.geoms if set(changed) & set(CONTACT) else ()
 
 
 def nonuniform_settings(

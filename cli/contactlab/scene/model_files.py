@@ -58,11 +58,7 @@ class Reference:
 
 
 def references(model: Path, copy: Path | None = None) -> Iterator[Reference]:
-    """Yield the files that an MJCF or URDF file refers to, existing or not.
-
-    Args:
-        model: its file.
-        copy: the folder of a store's copy that holds it, if one does.
+    """Yield the files that an MJCF or URDF file refers to, existing or not; a copy may hold it.
 
     Raises:
         SceneError: the model, or a model that it includes or attaches, is missing or not XML.
@@ -72,12 +68,7 @@ def references(model: Path, copy: Path | None = None) -> Iterator[Reference]:
 
 @dataclass(frozen=True)
 class _Search:
-    """A search for the files of a model.
-
-    Attributes:
-        copy: the folder of a store's copy that holds it, if one does.
-        seen: models that were read.
-    """
+    """A search for the files of a model, which a store's copy may hold; it reads each once."""
 
     copy: Path | None
     seen: set[Path] = field(default_factory=set[Path])
@@ -183,11 +174,6 @@ def _find_resource(name: str, folder: Path, copy: Path | None) -> Path:
 
     A package is a folder of that name that holds the model or lies next to a folder that does. So
     that parts of a package work too, any folder above the model may stand for it.
-
-    Args:
-        name: `package://NAME/PATH`.
-        folder: the model's folder.
-        copy: the folder of a store's copy that holds it, if one does.
     """
     above = [each for each in (folder, *folder.parents) if not copy or each.is_relative_to(copy)]
     places = list(_places(name, above))
@@ -239,12 +225,8 @@ class SceneFiles:
 def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = None) -> SceneFiles:
     """Return the model file, its includes and assets, the manifest and what that names, if any.
 
-    Missing assets are left for the compiler to report: it does not need them all.
-
-    Args:
-        model: the model file.
-        beside: the manifest, and the files that it names.
-        copy: the folder of a store's copy that holds them, if one does.
+    Missing assets are left for the compiler to report: it does not need them all. Besides the model
+    are the manifest and the files that it names; the folder of a store's copy may hold them.
 
     Raises:
         SceneError: a file cannot be read, is not XML, or is not the scene's to name.

@@ -30,14 +30,9 @@ def allow_files(folders: Iterable[Path]) -> None:
 
 
 def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -> None:
-    """Check that a scene's files lie where its model may name them.
+    """Check that files lie where a model, or the folder of its manifest, may name them.
 
     Hidden files and folders, as `.ssh`, are never a scene's, and neither are pipes and devices.
-
-    Args:
-        files: the files, existing or not.
-        named: the model, or the folder with its manifest.
-        copy: the folder of a store's copy that holds them, if one does.
 
     Raises:
         SceneError: one does not.

@@ -79,13 +79,7 @@ def _id(model: mujoco.MjModel, kind: str, name: str) -> int:
 
 
 def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
-    """Return the id of what has a name or an address in a compiled scene; -1 if nothing has.
-
-    Args:
-        model: compiled of the scene.
-        kind: such as `body`, `joint` or `geom`.
-        name: its name or address.
-    """
+    """Return the id of what has a name or an address in a compiled scene; -1 if nothing has."""
     found = _id(model, kind, name)
     old = _OLD_ADDRESS.fullmatch(name) if kind == "geom" and found < 0 else None
     return _id(model, kind, f"geom[{old[1]}]") if old else found
@@ -104,11 +98,13 @@ def matching(names: Iterable[str], pattern: str) -> list[str]:
     ]
 
 
-_FREE_POSITION = ("x", "y", "z", "qw", "qx", "qy", "qz")
-_FREE_VELOCITY = ("vx", "vy", "vz", "wx", "wy", "wz")
-_FORCE = ("fx", "fy", "fz", "tx", "ty", "tz")
-_BALL_POSITION = ("qw", "qx", "qy", "qz")
-_BALL_VELOCITY = ("wx", "wy", "wz")
+_POSE = (".x", ".y", ".z", ".qw", ".qx", ".qy", ".qz")
+_VELOCITY = (".vx", ".vy", ".vz", ".wx", ".wy", ".wz")
+_FORCE = (".fx", ".fy", ".fz", ".tx", ".ty", ".tz")
+_COMPONENTS = {
+    int(mujoco.mjtJoint.mjJNT_FREE): (_POSE, _VELOCITY),
+    int(mujoco.mjtJoint.mjJNT_BALL): (_POSE[3:], _VELOCITY[3:]),
+}
 
 
 @dataclass(frozen=True)
@@ -137,7 +133,7 @@ def mocap_coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
     for body in np.flatnonzero(np.asarray(model.body_mocapid) >= 0).tolist():
         name, place = model.body(body).name, int(model.body_mocapid[body])
         starts = (*range(3 * place, 3 * place + 3), *range(4 * place, 4 * place + 4))
-        for offset, (part, start) in enumerate(zip(_dotted(_FREE_POSITION), starts, strict=True)):
+        for offset, (part, start) in enumerate(zip(_POSE, starts, strict=True)):
             index = start if offset < 3 else 3 * model.nmocap + start
             found[name + part] = StateCoordinate("mocap", index)
     return found
@@ -146,12 +142,7 @@ def mocap_coordinates(model: mujoco.MjModel) -> dict[str, StateCoordinate]:
 def match_coordinates(
     model: mujoco.MjModel, pattern: str, *, mocap: bool = False
 ) -> list[StateCoordinate]:
-    """Return the coordinates whose name matches a pattern such as `box*.x`.
-
-    Args:
-        model: the model.
-        pattern: of names.
-        mocap: whether poses of mocap bodies are among them.
+    """Return the coordinates, or also poses of mocap bodies, that match a pattern as `box*.x`.
 
     Raises:
         SceneError: nothing matches.
@@ -165,7 +156,7 @@ def match_coordinates(
 
 def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
     for body in range(1, model.nbody):
-        for offset, part in enumerate(_dotted(_FORCE)):
+        for offset, part in enumerate(_FORCE):
             yield model.body(body).name + part, StateCoordinate("xfrc_applied", 6 * body + offset)
     for actuator in range(model.nu):
         yield f"{model.actuator(actuator).name}.ctrl", StateCoordinate("ctrl", actuator)
@@ -174,7 +165,7 @@ def _inputs(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
 def _named(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
     for index in range(model.njnt):
         joint = model.joint(index)
-        positions, velocities = _components(int(joint.type[0]))
+        positions, velocities = _COMPONENTS.get(int(joint.type[0]), (("",), (".v",)))
         for name in _names(model, index):
             for offset, part in enumerate(positions):
                 yield name + part, StateCoordinate("qpos", int(joint.qposadr[0]) + offset)
@@ -186,15 +177,3 @@ def _names(model: mujoco.MjModel, joint: int) -> list[str]:
     """Return what a joint is called: its name; or its body's, and its address."""
     name = model.joint(joint).name
     return [model.body(model.jnt_bodyid[joint]).name, name] if is_address(name) else [name]
-
-
-def _components(joint_type: int) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    if joint_type == mujoco.mjtJoint.mjJNT_FREE:
-        return _dotted(_FREE_POSITION), _dotted(_FREE_VELOCITY)
-    if joint_type == mujoco.mjtJoint.mjJNT_BALL:
-        return _dotted(_BALL_POSITION), _dotted(_BALL_VELOCITY)
-    return ("",), (".v",)
-
-
-def _dotted(parts: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(f".{part}" for part in parts)

@@ -69,12 +69,8 @@ def base_settings(
 ) -> Settings:
     """Return every setting of a compiled model: what a run has before its sweep changes any.
 
-    Contact settings are those of the first monitored pair, since a sweep sets them for all pairs.
-
-    Args:
-        model: the model.
-        pairs: its monitored pairs.
-        subject: id of the body that the setting `mass` means, if there is one.
+    Contact settings are those of the first monitored pair, since a sweep sets them for all pairs;
+    `mass` is the subject's, if there is one.
     """
     settings = Settings(engine=MODEL_ENGINE)
     settings |= {name: read_option(model, name) for name in OPTIONS}

@@ -75,8 +75,10 @@ def why_unsupported(axis: str, value: object) -> str | None:
     """Return why this version lacks a value of an axis; None if it is not known to."""
     for each in _unsupported():
         if each.axis == axis and _same(each.value, value):
+            words = isinstance(each.value, str)
+            what = f"{axis} '{each.value}'" if words else f"flag '{axis}'"
             return (
-                f"MuJoCo {VERSION} has no {_described(each)}, which came with {each.version}; "
+                f"MuJoCo {VERSION} has no {what}, which came with {each.version}; "
                 f"leave it out, or run with --mujoco {each.version}"
             )
     return None
@@ -128,12 +130,6 @@ def _same(own: str | bool, value: object) -> bool:
         return switch(value) == own
     except ValueError:
         return False
-
-
-def _described(feature: NewFeature) -> str:
-    if isinstance(feature.value, str):
-        return f"{feature.axis} '{feature.value}'"
-    return f"flag '{feature.axis}'"
 
 
 def _reaches(version: str) -> bool:

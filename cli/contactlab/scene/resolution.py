@@ -116,13 +116,7 @@ def settings_of(axis: str) -> tuple[str, ...]:
 
 
 def write_axis(settings: Settings, axis: str, value: object) -> bool:
-    """Write an axis' value into resolved settings; return whether settings carry it.
-
-    Args:
-        settings: changed in place, other settings of the axis' kind kept.
-        axis: a parameter, an effect, or the name of a setting itself.
-        value: in the axis' canonical form.
-    """
+    """Write an axis' canonical value into settings, in place; return whether they carry it."""
     if axis in PARAMETERS:
         PARAMETERS[axis].write(settings, value)
     elif axis in EFFECTS:
@@ -167,12 +161,9 @@ class RunResolver:
     def resolve(
         self, values: Mapping[str, object], seed: int, duration: float | None
     ) -> ResolvedRun:
-        """Return everything that decides a run, from the values its sweep gives it.
+        """Return everything that decides a run, from canonical values of axes by name.
 
-        Args:
-            values: canonical axis values by name.
-            seed: the run's seed.
-            duration: simulated time [s]; the scene's own if None.
+        Its duration [s] is the scene's own if none is given.
         """
         # A version that lacks a flag behaves as with the default, the only value that is accepted.
         given = {**self.switched, **values}

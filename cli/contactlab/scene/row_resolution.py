@@ -78,12 +78,7 @@ class ResolvedRow(NamedTuple):
 class _Setting:
     """A setting or initial value that varies among the rows of a group.
 
-    Attributes:
-        name: its name.
-        initial: whether it is an initial value.
-        axes: the axes that decide it, in the order in which they are applied.
-        pick: takes their values from a row.
-        known: its value and entry for values of the axes.
+    Axes decide it, in the order in which they are applied; what it is for their values is kept.
     """
 
     name: str
@@ -115,12 +110,6 @@ class _Setting:
 
 class RowGroup:
     """Rows that differ only in plain settings and initial values.
-
-    Args:
-        resolver: of their scene.
-        scene: hash of the scene's files.
-        first: the first of the rows, resolved.
-        deciding: the axes that decide each setting or initial value that varies.
 
     Attributes:
         first: the first of its rows, resolved.
@@ -157,13 +146,7 @@ class RowGroup:
 
 
 class RowResolver:
-    """Resolves the rows of one sweep.
-
-    Args:
-        resolver: of their scene.
-        scene: hash of the scene's files.
-        duration: simulated time of a run [s]; the scene's own if None.
-    """
+    """Resolves the rows of one sweep, which last a duration [s] or as long as the scene says."""
 
     def __init__(self, resolver: RunResolver, scene: str, duration: float | None) -> None:
         self._resolver = resolver
@@ -173,11 +156,7 @@ class RowResolver:
         self._groups: dict[tuple[object, ...], RowGroup] = {}
 
     def row(self, values: Values) -> ResolvedRow:
-        """Return a row, resolved.
-
-        Args:
-            values: canonical axis values by name.
-        """
+        """Return the row of canonical axis values, resolved."""
         if self._resolver.switched:
             values = {**self._resolver.switched, **values}
         names = tuple(values)

@@ -38,15 +38,7 @@ def make_setup(
     models: Sequence[mujoco.MjModel],
     thresholds: Mapping[str, float],
 ) -> Setup:
-    """Return the setup of n runs of one structure.
-
-    Args:
-        base: their structure.
-        manifest: the scene's, if it has one.
-        runs: the resolved runs.
-        models: each run's model.
-        thresholds: label thresholds of the sweep, which override the scene's.
-    """
+    """Return the setup of n runs of one structure; thresholds override those of the scene."""
     bodies = _free_bodies(models)
     values = [run.values for run in runs]
     modes = manifest.modes if manifest else None

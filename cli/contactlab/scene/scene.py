@@ -66,12 +66,9 @@ class Scene:
         engines: Engines = _NO_ENGINES,
         tables: TableReader | None = None,
     ) -> None:
-        """Compile a scene as its manifest has it.
+        """Compile a scene as its manifest has it, for MuJoCo alone unless engines are given.
 
-        Args:
-            source: its files and manifest.
-            engines: what may simulate its runs, by name; MuJoCo alone if empty.
-            tables: reads the tables of drives; None refuses such drives.
+        Without a reader of tables, drives that need one are refused.
 
         Raises:
             SceneError: it does not compile, or its manifest does not fit the model.
@@ -98,13 +95,7 @@ class Scene:
         engines: Engines = _NO_ENGINES,
         tables: TableReader | None = None,
     ) -> "Scene":
-        """Find and compile the scene that a sweep names.
-
-        Args:
-            reference: the scene, as the sweep names it.
-            folder: where relative paths start.
-            engines: what may simulate its runs, by name; MuJoCo alone if empty.
-            tables: reads the tables of drives; None refuses such drives.
+        """Find and compile the scene that a sweep names, relative paths starting in a folder.
 
         Raises:
             SceneError: there is no such scene, or it does not compile.
@@ -140,11 +131,7 @@ class Scene:
         return scene
 
     def with_drive(self, drive: Drive | None, folder: Path) -> "Scene":
-        """Return the scene with another drive.
-
-        Args:
-            drive: what drives its runs; None for the scene's own drive.
-            folder: where relative paths of the drive start.
+        """Return the scene with another drive, if any, whose relative paths start in a folder.
 
         Raises:
             SceneError: a file of the drive is missing, or the drive does not fit the model.
@@ -179,12 +166,7 @@ class Scene:
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
     ) -> CompiledScene:
-        """Return the compiled scene of the given structure values, over the scene's defaults.
-
-        Args:
-            structure: structure values.
-            without: effects that it is compiled without.
-        """
+        """Return the compiled scene of the given structure values, over the scene's defaults."""
         full = full_structure(self.source.manifest, structure)
         key = json.dumps(full, sort_keys=True), without
         if key not in self._compiled:
@@ -198,21 +180,11 @@ class Scene:
     def resolve(
         self, values: Mapping[str, object], seed: int, duration: float | None
     ) -> ResolvedRun:
-        """Return everything that decides a run, from the values its sweep gives it.
-
-        Args:
-            values: canonical axis values by name.
-            seed: the run's seed.
-            duration: simulated time [s]; the scene's own if None.
-        """
+        """Return everything that decides a run; see `RunResolver.resolve`."""
         return self.resolver.resolve(values, seed, duration)
 
     def rows(self, duration: float | None) -> RowResolver:
-        """Return a resolver of a sweep's rows, which is faster than resolving run by run.
-
-        Args:
-            duration: simulated time of each run [s]; the scene's own if None.
-        """
+        """Return a resolver of rows of a duration [s], or the scene's; faster than `resolve`."""
         return RowResolver(self.resolver, self.hash, duration)
 
     def run_id(self, run: ResolvedRun) -> str:
@@ -232,12 +204,7 @@ class Scene:
         return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
 
     def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
-        """Return a run's model, without the effects that it does not need.
-
-        Args:
-            run: the run.
-            start: its initial state, n being 1.
-        """
+        """Return a run's model, given its start (n = 1), without effects that it does not need."""
         servos = self.initial.servos(run)
         return self.base_of(run).prepare(run.edits(), run.effect_request, start, servos)
 
@@ -249,13 +216,7 @@ class Scene:
 
 
 def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
-    """Return a stored scene with the drive of its sweep, whose files lie beside it.
-
-    Args:
-        scene: from the store's copy.
-        drive: of the sweep, with the hash of its files; None for the scene's own.
-        folder: of the store's scenes.
-    """
+    """Return a stored scene with the drive of its sweep, if any, from the folder of the scenes."""
     place = LocatedDrive("none" if drive is None else drive).hash or ""
     return scene.with_drive(drive, folder / place)
 
@@ -340,14 +301,7 @@ def compile_without_sensors(scene: Scene, run: ResolvedRun) -> mujoco.MjModel:
 def prepare_without_sensors(
     scene: Scene, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel
 ) -> mujoco.MjModel:
-    """Return a run's model, made of a compiled structure.
-
-    Args:
-        scene: the run's.
-        run: the run.
-        start: its initial state, n being 1.
-        compiled: its structure, from `compile_without_sensors`.
-    """
+    """Return a run's model, made of what `compile_without_sensors` returned."""
     base = replace(scene.base_of(run), model=compiled)
     servos = scene.initial.servos(run)
     return base.prepare(run.edits(), run.effect_request, start, servos).model

@@ -114,9 +114,7 @@ class SceneSource:
 def find_scene(reference: str, base: Path | None = None) -> SceneSource:
     """Return the scene of a name, a folder with a manifest, an .xml or .urdf file, or a robot.
 
-    Args:
-        reference: the value of a sweep's `scene`.
-        base: the folder that relative paths are relative to; the working directory if None.
+    Relative paths start in the base folder, or in the working directory.
 
     Raises:
         SceneError: there is no such scene, or its manifest is invalid.

@@ -15,12 +15,7 @@ from contactlab.schema.scene_manifest import SceneManifest, Term
 
 
 def read_formula(term: Term, where: str, manifest: SceneManifest) -> Expression:
-    """Parse a number or an expression of a manifest.
-
-    Args:
-        term: as written.
-        where: what sets it, for messages.
-        manifest: declares the initial values.
+    """Parse a number or an expression of a manifest; messages say where it is.
 
     Raises:
         SceneError: it is not an expression, or names something other than initial values.

@@ -36,53 +36,28 @@ class InertiaFault:
     reason: str
 
 
-@dataclass(frozen=True)
-class _Written:
-    """The inertia of one body as written.
-
-    Attributes:
-        name: the body.
-        mass: [kg].
-        moments: (3,) principal moments [kg m^2], possibly negative.
-        lower: the bound that mass and moments must exceed.
-        balanced: whether impossible moments are replaced by their mean.
-    """
-
-    name: str
-    mass: float
-    moments: Floats
-    lower: float
-    balanced: bool
-
-
 def written_inertia_faults(spec: mujoco.MjSpec) -> tuple[InertiaFault, ...]:
     """Return the faults of the inertias that a model file writes out, before it is compiled."""
-    return tuple(fault for each in _written_inertias(spec) for fault in _written_faults(each))
+    return tuple(_faults(spec))
 
 
-def _written_faults(written: _Written) -> Iterator[InertiaFault]:
-    if not np.min([written.mass, *written.moments]) > written.lower:
-        yield not_positive(written.name, written.mass, written.moments)
-    elif not closes(written.moments):
-        yield open_triangle(written.name, written.moments, balanced=written.balanced)
-
-
-def _written_inertias(spec: mujoco.MjSpec) -> Iterator[_Written]:
-    """Yield the bodies whose inertia is written, or missing where one is required."""
+def _faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
     compiler = spec.compiler
     if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
         return
     for body in spec.bodies[1:]:
         alone = _moves_alone(body)
-        if body.explicitinertial or (alone and not body.geoms):
-            yield _Written(
-                body.name or f"body {body.id}",
-                max(float(body.mass), compiler.boundmass or -np.inf),
-                np.maximum(_moments(body), compiler.boundinertia or -np.inf),
-                # A body fixed to another may have no inertia of its own, but not a negative one.
-                mujoco.mjMINVAL if alone else -np.finfo(float).tiny,
-                bool(compiler.balanceinertia),
-            )
+        if not body.explicitinertial and (body.geoms or not alone):
+            continue
+        name = body.name or f"body {body.id}"
+        mass = max(float(body.mass), compiler.boundmass or -np.inf)
+        moments = np.maximum(_moments(body), compiler.boundinertia or -np.inf)
+        # A body fixed to another may have no inertia of its own, but not a negative one.
+        lower = mujoco.mjMINVAL if alone else -np.finfo(float).tiny
+        if not np.min([mass, *moments]) > lower:
+            yield not_positive(name, mass, moments)
+        elif not closes(moments):
+            yield open_triangle(name, moments, balanced=bool(compiler.balanceinertia))
 
 
 def _moves_alone(body: MjsBody) -> bool:
