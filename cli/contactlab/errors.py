@@ -73,6 +73,10 @@ class ModelWarning(UserWarning):
     """What MuJoCo warns of when it compiles a model."""
 
 
+class UnheldWarning(ModelWarning):
+    """What a drive that holds a model cannot hold."""
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Return "did you mean 'x'?" for the closest known name, or an empty string."""
     close = difflib.get_close_matches(name, list(known), n=1)

@@ -199,9 +199,14 @@ def _said_once(source: SceneSource) -> Generator[None]:
         warnings.simplefilter("always")
         yield
     for text in dict.fromkeys(str(each.message) for each in caught):
-        if not source.content.copied and (source.model, text) not in _said:
-            _said.add((source.model, text))
-            warnings.warn(f"{source.model}: {text}", ModelWarning, stacklevel=2)
+        warn_once(source, text, ModelWarning)
+
+
+def warn_once(source: SceneSource, text: str, kind: type[ModelWarning]) -> None:
+    """Warn of a model once in a process, and never of a store's copy of it."""
+    if not source.content.copied and (source.model, text) not in _said:
+        _said.add((source.model, text))
+        warnings.warn(f"{source.model}: {text}", kind, stacklevel=2)
 
 
 @contextmanager

@@ -12,9 +12,9 @@ import mujoco
 import numpy as np
 
 from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, UnheldWarning
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
-from contactlab.scene.compile_model import compile_model
+from contactlab.scene.compile_model import compile_model, warn_once
 from contactlab.scene.compiled_scene import (
     CompiledScene,
     PreparedModel,
@@ -147,7 +147,8 @@ class Scene:
             raise SceneError(
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
-        if drive.drive == "hold" and not self.base({}).model.nu:
+        asked = drive.drive
+        if asked == "hold" and not self.base({}).model.nu:
             drive = LocatedDrive("none")
         table = None
         if isinstance(drive.drive, FileDrive):
@@ -161,7 +162,9 @@ class Scene:
         self.resolver = replace(self.resolver, drive=drive.drive, bare_duration=duration)
         self.initial = InitialStateMaker(self, table)
         with self.source.named_in_errors():
-            self.initial.servos(self.resolve({}, 0, None))
+            unheld = self.initial.unheld(replace(self.resolve({}, 0, None), drive=asked))
+        if unheld:
+            warn_once(self.source, f"not held: {unheld}", UnheldWarning)
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
@@ -254,6 +257,10 @@ class InitialStateMaker:
     def servos(self, run: ResolvedRun) -> Servos | None:
         """Return the springs that a run's drive adds to actuators, if any."""
         return self._driving_of(run).servos if is_driven(run.drive) else None
+
+    def unheld(self, run: ResolvedRun) -> str:
+        """Return what a run's drive should hold and does not; empty where it holds all."""
+        return self._driving_of(run).unheld(run) if is_driven(run.drive) else ""
 
     def _driving_of(self, run: ResolvedRun) -> Driving:
         key = json.dumps([run.structure, run.keyframe], sort_keys=True), run.drive

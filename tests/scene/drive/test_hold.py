@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from contactlab.engines import Buffers, PreparedRuns, find_engine
+from contactlab.errors import UnheldWarning
 from contactlab.scene.drive.hold import find_servos, hold_posture
 from contactlab.scene.scene import Scene
 
@@ -153,3 +154,31 @@ def test_antagonists_share_a_load_within_their_bounds(tmp_path: Path) -> None:
     mujoco.mj_forward(model, data)
     assert posture.ctrl[0] == 0
     assert posture.ctrl[1] == pytest.approx(-data.qfrc_bias[0] / 20)
+
+
+@pytest.mark.parametrize(
+    ("actuators", "said"),
+    [
+        ('<motor name="one" joint="upper"/>', "no actuator moves lower$"),
+        (
+            '<muscle name="m" joint="upper" lengthrange="-1 1"/><motor joint="lower"/>',
+            "without feedback: m$",
+        ),
+        (
+            KINDS["motors"].format(joint="lower").replace("20", ".1"),
+            r"upper; too weak .*actuator\[0\]$",
+        ),
+        ("", "no actuator moves upper, lower$"),
+    ],
+)
+def test_what_is_not_held_is_said(actuators: str, said: str, tmp_path: Path) -> None:
+    """Of weak actuators: 0.3 N m are less than the 2.45 of a link."""
+    with pytest.warns(UnheldWarning, match=f"arm.xml: not held: .*{said}") as caught:
+        arm(tmp_path, actuators).with_drive("exercise", tmp_path)
+    assert len(caught) == 1
+
+
+def test_nothing_is_said_of_what_is_held(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:
+    for kind in KINDS.values():
+        arm(tmp_path, "".join(kind.format(joint=name) for name in ("upper", "lower")))
+    assert not recwarn.list

@@ -13,6 +13,7 @@ from contactlab.scene.drive.hold import (
     carries_its_root,
     find_servos,
     hold_posture,
+    unheld,
 )
 from contactlab.scene.drive.recorded import DriveTable, RecordedInputs, read_recorded
 from contactlab.scene.drive.signals import (
@@ -131,6 +132,12 @@ class Driving:
             posture = hold_posture(self.model, self.servos, qpos, self.rule.held_ctrl)
             self._postures[key] = posture, control_room(self.model, self.servos, posture)
         return self._postures[key]
+
+    def unheld(self, run: ResolvedRun) -> str:
+        """Return what of a run's start is not held, though nothing else drives it."""
+        if self.recorded or (self.drive == "exercise" and not self.model.nu):
+            return ""
+        return unheld(self.model, self._posture(run.initial)[0])
 
     def _signals(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if isinstance(self.drive, NoiseDrive):

@@ -93,6 +93,7 @@ class Posture:
         inputs: (nu,) what their forces follow: activations where there are any, else controls.
         ctrl: (nu,) controls.
         act: (na,) activations.
+        strained: (nu,) whether forces are at their limits and too small.
     """
 
     qpos: Floats
@@ -101,6 +102,7 @@ class Posture:
     inputs: Floats
     ctrl: Floats
     act: Floats
+    strained: NDArray[np.bool_]
 
 
 def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
@@ -148,6 +150,8 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     wanted = np.asarray(data.qfrc_bias - data.qfrc_passive)[moved]
     low, high = _force_limits(model, gain, bias)
     force = _bounded(moment.T[moved], wanted, low, high)
+    missing = np.abs(moment.T[moved] @ force - wanted) > 1e-6 * np.abs(wanted).max(initial=0)
+    strained = ((force <= low) | (force >= high)) & moment[:, moved][:, missing].any(axis=1)
     usable = np.where(gain == 0, np.inf, gain)
     inputs = (force - bias) / usable
     kept = np.isfinite(ctrl)
@@ -155,7 +159,25 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     inputs[kept] = ctrl[kept]
     lengths, chosen = np.array(data.actuator_length), servos.actuators
     inputs[chosen] += servos.stiffness * lengths[chosen] / gain[chosen]
-    return Posture(qpos, lengths, gain, inputs, *_with_states(model, inputs))
+    return Posture(qpos, lengths, gain, inputs, *_with_states(model, inputs), strained)
+
+
+def unheld(model: mujoco.MjModel, posture: Posture) -> str:
+    """Return what of a model a posture does not hold; empty if it holds all but free bodies."""
+    moved = np.abs(_moment(model, _at(model, posture.qpos))).max(axis=0, initial=0) > 0
+    jointed = np.flatnonzero(np.asarray(model.jnt_type) != int(mujoco.mjtJoint.mjJNT_FREE))
+    muscles = np.asarray(model.actuator_biastype) == int(mujoco.mjtBias.mjBIAS_MUSCLE)
+    parts = (
+        ("no actuator moves", model.joint, np.setdiff1d(jointed, model.dof_jntid[moved])),
+        ("without feedback:", model.actuator, np.flatnonzero(muscles)),
+        ("too weak at the start:", model.actuator, np.flatnonzero(posture.strained)),
+    )
+    said: list[str] = []
+    for what, element, ids in parts:
+        names = [str(element(each).name) for each in ids.tolist()]
+        more = [f"{len(names) - 4} more"] if len(names) > 4 else []
+        said += [f"{what} {', '.join(names[:4] + more)}"] if names else []
+    return "; ".join(said)
 
 
 def _moment(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
