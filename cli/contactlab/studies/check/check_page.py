@@ -1,6 +1,7 @@
 """The page of a check, and its lines on the terminal."""
 
 from collections.abc import Iterator
+from itertools import chain, starmap
 
 from contactlab.printable import in_markdown
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Remedy
@@ -39,21 +40,30 @@ REMEDIES = "changes that help, each run on the model with those above it:"
 
 def page(report: CheckReport) -> str:
     """Return a report as a Markdown page."""
-    parts = (_head(report), _overview(report), _remedies(report), _checks(report))
-    return "\n".join(line for part in parts for line in part) + "\n"
+    return "".join(f"{each}\n\n" for each in _paragraphs(report))
 
 
-def _head(report: CheckReport) -> Iterator[str]:
+def _paragraphs(report: CheckReport) -> Iterator[str]:
     yield f"# {report.scene}: {'passes' if report.passed else 'fails'}"
-    yield ""
     given = "".join(f" --set '{each}'" for each in report.overrides)
     yield f"    contactlab check {report.model}{given}"
-    yield ""
     yield (
         f"Model `{report.model}` ({report.scene_hash}), {conditions(report)}; "
         f"{report.engine.name} {report.engine.version}."
     )
-    yield ""
+    rows = (
+        f"| {word} | {name} | {in_markdown(what)} |" for word, name, what in summary_rows(report)
+    )
+    yield "\n".join(("| | finding | result |", "|---|---|---|", *rows))
+    notes = (*report.notes, STABILITY.format(model=report.model))
+    yield "\n".join(f"- {note}" for note in notes)
+    if report.remedies:
+        yield "## Remedies"
+        yield REMEDIES.capitalize()
+        lines = chain.from_iterable(starmap(remedy_lines, enumerate(report.remedies, 1)))
+        yield "\n".join(("```", *lines, "```"))
+    for check in report.checks:
+        yield from _check(check)
 
 
 def conditions(report: CheckReport) -> str:
@@ -64,62 +74,24 @@ def conditions(report: CheckReport) -> str:
     return f"from {start}, {driven}, for {report.kind} ({report.kind_reason})"
 
 
-def _overview(report: CheckReport) -> Iterator[str]:
-    yield "| | finding | result |"
-    yield "|---|---|---|"
-    for verdict, name, message in summary_rows(report):
-        yield f"| {verdict} | {name} | {in_markdown(message)} |"
-    yield ""
-    yield from (f"- {note}" for note in report.notes)
-    yield f"- {STABILITY.format(model=report.model)}"
-    yield ""
-
-
-def _remedies(report: CheckReport) -> Iterator[str]:
-    if report.remedies:
-        yield "## Remedies"
-        yield ""
-        yield f"{REMEDIES.capitalize()}"
-        yield ""
-        yield "```"
-        for number, remedy in enumerate(report.remedies, 1):
-            yield from remedy_lines(number, remedy)
-        yield "```"
-        yield ""
-
-
-def _checks(report: CheckReport) -> Iterator[str]:
-    for each in report.checks:
-        yield from _check(each)
-
-
 def _check(check: CheckResult) -> Iterator[str]:
     yield f"## {check.name}: {check.verdict}"
-    yield ""
     yield f"Criterion: {check.asks}."
-    yield ""
     yield f"{check.reason[:1].upper()}{check.reason[1:]}."
-    yield ""
     if check.measures:
-        yield from _measures(check.measures)
-    for note in check.notes:
-        yield f"- {note}"
+        header = ("| number | of | value | limit | |", "|---|---|---|---|---|")
+        yield "\n".join((*header, *map(_row, check.measures)))
     if check.notes:
-        yield ""
+        yield "\n".join(f"- {note}" for note in check.notes)
     if check.stores:
         yield f"Evidence: {', '.join(f'`{each}`' for each in check.stores)}."
-        yield ""
 
 
-def _measures(measures: tuple[Measure, ...]) -> Iterator[str]:
-    yield "| number | of | value | limit | |"
-    yield "|---|---|---|---|---|"
-    for each in measures:
-        verdict = "" if each.holds is None else "holds" if each.holds else "**violated**"
-        limit = "" if each.limit is None else _number(each.limit, each.unit)
-        name, of = each.name.replace("_", " "), in_markdown(each.of or "")
-        yield f"| {name} | {of} | {_number(each.value, each.unit)} | {limit} | {verdict} |"
-    yield ""
+def _row(measure: Measure) -> str:
+    verdict = {None: "", True: "holds", False: "**violated**"}[measure.holds]
+    limit = "" if measure.limit is None else _number(measure.limit, measure.unit)
+    name, of = measure.name.replace("_", " "), in_markdown(measure.of or "")
+    return f"| {name} | {of} | {_number(measure.value, measure.unit)} | {limit} | {verdict} |"
 
 
 def _number(value: float | None, unit: str) -> str:
