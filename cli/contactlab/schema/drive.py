@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, TypeAdapter
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.strict_model import Model, Number, Positive, Word
+from contactlab.schema.strict_model import Model, Number, Positive, Word, listed
 
 _WORDS = ("none", "hold", "exercise")
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
@@ -15,10 +15,6 @@ Share = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+%$")]
 FileHash = Annotated[
     Word | None, Field(description="SHA-256 that the file must have; records and stores state it.")
 ]
-
-
-def _listed(value: object) -> object:
-    return (value,) if isinstance(value, str) else value
 
 
 def _checked_class(text: str) -> str:
@@ -70,7 +66,7 @@ class PolicyDrive(Model):
     noise: ObservationNoise = Field(
         default=ObservationNoise(), description="of what it observes; by the run's seed"
     )
-    files: Annotated[tuple[Word, ...], BeforeValidator(_listed)] = Field(
+    files: Annotated[tuple[Word, ...], BeforeValidator(listed)] = Field(
         default=(), description="files that it reads, such as its weights, beside it"
     )
     sha256: FileHash = None

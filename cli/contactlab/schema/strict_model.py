@@ -121,14 +121,15 @@ Tolerance = Annotated[
 ]
 
 
-def _listed(value: object) -> object:
+def listed(value: object) -> object:
+    """Return a word as a list of one."""
     return (value,) if isinstance(value, str) else value
 
 
 Words = Annotated[
     tuple[Word, ...],
     Field(min_length=1),
-    BeforeValidator(_listed),
+    BeforeValidator(listed),
     WithJsonSchema(
         {
             "anyOf": [

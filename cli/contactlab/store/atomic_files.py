@@ -23,9 +23,7 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     """Yield a temporary path beside the target, which replaces the target on success.
 
-    Args:
-        target: the file to create or replace.
-        durable: whether to sync it to disk.
+    Where it is durable, it is synced to the disk.
 
     Raises:
         OutputError: the file cannot be written; nothing is left behind.

@@ -96,9 +96,6 @@ class WriteSession(Protocol):
 
     Journal, notes, table and scene are made in a local folder. Where that folder is the store
     itself, the methods that have a body here need do nothing.
-
-    Attributes:
-        folder: the local folder.
     """
 
     folder: Path

@@ -29,15 +29,8 @@ def write_baseline(source: Address, target: Path, pinned: str | None = None) -> 
     """Copy a store without its traces, replacing an earlier baseline.
 
     Records stay complete: they name their traces with size and hash. The columns' descriptions
-    are left out too.
-
-    Args:
-        source: the store's address.
-        target: the baseline's folder, replaced in one step.
-        pinned: digest of the baseline that may be replaced; any if None.
-
-    Returns:
-        The baseline.
+    are left out too. The target is replaced in one step; if a digest is pinned, only a baseline
+    that has it.
 
     Raises:
         StoreError: the store is not sound.
@@ -67,7 +60,11 @@ def _staging(target: Path) -> Generator[Path]:
     folder.mkdir(parents=True, exist_ok=True)
     lock = os.open(folder, os.O_RDONLY)
     try:
-        _take(lock, target)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            message = f"{target} is being replaced by another update; wait for it"
+            raise OutputError(message) from error
         if (folder / "old").exists() and not target.exists():
             (folder / "old").rename(target)
         for name in ("old", "new"):
@@ -78,13 +75,6 @@ def _staging(target: Path) -> Generator[Path]:
             shutil.rmtree(folder)
     finally:
         os.close(lock)
-
-
-def _take(lock: int, target: Path) -> None:
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise OutputError(f"{target} is being replaced by another update; wait for it") from error
 
 
 def _copy(store: Store, target: Path) -> None:

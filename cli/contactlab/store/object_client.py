@@ -194,12 +194,8 @@ class ObjectClient:
     def _plain_errors(self, address: ObjectAddress, *, missing_ok: bool = False) -> Generator[None]:
         """Turn the library's errors into one that the user can act on.
 
-        Args:
-            address: what is used.
-            missing_ok: whether an object may be missing, and not only the bucket.
-
         Raises:
-            FileNotFoundError: an object that may be missing is.
+            FileNotFoundError: an object that may be missing, and not the whole bucket, is.
             AlreadyExistsError: a condition of a write does not hold; likewise PreconditionError.
         """
         try:
@@ -213,12 +209,7 @@ class ObjectClient:
 
 
 def _error_message(address: ObjectAddress, error: Exception) -> str:
-    """Return the message for an error of the library.
-
-    Args:
-        address: the object or store in use.
-        error: the error.
-    """
+    """Return the message for an error of the library."""
     text = str(error)
     match = _STATUS.search(text)
     status = int(match[1]) if match else None

@@ -166,12 +166,6 @@ def mend_journal(
     return Mended(frozenset(kept), unsealed)
 
 
-def has_lines(folder: Path) -> bool:
-    """Return whether a folder has a journal that is not empty."""
-    path = folder / JOURNAL
-    return path.is_file() and path.stat().st_size > 0
-
-
 def mend_notes(folder: Path) -> None:
     """End a torn line, so that the next note does not become part of it."""
     path = folder / NOTES
@@ -191,11 +185,7 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
-    """Set columns of rows that are already in the journal.
-
-    Args:
-        folder: the journal's folder.
-        amendments: run id to values by column.
+    """Set columns of rows that are already in the journal, by run id and column.
 
     Raises:
         OutputError: the journal cannot be rewritten.
@@ -233,11 +223,9 @@ class _RowHead(BaseModel):
 
 @dataclass(frozen=True)
 class ResumedRows:
-    """Checks the rows that a store holds already.
+    """Checks the rows of a sweep that its store holds already.
 
     Attributes:
-        backend: where their traces are.
-        identity: the sweep that they must be of.
         is_planned: whether a run of this id is at this place of the plan.
         retry_failed: whether failed runs are removed.
         repair: whether runs whose evidence contradicts itself are removed.
@@ -250,11 +238,7 @@ class ResumedRows:
     repair: bool
 
     def check(self, row: Row, is_sealed: bool) -> None:
-        """Check that a row is one of this sweep.
-
-        Args:
-            row: the row.
-            is_sealed: whether it has a checksum; without one, every column is checked.
+        """Check that a row is one of this sweep; without a checksum, every column is checked.
 
         Raises:
             ValueError: it is not; the message says why.

@@ -90,11 +90,7 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
 
 
 class OrderedLines:
-    """The lines of a journal in plan order; of each only index, offset and size are in memory.
-
-    Args:
-        journal: one row a line, in any order, none of them torn.
-    """
+    """The lines of a journal in plan order; of each only index, offset and size are in memory."""
 
     def __init__(self, journal: Path) -> None:
         self._path = journal
@@ -162,12 +158,7 @@ def _essential(field: pa.Field) -> dict[bytes, bytes]:
 def read_table(
     path: Path, columns: list[str] | None = None, *, shown_path: object = None
 ) -> pa.Table:
-    """Return the table, or some of its columns.
-
-    Args:
-        path: its file.
-        columns: the columns to read; all if left out.
-        shown_path: its path for error messages, if that is another one.
+    """Return the table, or some of its columns; errors name it by the shown path.
 
     Raises:
         StoreError: there is none, or it is damaged.
@@ -219,11 +210,7 @@ def table_errors(path: object) -> Generator[None]:
 
 
 def count_outcomes(table: pa.Table) -> dict[str, Any]:
-    """Return the manifest's counts: runs, labels, statuses, traces and expectations.
-
-    Args:
-        table: OUTCOME_COLUMNS, or more.
-    """
+    """Return the manifest's counts, from a table with OUTCOME_COLUMNS."""
     names = {True: "met", False: "unmet", None: "none"}
     expectations = _value_counts(table["expectation_met"])
     return {

@@ -17,13 +17,10 @@ from contactlab.store.store_address import Address
 def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
     """Return the backend of a store; make it in the process that uses it.
 
-    Args:
-        address: the store's address.
-        error: class of the errors that reading raises.
-
     Raises:
         OutputError: the library for object storage is not installed.
-        ContactlabError: of the given class; the object storage cannot be used.
+        ContactlabError: of the given class, as are those of reading; the object storage cannot be
+            used.
     """
     if isinstance(address, Path):
         return FolderBackend(address, error)
@@ -34,9 +31,6 @@ def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
 
 class TraceSink:
     """Adds traces and recorded controls to a store; make it in the process that uses it.
-
-    Args:
-        store: the store's address.
 
     Raises:
         OutputError: the store cannot be reached.
@@ -49,14 +43,7 @@ class TraceSink:
     def add(
         self, run_id: str, trace: Trace, row: int, series: Sequence[PairSeries], extras: TraceExtras
     ) -> TraceFile:
-        """Store the trace of a run; it is in the store when this returns.
-
-        Args:
-            run_id: the run.
-            trace: arrays of a group of runs.
-            row: index of the run in the group.
-            series: net quantities of the trace's pairs, in the same order.
-            extras: the run's record, identity and model.
+        """Store the trace of a run; it is in the store when this returns; see `encode_trace`.
 
         Raises:
             OutputError: it cannot be written.
@@ -72,14 +59,10 @@ class TraceSink:
         )
 
     def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
-        """Store what a policy did in a run, unless it is there; return its hash.
-
-        Args:
-            controls: the controls.
-            actuators: (nu) the actuators' names.
+        """Store what a policy did to (nu) named actuators, unless it is there; return its hash.
 
         Raises:
-            OutputError: they cannot be written.
+            OutputError: it cannot be written.
         """
         sha256 = controls.sha256
         if sha256 not in self._controls:
@@ -99,10 +82,7 @@ class TraceSink:
 def local_scene(store: Address, folder: Path) -> Path:
     """Return a local folder with a store's scene, fetched from object storage if need be.
 
-    Args:
-        store: the store's address.
-        folder: folder of the scene on the machine that runs the sweep; its name is the scene's
-            hash.
+    The given one is on the machine that runs the sweep; its name is the scene's hash.
 
     Raises:
         OutputError: the store cannot be reached, or has no such scene.

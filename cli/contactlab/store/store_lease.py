@@ -173,11 +173,7 @@ class StoreLease:
 
 @contextmanager
 def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generator[StoreLease]:
-    """Hold the lock of a store.
-
-    Args:
-        client: the store's objects.
-        seconds: how long the lock of another machine must be unchanged; LEASE if left out.
+    """Hold the lock of a store, once one of another machine was unchanged for so many seconds.
 
     Raises:
         OutputError: another sweep holds it, or the server cannot be reached.

@@ -14,11 +14,7 @@ _Document = TypeVar("_Document", bound=BaseModel)
 
 
 def parse_identity(data: bytes, store: Address) -> SweepIdentity:
-    """Return the sweep that a store belongs to.
-
-    Args:
-        data: content of its `sweep.json`.
-        store: its address, for error messages.
+    """Return the sweep that a store belongs to, from the content of its `sweep.json`.
 
     Raises:
         StoreError: the content is damaged or of another version.

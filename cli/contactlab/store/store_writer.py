@@ -33,7 +33,6 @@ from contactlab.store.row_journal import (
     ResumedRows,
     Row,
     amend_journal,
-    has_lines,
     mend_journal,
     mend_notes,
     read_lines,
@@ -54,7 +53,7 @@ from contactlab.store.store_manifest import check_same_sweep, parse_identity, pa
 from contactlab.store.table_layout import Column
 from contactlab.store.verify_store import verify
 
-_NO_AMENDMENTS: Mapping[str, Mapping[str, Any]] = MappingProxyType({})
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 
 class CopyableFiles(Protocol):
@@ -63,9 +62,6 @@ class CopyableFiles(Protocol):
     def copy_to(self, folder: Path) -> None:
         """Copy every file into the folder."""
         ...
-
-
-_NOTHING: Mapping[str, CopyableFiles] = MappingProxyType({})
 
 
 class StoreWriter:
@@ -120,7 +116,7 @@ class StoreWriter:
         own: Sequence[Column],
         shared: Mapping[str, Any],
         provenance: Provenance,
-        amendments: Mapping[str, Mapping[str, Any]] = _NO_AMENDMENTS,
+        amendments: Mapping[str, Mapping[str, Any]] = _NOTHING,
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
@@ -150,20 +146,17 @@ class StoreWriter:
                 closing.callback(self._notes.close)
 
     def _manifest(self, provenance: Provenance) -> StoreManifest:
+        scenes = sorted(path for path in (self.path / SCENES).rglob("*") if path.is_file())
+        files = [self.path / IDENTITY, self.path / TABLE, *scenes]
         return StoreManifest(
             sweep=self.identity,
             provenance=provenance,
             **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
-            files={file.as_posix(): sha256_of(self.path / file) for file in self._files()},
+            files={file.relative_to(self.path).as_posix(): sha256_of(file) for file in files},
             records=rows_digest(self.path / TABLE),
             started=self.started,
             finished=_now(),
         )
-
-    def _files(self) -> list[Path]:
-        scenes = sorted(path for path in (self.path / SCENES).rglob("*") if path.is_file())
-        files = [self.path / IDENTITY, self.path / TABLE, *scenes]
-        return [path.relative_to(self.path) for path in files]
 
 
 @contextmanager
@@ -185,8 +178,8 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
         identity: the sweep.
         scene: the scene's files.
         fresh: whether to remove an existing store.
-        retry_failed: whether to remove failed runs, so that they are run again.
-        repair: whether to remove damaged runs, so that they are run again.
+        retry_failed: whether to run failed runs again.
+        repair: whether to run damaged runs again.
         is_planned: whether a run of this id is at this place of the plan.
         beside: other files, by the name of their folder beside the scene's.
 
@@ -266,7 +259,9 @@ def _prepare(
         check_same_sweep(address, parse_identity(stored, address), identity)
     session.remove_temporaries()
     session.fetch_journal()
-    if stored is None and not rows.repair and has_lines(session.folder):
+    journal = session.folder / JOURNAL
+    has_lines = journal.is_file() and journal.stat().st_size > 0
+    if stored is None and not rows.repair and has_lines:
         raise StoreError(
             f"{address} has runs but no {IDENTITY}, so nothing says of which sweep; add --repair "
             "to keep those that this sweep plans, or --fresh to start over"

@@ -39,12 +39,9 @@ _MOST_NAMED = 3
 def verify(address: Address, *, thorough: bool = True) -> list[str]:
     """Return the defects of a store, the first thousand of them; none if it is sound.
 
-    Memory does not grow with the number of runs but for their ids.
-
-    Args:
-        address: the store's address.
-        thorough: whether to recompute what can be from every record and trace; if not, files have
-            their hashes, counts are right, and traces are there.
+    A thorough look recomputes what can be from every record and trace; another one shows that
+    files have their hashes, counts are right, and traces are there. Memory does not grow with the
+    number of runs but for their ids.
 
     Raises:
         StoreError: it cannot be opened at all.
@@ -64,8 +61,7 @@ def _problems(store: Store, backend: Backend, *, thorough: bool) -> Iterator[str
     try:
         yield from _check_columns(store)
         if thorough:
-            yield from _check_scene(store)
-            yield from _check_plan(store)
+            yield from _check_sweep(store)
             yield from _check_records(store, backend, model)
             yield from _check_controls(store, backend)
         else:
@@ -165,7 +161,7 @@ def _check_columns(store: Store) -> Iterator[str]:
         yield f"{TABLE}: run {run.decode()} occurs {count} times"
 
 
-def _check_scene(store: Store) -> Iterator[str]:
+def _check_sweep(store: Store) -> Iterator[str]:
     sweep, columns = store.manifest.sweep, store.columns
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
         if others := {*columns.strings(name).categories} - {stated}:
@@ -175,11 +171,8 @@ def _check_scene(store: Store) -> Iterator[str]:
             yield f"{MANIFEST}: another {name} than {TABLE}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
-
-
-def _check_plan(store: Store) -> Iterator[str]:
-    ids = store.columns.byte_strings("run_id")
-    if hashlib.sha256(ids.tobytes()).hexdigest()[:32] != store.manifest.sweep.plan_hash:
+    ids = columns.byte_strings("run_id")
+    if hashlib.sha256(ids.tobytes()).hexdigest()[:32] != sweep.plan_hash:
         yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
 
 
