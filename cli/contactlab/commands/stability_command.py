@@ -12,7 +12,7 @@ from contactlab.errors import ExpectationError
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
-    from contactlab.schema.stability_report import StabilityResult
+    from contactlab.schema.check_report import StabilityResult
 
 _MOST_MISSES = 5
 _THEN = "repeat the finished cases and resume this one"

@@ -29,7 +29,7 @@ from contactlab.pareto.pareto import (
     front_of,
     next_more_accurate,
 )
-from contactlab.schema.coverage import Feature
+from contactlab.schema.coverage import Exercised, Feature, feature_of
 from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
@@ -39,7 +39,6 @@ from contactlab.schema.tradeoff_report import (
     Recommendation,
     TradeoffReport,
 )
-from contactlab.store.exercised import Exercised, feature_of
 from contactlab.store.finished_store import Store
 
 _DEFAULT = Criteria()

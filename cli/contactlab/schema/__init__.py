@@ -1,1 +1,1 @@
-"""Models of exchanged files: sweeps, scenes, records. Each report has a module of its own."""
+"""Models of exchanged files: sweeps, scenes, records, reports."""

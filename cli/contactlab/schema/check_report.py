@@ -1,8 +1,8 @@
-"""The report of `contactlab check`, and the reference that another engine must reproduce."""
+"""The reports of `contactlab check` and `contactlab stability`, and the reference of a run."""
 
 from typing import Literal
 
-from pydantic import Field
+from pydantic import Field, RootModel
 
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import Engine, Provenance, Setting
@@ -112,3 +112,49 @@ class Reference(Model):
     resolution: dict[str, float] = Field(
         description="Absolute differences below this count as none."
     )
+
+
+class StabilityResult(Model):
+    """One hard case."""
+
+    name: str
+    runs: int
+    asked: int = Field(description="Runs that an expectation applies to.")
+    met: int = Field(description="How many of these were as expected.")
+    controls: int = Field(description="Runs that are expected to fail, and did.")
+    labels: dict[str, int] = Field(description="Runs by worst label.")
+    error: float | None = Field(
+        description="Largest oracle error of runs that are expected to be stable; null without "
+        "an oracle."
+    )
+    step: int | None = Field(
+        description="Earliest step at which such a run failed; null if none did."
+    )
+    misses: tuple[str, ...] = Field(description="Unmet expectations, by the start of a run's id.")
+    seconds: float = Field(description="Wall time [s].")
+    store: str = Field(description="The evidence.")
+    not_exercised: str | None = Field(
+        default=None, description="What of a model no run exercised, and the drive that would."
+    )
+    left_out: tuple[str, ...] = Field(
+        description="Why runs that need a newer engine were left out."
+    )
+
+    @property
+    def passed(self) -> bool:
+        """Whether there were expectations, and all were met."""
+        return self.met == self.asked > 0
+
+
+class StabilityReport(RootModel[tuple[StabilityResult, ...]]):
+    """Every case that could be run."""
+
+    @property
+    def cases(self) -> tuple[StabilityResult, ...]:
+        """The results, in the order of the cases."""
+        return self.root
+
+    @property
+    def passed(self) -> bool:
+        """Whether every case passed."""
+        return all(each.passed for each in self.root)

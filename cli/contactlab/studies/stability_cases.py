@@ -11,9 +11,9 @@ from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie, menagerie_name
+from contactlab.schema.check_report import StabilityReport, StabilityResult
+from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import Drive
-from contactlab.schema.stability_report import StabilityReport, StabilityResult
-from contactlab.store.exercised import Exercised
 from contactlab.studies.session import Session
 
 FOLDER = "stability"

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from contactlab.errors import SweepFileError
-from contactlab.schema.stability_report import StabilityReport
+from contactlab.schema.check_report import StabilityReport
 from contactlab.studies.session import Session
 from contactlab.studies.stability_cases import StabilityRequest, find_cases, run
 

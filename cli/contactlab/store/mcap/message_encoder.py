@@ -84,6 +84,26 @@ POINT_FIELDS = {
     "angular_velocity": ANGULAR_VELOCITY,
 }
 
+STEP_ARRAYS = {
+    "kinetic": ("kinetic_energy", np.float64),
+    "potential": ("potential_energy", np.float64),
+    "contacts": ("contacts", np.int32),
+    "least_distance": ("least_distance", np.float64),
+    "iterations": ("solver_iterations", np.int32),
+    "iterations_most": ("solver_iterations_most", np.int32),
+}
+"""Field and type of each array of steps in a message."""
+MOMENTUM_ARRAYS = {"momentum": "linear_momentum", "angular_momentum": "angular_momentum"}
+PAIR_ARRAYS = {
+    "mode": ("mode", np.int8),
+    "normal": ("normal_force", np.float64),
+    "tangential": ("tangential_force", np.float64),
+    "usage": ("friction_usage", np.float64),
+    "slip": ("slip_speed", np.float64),
+    "distance": ("distance", np.float64),
+}
+"""Field and type of each array of a pair in its message."""
+
 _SINGLE = np.dtype("<f4")
 
 
@@ -160,15 +180,11 @@ def _fill_state(trace: Trace, run: int, rows: slice, items: Items) -> None:
 
 
 def _fill_step(trace: Trace, run: int, step: Items) -> None:
-    step["kinetic_energy"] = trace.kinetic[run]
-    step["potential_energy"] = trace.potential[run]
-    step["contacts"] = trace.contacts[run]
-    step["least_distance"] = trace.least_distance[run]
-    step["solver_iterations"] = trace.iterations[run]
-    step["solver_iterations_most"] = trace.iterations_most[run]
-    if trace.momentum is not None and trace.angular_momentum is not None:
-        step["linear_momentum"] = trace.momentum[run]
-        step["angular_momentum"] = trace.angular_momentum[run]
+    for name, (field, _) in STEP_ARRAYS.items():
+        step[field] = getattr(trace, name)[run]
+    if trace.momentum is not None:
+        for name, field in MOMENTUM_ARRAYS.items():
+            step[field] = getattr(trace, name)[run]
 
 
 def contact_groups(
@@ -189,17 +205,11 @@ def contact_groups(
 
 
 def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: Items) -> None:
-    normal, tangential = series.normal[run, rows], series.tangential[run, rows]
-    distance = series.distance[run, rows]
-    items["mode"] = series.mode[run, rows]
-    items["normal_force"] = normal
-    items["tangential_force"] = tangential
-    items["friction_usage"] = series.usage[run, rows]
-    items["normal_impulse"] = normal * timestep
-    items["tangential_impulse"] = tangential * timestep
-    items["slip_speed"] = series.slip[run, rows]
-    items["distance"] = distance
-    items["penetration"] = np.maximum(0.0 - distance, 0.0)
+    for name, (field, _) in PAIR_ARRAYS.items():
+        items[field] = getattr(series, name)[run, rows]
+    items["normal_impulse"] = series.normal[run, rows] * timestep
+    items["tangential_impulse"] = series.tangential[run, rows] * timestep
+    items["penetration"] = np.maximum(0.0 - series.distance[run, rows], 0.0)
 
 
 def _fill_points(slots: Floats, items: Items) -> None:

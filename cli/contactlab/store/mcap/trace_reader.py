@@ -15,7 +15,12 @@ from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
 from contactlab.errors import StoreError
 from contactlab.store.mcap.file_parts import CHUNK_HEAD, INDEX_HEAD, overlapping
 from contactlab.store.mcap.mcap_survey import UNREADABLE, find_damage, unpacked
-from contactlab.store.mcap.message_encoder import POINT_FIELDS
+from contactlab.store.mcap.message_encoder import (
+    MOMENTUM_ARRAYS,
+    PAIR_ARRAYS,
+    POINT_FIELDS,
+    STEP_ARRAYS,
+)
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
@@ -33,27 +38,7 @@ from contactlab.store.mcap.trace_messages import (
 from contactlab.store.store_files import MOST_TRACE
 
 _FRAME_SIZE = 9
-
-_STEP_ARRAYS = {
-    "kinetic": ("kinetic_energy", np.float64),
-    "potential": ("potential_energy", np.float64),
-    "contacts": ("contacts", np.int32),
-    "least_distance": ("least_distance", np.float64),
-    "iterations": ("solver_iterations", np.int32),
-    "iterations_most": ("solver_iterations_most", np.int32),
-}
-"""Field and type of each array of steps."""
-_MOMENTUM_ARRAYS = {"momentum": "linear_momentum", "angular_momentum": "angular_momentum"}
-_PAIR_ARRAYS = {
-    "found": ("found", np.int32),
-    "mode": ("mode", np.int8),
-    "normal": ("normal_force", np.float64),
-    "tangential": ("tangential_force", np.float64),
-    "usage": ("friction_usage", np.float64),
-    "slip": ("slip_speed", np.float64),
-    "distance": ("distance", np.float64),
-}
-"""Field and type of each array of a pair."""
+_PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
 
 
 def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
@@ -182,8 +167,8 @@ def _state_arrays(
     arrays: dict[str, Any] = {
         name: np.concatenate((before[name], last[name])) for name in ("time", "qpos", "qvel")
     }
-    arrays |= {name: step[field].astype(kind) for name, (field, kind) in _STEP_ARRAYS.items()}
-    for name, field in _MOMENTUM_ARRAYS.items():
+    arrays |= {name: step[field].astype(kind) for name, (field, kind) in STEP_ARRAYS.items()}
+    for name, field in MOMENTUM_ARRAYS.items():
         arrays[name] = step[field].copy() if momentum else None
     return arrays, np.concatenate((before["log_time"], last["log_time"]))
 

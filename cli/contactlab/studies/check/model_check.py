@@ -8,9 +8,9 @@ from contactlab.comparison.acceptances import apply_acceptances, stale_acceptanc
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
+from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import Drive
 from contactlab.schema.judged_check import AcceptedCheck
-from contactlab.store.exercised import Exercised
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_page import page
 from contactlab.studies.check.check_results import LIMITS, Limits, findings_of, not_applicable

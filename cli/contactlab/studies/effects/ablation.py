@@ -6,6 +6,7 @@ from itertools import combinations
 
 from contactlab.run.evidence_record import as_written, engine, provenance
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.schema.coverage import Exercised
 from contactlab.schema.effects_report import (
     EffectFinding,
     EffectsReport,
@@ -16,7 +17,6 @@ from contactlab.schema.effects_report import (
     Verification,
 )
 from contactlab.schema.evidence import Setting
-from contactlab.store.exercised import Exercised
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,

@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
-from contactlab.store.exercised import Exercised, feature_of
+from contactlab.schema.coverage import ActuatorUse, Coverage, Exercised, PairUse, Travel, feature_of
 
 STILL = Coverage(joints={"j": Travel(moved=0.001, share=0.001)}, actuators={"a": ActuatorUse()})
 MOVED = Coverage(joints={"j": Travel(moved=0.5, share=0.5)}, actuators={"a": ActuatorUse(force=1)})
