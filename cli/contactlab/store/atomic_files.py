@@ -110,6 +110,7 @@ class GroupCommit:
     """Syncs a file system soon after each change, in a thread of its own: many changes at once.
 
     What is written outlives a power cut a second later at most, however fast it is written.
+    Methods raise an OutputError once a change could not be synced.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -121,21 +122,13 @@ class GroupCommit:
         self._thread.start()
 
     def changed(self) -> None:
-        """Note that something was written.
-
-        Raises:
-            OutputError: an earlier change could not be synced.
-        """
+        """Note that something was written."""
         self._raise_failure()
         self._is_dirty = True
         self._wake.set()
 
     def close(self) -> None:
-        """Sync what is not yet, and end.
-
-        Raises:
-            OutputError: something could not be synced.
-        """
+        """Sync what is not yet, and end."""
         self._closing.set()
         self._wake.set()
         self._thread.join()

@@ -94,7 +94,6 @@ class Store:
     Attributes:
         path: local folder with everything but, in object storage, the traces.
         manifest: what it holds.
-        address: its address.
     """
 
     path: Path

@@ -262,7 +262,10 @@ class ObjectSession(WriteSession):
 
 
 class UploadQueue:
-    """Uploads small objects in the background, a limited number at a time."""
+    """Uploads small objects in the background, a limited number at a time.
+
+    Methods raise an OutputError if one cannot be stored; those still queued are cancelled.
+    """
 
     def __init__(self, client: ObjectClient) -> None:
         self._client = client
@@ -272,11 +275,7 @@ class UploadQueue:
         self._count = 0
 
     def put(self, folder: str, data: bytes) -> None:
-        """Upload an object of a new name into a folder; waits while too many are queued.
-
-        Raises:
-            OutputError: it, or one before it, cannot be stored.
-        """
+        """Upload an object of a new name into a folder; waits while too many are queued."""
         name = f"{folder}/{self._author}-{self._count:08d}.jsonl"
         self._count += 1
         with self._cancelling():
@@ -285,11 +284,7 @@ class UploadQueue:
         self._queued.append(self._pool.submit(self._create, name, data))
 
     def close(self) -> None:
-        """Wait until all objects are stored, and end.
-
-        Raises:
-            OutputError: one cannot be stored; those still queued are cancelled.
-        """
+        """Wait until all objects are stored, and end."""
         with self._cancelling():
             while self._queued:
                 self._queued.popleft().result()
@@ -311,11 +306,7 @@ class UploadQueue:
 
 
 def _safe_name(name: str, address: ObjectAddress) -> str:
-    """Return a file name that a store gives, once it is sure not to lead out of the store.
-
-    Raises:
-        StoreError: it does.
-    """
+    """Return a file name that a store gives, once it is sure not to lead out of the store."""
     if not is_inner_name(name):
         raise StoreError(f"{address} is damaged: it names a file '{name}'")
     return name

@@ -70,18 +70,14 @@ def parsed(line: bytes) -> dict[str, Any]:
 
 
 class Journal:
-    """Appends lines to a journal, or to the notes beside it."""
+    """Appends lines to a journal, or to the notes beside it; an OutputError says that it cannot."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._file = path.open("ab")
 
     def append(self, lines: Iterable[bytes]) -> None:
-        """Append sealed lines, and hand them to the operating system.
-
-        Raises:
-            OutputError: they cannot be written.
-        """
+        """Append sealed lines, and hand them to the operating system."""
         try:
             self._file.write(b"".join(lines))
             self._file.flush()
@@ -98,12 +94,7 @@ class Journal:
 
 @dataclass(frozen=True)
 class Mended:
-    """What a journal holds once it is mended.
-
-    Attributes:
-        runs: the ids of its runs.
-        unsealed: how many lines have no checksum, since an older version wrote them.
-    """
+    """The ids of a journal's runs, and how many of its lines an older version left unsealed."""
 
     runs: frozenset[str] = frozenset()
     unsealed: int = 0

@@ -27,8 +27,6 @@ class MeasuredColumn:
     """Metadata of a column of measured values.
 
     Attributes:
-        name: its name.
-        unit: its unit.
         better: lower, higher or none.
         resolution: magnitude below which a value counts as 0, in its unit.
         second_pass: whether it is measured in the second pass.

@@ -32,8 +32,7 @@ def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
 class TraceSink:
     """Adds traces and recorded controls to a store; make it in the process that uses it.
 
-    Raises:
-        OutputError: the store cannot be reached.
+    An OutputError says that the store cannot be reached or written.
     """
 
     def __init__(self, store: Address) -> None:
@@ -43,11 +42,7 @@ class TraceSink:
     def add(
         self, run_id: str, trace: Trace, row: int, series: Sequence[PairSeries], extras: TraceExtras
     ) -> TraceFile:
-        """Store the trace of a run; it is in the store when this returns; see `encode_trace`.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
+        """Store the trace of a run; it is in the store when this returns; see `encode_trace`."""
         name = _trace_name(run_id)
         encoded = encode_trace(trace, row, series, extras)
         self._backend.put(name, encoded.content)
@@ -59,11 +54,7 @@ class TraceSink:
         )
 
     def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
-        """Store what a policy did to (nu) named actuators, unless it is there; return its hash.
-
-        Raises:
-            OutputError: it cannot be written.
-        """
+        """Store what a policy did to (nu) named actuators, unless it is there; return its hash."""
         sha256 = controls.sha256
         if sha256 not in self._controls:
             self._backend.put(controls_name(sha256), encode_controls(controls, actuators))
@@ -71,11 +62,7 @@ class TraceSink:
         return sha256
 
     def remove(self, run_id: str) -> None:
-        """Remove the trace of a run, if there is one.
-
-        Raises:
-            OutputError: it cannot be removed.
-        """
+        """Remove the trace of a run, if there is one."""
         self._backend.delete([_trace_name(run_id)])
 
 

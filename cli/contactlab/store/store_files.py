@@ -35,12 +35,7 @@ def read_stored(folder: Path, name: str, most: int = MOST_DOCUMENT) -> bytes | N
 
 
 def stored_file(folder: Path, name: str, most: int = MOST_BYTES) -> Path | None:
-    """Return the path of a store's file; None if there is none.
-
-    Args:
-        folder: the store's folder.
-        name: relative to it, with slashes.
-        most: its greatest size [bytes].
+    """Return the path of a store's file of at most so many bytes; None if there is none.
 
     Raises:
         StoreError: the name leads out of the store, the file or a folder on the way is something

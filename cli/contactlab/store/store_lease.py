@@ -41,13 +41,10 @@ class LockHolder(BaseModel):
 
     Attributes:
         id: random; a new one each time the lock is taken.
-        host: the machine's name, for people.
         machine: identifies machine, boot and process namespace.
-        pid: the process id.
         started: start time of the process, in ticks since boot; tells it from a later process
             with the same id.
         beat: grows with each renewal.
-        released: whether the lock was released.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -113,7 +110,10 @@ def _start_time(pid: int) -> int | None:
 
 
 class StoreLease:
-    """A lock that is held, and renewed by a thread; made by `hold_lease`."""
+    """A lock that is held, and renewed by a thread; made by `hold_lease`.
+
+    Methods raise an OutputError once somebody is known to have taken it over.
+    """
 
     def __init__(
         self, client: "ObjectClient", holder: LockHolder, version: "UpdateVersion", seconds: float
@@ -129,22 +129,14 @@ class StoreLease:
         self._thread.start()
 
     def check(self) -> None:
-        """Check that nobody is known to have taken the lock over.
-
-        Raises:
-            OutputError: somebody has.
-        """
+        """Check that nobody is known to have taken the lock over."""
         if self._lost:
             raise OutputError(
                 f"another sweep has taken over {self._client.address}; wait for it, or use -o"
             )
 
     def renew(self) -> None:
-        """Renew the lock now.
-
-        Raises:
-            OutputError: somebody has taken it over, or the server cannot be reached.
-        """
+        """Renew the lock now."""
         with self._writing:
             self.check()
             self._write(self._holder.model_copy(update={"beat": self._holder.beat + 1}))
@@ -205,9 +197,6 @@ def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: floa
     """Wait until a lock may be taken over.
 
     Only how long it is unchanged counts, by this machine's clock: other clocks may be wrong.
-
-    Raises:
-        OutputError: its holder is alive.
     """
     holder = LockHolder.read(lock.data)
     if holder is not None and holder.is_gone:

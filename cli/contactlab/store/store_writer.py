@@ -69,10 +69,8 @@ class StoreWriter:
 
     Attributes:
         path: local folder of its journal, table and scene; the store itself if that is local.
-        identity: the sweep that it belongs to.
         done: ids of the runs that it held when it was opened.
         unsealed: how many of them an older version wrote, without checksums.
-        started: when it was opened.
     """
 
     def __init__(self, session: WriteSession, identity: SweepIdentity, mended: Mended) -> None:
@@ -224,9 +222,6 @@ def _find_manifest(
     """Return the manifest of a store; None if it is unfinished or not there.
 
     To repair a store of this sweep, a damaged manifest is removed.
-
-    Raises:
-        StoreError: the manifest is damaged or of another version.
     """
     data = backend.read(MANIFEST)
     try:
@@ -246,11 +241,7 @@ def _prepare(
     folders: Mapping[str, CopyableFiles],
     rows: ResumedRows,
 ) -> Mended:
-    """Make a new store, or mend an interrupted one; return what it holds.
-
-    Raises:
-        StoreError: it holds another sweep, or is damaged.
-    """
+    """Make a new store, or mend an interrupted one; return what it holds."""
     identity, address = rows.identity, backend.address
     stored = backend.read(IDENTITY)
     if stored is None:
@@ -275,11 +266,7 @@ def _prepare(
 
 
 def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
-    """Copy files into a folder, unless they are there already.
-
-    Raises:
-        StoreError: it holds others, although runs have used it.
-    """
+    """Copy files into a folder, unless they are there already."""
     if folder.is_dir():
         with TemporaryDirectory() as again:
             files.copy_to(Path(again))
@@ -310,12 +297,7 @@ def _resume(backend: Backend, session: WriteSession, rows: ResumedRows) -> Mende
 
 
 def _reopen_failed(session: WriteSession, manifest: StoreManifest) -> bool:
-    """Make a finished store with failed runs an unfinished one; return whether it has any.
-
-    Raises:
-        StoreError: its table is damaged, or it has no traces.
-        OutputError: the journal cannot be written.
-    """
+    """Make a finished store with failed runs an unfinished one; return whether it has any."""
     session.fetch_table()
     table = session.folder / TABLE
     statuses = read_table(table, ["status"])["status"].unique().to_pylist()
@@ -329,10 +311,6 @@ def _reopen_damaged(session: WriteSession, manifest: StoreManifest, address: Add
     """Make a damaged finished store an unfinished one; return whether it is damaged.
 
     Of a table that is not as it was written, no row can be told to be sound.
-
-    Raises:
-        StoreError: it has no traces.
-        OutputError: the journal cannot be written.
     """
     if not verify(address):
         return False

@@ -20,10 +20,7 @@ class Column:
     """One column of the table.
 
     Attributes:
-        name: its name.
-        type: its Arrow type.
         unit: its unit, `1` for counts and ratios, empty for text.
-        description: what it holds.
         better: lower, higher or none for a measured value; empty otherwise.
         resolution: magnitude below which a measured value counts as 0, in its unit.
         second_pass: whether it is measured in the second pass, which a sweep may leave out.

@@ -54,10 +54,8 @@ class FilePrefix:
     """The start of a file up to its metadata, which the runs of one scene share.
 
     Attributes:
-        data: the bytes.
-        crc: their CRC-32.
+        crc: CRC-32 of its bytes.
         topics: topics of the channels 1, 2, ...
-        schema_count: number of schemas.
         schemas: Schema records, for the summary.
         channels: Channel records, likewise.
         attachment: AttachmentIndex record, likewise.
@@ -77,7 +75,6 @@ class FileHead:
     """The start of a file up to its first chunk.
 
     Attributes:
-        prefix: the part that runs share.
         metadata: the Metadata record.
         metadata_index: its MetadataIndex record, for the summary.
     """
@@ -246,9 +243,7 @@ def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
 def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[bytes], ChunkIndex]]:
     """Yield each chunk and its message indexes as bytes, and its index for the summary.
 
-    Args:
-        stream: the messages.
-        position: offset of the first chunk in the file.
+    The first chunk is at a position in the file.
     """
     for start, stop in pairwise(stream.cuts()):
         rows = slice(start, stop)

@@ -64,8 +64,6 @@ class ChunkRecords:
     """A chunk with its messages and the message indexes that follow it.
 
     Attributes:
-        raw: the Chunk record in the file.
-        chunk: the same, decoded.
         intact: whether its content matches its checksum.
         messages: (log time, channel, offset in the content) of each message, in file order.
         indexes: each message index and its offset in the file.
@@ -83,10 +81,8 @@ class FileRecords:
     """All records of a file.
 
     Attributes:
-        chunks: the chunks, in file order.
         data: other records of the data section but message indexes, also those within chunks
             other than messages.
-        summary: records of the summary.
     """
 
     chunks: Sequence[ChunkRecords]

@@ -42,11 +42,7 @@ _PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
 
 
 def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
-    """Return the run that a trace file holds.
-
-    Args:
-        path: the file.
-        shown_path: its path for error messages, if that is another one.
+    """Return the run that a trace file holds; errors name it by the shown path.
 
     Raises:
         StoreError: the file is missing, damaged, or not a trace of this version.
@@ -174,13 +170,7 @@ def _state_arrays(
 
 
 def _stored_pair(name: str, messages: ChannelMessages, times: NDArray[Any]) -> StoredPair:
-    """Return a pair's contacts.
-
-    Args:
-        name: the pair's name.
-        messages: its messages.
-        times: (N + 1,) log time of the states.
-    """
+    """Return a pair's contacts, given the (N + 1,) log times of the states."""
     counts = _point_counts(messages.sizes)
     log_times = np.empty(len(counts), np.uint64)
     arrays: dict[str, NDArray[Any]] = {

@@ -82,12 +82,7 @@ class TraceExtras:
 
 @dataclass(frozen=True)
 class EncodedTrace:
-    """A trace file in memory.
-
-    Attributes:
-        content: its bytes.
-        messages: number of messages by topic.
-    """
+    """A trace file in memory, and the number of its messages by topic."""
 
     content: bytes
     messages: Mapping[str, int]
@@ -140,13 +135,7 @@ def write_trace(
 
 
 def encode_messages(head: FileHead, groups: Sequence[MessageGroup], times: Times) -> EncodedTrace:
-    """Return messages as an MCAP file.
-
-    Args:
-        head: the start of the file, with its channels.
-        groups: the messages.
-        times: (rows,) log time [ns].
-    """
+    """Return messages as an MCAP file; log times (rows,) are in ns."""
     topics = head.prefix.topics
     stream = interleave(groups, len(topics), times)
     counts = np.count_nonzero(stream.sizes, axis=0).tolist()
@@ -222,7 +211,6 @@ class AddedChannel:
     """A channel of Protobuf messages to be added to a trace.
 
     Attributes:
-        topic: its topic.
         schema_name: full name of the message type; channels of one type share its schema.
         descriptors: serialized FileDescriptorSet that defines the type.
         messages: (state row, serialized message), rows ascending, at most one message a row.
@@ -235,12 +223,7 @@ class AddedChannel:
 
 
 def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
-    """Write a trace file again with further channels; its own messages keep their bytes.
-
-    Args:
-        source: a sound trace file.
-        target: the file to make or replace.
-        added: the channels to add, and their messages.
+    """Write a sound trace file again with further channels; its own messages keep their bytes.
 
     Raises:
         OutputError: the file cannot be written.
