@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.accuracy.reference_numerics import NUMERICS, with_reference_numerics
+from contactlab.accuracy.reference import NUMERICS, with_reference_numerics
 from contactlab.scene.initial_states import perturbed_copy
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.run_setup import joints_of

@@ -8,10 +8,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison.codes import BETTER, CHANGED, MISSING, NAMES, NOT_COMPARABLE, SAME, WORSE
+from contactlab.comparison.checks import (
+    BETTER,
+    CHANGED,
+    MISSING,
+    NAMES,
+    NOT_COMPARABLE,
+    SAME,
+    WORSE,
+    CheckSubject,
+    verdict_counts,
+)
 from contactlab.comparison.metric_checks import aggregate, gap_verdicts, judge
 from contactlab.comparison.policies import EffectiveRule
-from contactlab.comparison.verdicts import CheckSubject, verdict_counts
 from contactlab.store.run_columns import NumberColumn
 
 REALS = st.floats(-1e6, 1e6)

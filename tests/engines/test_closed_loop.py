@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, Rollout, roll_out
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.pareto.configurations import Evaluated
-from contactlab.pareto.pareto import equally_fast, feasible_front, next_more_accurate
+from contactlab.pareto.recommendation import equally_fast, feasible_front, next_more_accurate
 
 Weigh = Callable[..., list[Evaluated]]
 LIMITS = {"oracle_error": 1.0, "depth": 2.0}

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.pareto.pareto import pareto_front
+from contactlab.pareto.recommendation import pareto_front
 
 # Few values, so that ties and equal points come up.
 VALUES = st.one_of(st.sampled_from([0.0, 1.0, 2.0, 3.0, math.nan]), st.floats(0, 10))

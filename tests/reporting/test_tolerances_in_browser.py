@@ -12,7 +12,7 @@ import numpy as np
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
 from contactlab.pareto.criteria import Criteria
-from contactlab.pareto.pareto import EQUALLY_FAST, SAFE_MARGIN, equally_fast, feasible_front
+from contactlab.pareto.recommendation import EQUALLY_FAST, SAFE_MARGIN, equally_fast, feasible_front
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store.finished_store import Store
 

@@ -1,20 +1,23 @@
 """Discretisation errors: every run against its reference, which runs share by families."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from contactlab.accuracy.reference import PlannedModel, ReferenceSolution, ReferenceSolver
-from contactlab.accuracy.reference_numerics import with_reference_numerics
-from contactlab.accuracy.refsafe import is_clamped, solref_rules
+from contactlab.accuracy.reference import (
+    PlannedModel,
+    ReferenceSolution,
+    ReferenceSolver,
+    with_reference_numerics,
+)
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Watch
 from contactlab.measure import Discrepancy
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
-from contactlab.schema.evidence import Accuracy, ErrorKind
+from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule
 from contactlab.schema.sweep_schema import AccuracyRequest
 
 Note = Mapping[str, Any]
@@ -34,6 +37,7 @@ _NOTHING: Note = {}
 _ERRORS = ("final", "mean", "peak", "estimate", "final_estimate", "mean_estimate")
 # RK4 evaluates the forces four times a step.
 _EVALUATIONS = 4
+_EQUAL = 1e-9
 
 
 class _Times(NamedTuple):
@@ -209,3 +213,47 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
         return request.error
     known = [each["chaotic"] for each in notes.values() if each.get("chaotic") is not None]
     return "invariants" if sum(known) > len(known) / 2 else "trajectory"
+
+
+def is_clamped(run: ResolvedRun, solrefs: Iterable[Sequence[float]]) -> bool:
+    """Return whether refsafe, if on, raises any of these time constants to two timesteps.
+
+    A solref in direct form has none.
+    """
+    if not run.flags["refsafe"]:
+        return False
+    return any(raises_solref(solref, run.timestep) for solref in solrefs)
+
+
+def raises_solref(solref: Sequence[float], timestep: float) -> bool:
+    """Return whether refsafe raises the time constant of a solref to two timesteps [s]."""
+    return 0 < solref[0] < 2 * timestep
+
+
+def solref_rules(runs: Mapping[str, ResolvedRun]) -> dict[str, SolrefRule | None]:
+    """Return how solref goes with the timestep among runs that are equal otherwise, by run id.
+
+    It is tied where the time constant is the same multiple of every timestep, else absolute; None
+    where the timestep does not vary.
+    """
+    groups: dict[str, list[str]] = {}
+    for run_id, run in runs.items():
+        values = {name: run.values[name] for name in run.values.keys() - {"timestep", "solref"}}
+        shared = (sorted(values.items()), sorted(run.flags.items()), run.seed, run.duration)
+        groups.setdefault(repr(shared), []).append(run_id)
+    found: dict[str, SolrefRule | None] = {}
+    for run_ids in groups.values():
+        found |= dict.fromkeys(run_ids, _rule([runs[run_id] for run_id in run_ids]))
+    return found
+
+
+def _rule(runs: Sequence[ResolvedRun]) -> SolrefRule | None:
+    if len({run.timestep for run in runs}) == 1:
+        return None
+    solrefs = [run.settings.get("solref") for run in runs]
+    multiples = [
+        float(solref[0]) / run.timestep if isinstance(solref, tuple) else 0.0
+        for run, solref in zip(runs, solrefs, strict=True)
+    ]
+    least, most = min(multiples), max(multiples)
+    return "tied" if least > 0 and most - least <= _EQUAL * most else "absolute"

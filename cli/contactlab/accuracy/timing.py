@@ -16,7 +16,7 @@ import numpy as np
 
 from contactlab.accuracy.discretization import Note
 from contactlab.accuracy.reference import PlannedModel
-from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import SEGMENTS, Segments, TimesSteps, Watch, Work, engine_of
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun

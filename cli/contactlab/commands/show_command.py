@@ -50,7 +50,7 @@ def show(
 
 
 def _print_record(store: "Address", record: "EvidenceRecord") -> None:
-    from contactlab.reporting.run_coverage import coverage_rows
+    from contactlab.reporting.run_series import coverage_rows
 
     echo("\n".join(map(in_one_line, _identity(store, record))))
     labels = [(entry.label, entry.step, entry.reason) for entry in record.labels]

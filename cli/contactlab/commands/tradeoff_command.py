@@ -103,7 +103,7 @@ def _report(
 def _fail_on(report: "TradeoffReport") -> None:
     if report.recommendation is not None:
         return
-    from contactlab.pareto.recommendation_text import blocker_texts
+    from contactlab.pareto.recommendation import blocker_texts
 
     reason = "".join(f": {text}" for text in blocker_texts(report)[:1])
     raise ExpectationError(
@@ -204,7 +204,7 @@ def _print_first(header: Sequence[str], rows: Sequence[Sequence[object]], most: 
 
 
 def _answer(report: "TradeoffReport") -> Iterator[str]:
-    from contactlab.pareto.recommendation_text import blocker_texts, next_step_text, robust_text
+    from contactlab.pareto.recommendation import blocker_texts, next_step_text, robust_text
 
     chosen, robust = report.recommendation, report.robust
     if chosen is None:
@@ -224,7 +224,7 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
 
 
 def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[str]:
-    from contactlab.pareto.recommendation_text import settings_text
+    from contactlab.pareto.recommendation import settings_text
 
     yield f"  {settings_text(chosen.configuration, report.varying) or 'as in the sweep'}"
     error = "unknown" if chosen.error is None else f"{chosen.error:.3g}"

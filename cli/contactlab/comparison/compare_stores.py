@@ -4,8 +4,7 @@ from collections import Counter
 from collections.abc import Iterator, Sequence
 from datetime import date
 
-from contactlab.comparison.acceptances import apply_acceptances
-from contactlab.comparison.codes import NAMES, NOT_COMPARABLE, SAME
+from contactlab.comparison.checks import NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
 from contactlab.comparison.label_checks import PairLabels, label_checks
 from contactlab.comparison.metric_checks import metric_checks
 from contactlab.comparison.opened_stores import (
@@ -18,7 +17,7 @@ from contactlab.comparison.opened_stores import (
 )
 from contactlab.comparison.paired_stores import PairedStores
 from contactlab.comparison.pairing import Pairing, pair_by_axes, pair_by_id
-from contactlab.comparison.policies import check_names
+from contactlab.comparison.policies import apply_acceptances, check_names
 from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
 from contactlab.comparison.run_checks import (
     bitwise_equal,
@@ -29,8 +28,6 @@ from contactlab.comparison.run_checks import (
     new_runs_check,
     recommendation_check,
 )
-from contactlab.comparison.verdicts import CheckSubject
-from contactlab.comparison.wording import plural
 from contactlab.errors import ContactlabError, ExpectationError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, Verdict

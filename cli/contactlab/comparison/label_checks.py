@@ -7,12 +7,21 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.codes import BETTER, CHANGED, NAMES, SAME, WORSE
+from contactlab.comparison.checks import (
+    BETTER,
+    CHANGED,
+    MOST_SHOWN,
+    NAMES,
+    SAME,
+    WORSE,
+    CheckSubject,
+    Verdicts,
+    out_of,
+    plural,
+)
 from contactlab.comparison.opened_stores import difference
 from contactlab.comparison.paired_stores import PairedStores
 from contactlab.comparison.pairing import groups
-from contactlab.comparison.verdicts import MOST_SHOWN, CheckSubject, Verdicts
-from contactlab.comparison.wording import out_of, plural
 from contactlab.schema.compare_policy import AllowedTransition
 from contactlab.schema.comparison_report import Check, Transition
 

@@ -6,13 +6,26 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.codes import BETTER, CHANGED, MISSING, NAMES, NOT_COMPARABLE, SAME, WORSE
+from contactlab.comparison.checks import (
+    BETTER,
+    CHANGED,
+    MISSING,
+    MOST_SHOWN,
+    NAMES,
+    NOT_COMPARABLE,
+    SAME,
+    WORSE,
+    CheckSubject,
+    Verdicts,
+    format_percent,
+    out_of,
+    value_change,
+    verdict_counts,
+)
 from contactlab.comparison.opened_stores import difference
 from contactlab.comparison.paired_stores import PairedStores, Value
 from contactlab.comparison.pairing import groups
 from contactlab.comparison.policies import EffectiveRule, effective_rule, kind_of
-from contactlab.comparison.verdicts import MOST_SHOWN, CheckSubject, Verdicts, verdict_counts
-from contactlab.comparison.wording import format_percent, out_of, value_change
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.comparison_report import Check, RunPair, Verdict
 from contactlab.store.run_columns import MeasuredColumn, NumberColumn

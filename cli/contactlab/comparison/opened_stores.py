@@ -3,8 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
-from contactlab.comparison.codes import CHANGED, SAME
-from contactlab.comparison.verdicts import CheckSubject
+from contactlab.comparison.checks import CHANGED, SAME, CheckSubject
 from contactlab.errors import PolicyError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy, Sameness
 from contactlab.schema.comparison_report import Check, ComparedStore, Difference

@@ -9,11 +9,9 @@ from typing import Protocol
 
 import numpy as np
 
-from contactlab.comparison.codes import BETTER, SAME, WORSE
+from contactlab.comparison.checks import BETTER, SAME, WORSE, CheckSubject, format_percent, plural
 from contactlab.comparison.paired_stores import PairedStores
 from contactlab.comparison.policies import REMEASURED, effective_rule
-from contactlab.comparison.verdicts import CheckSubject
-from contactlab.comparison.wording import format_percent, plural
 from contactlab.schema.comparison_report import Check, RunPair
 from contactlab.store.run_columns import MeasuredColumn
 

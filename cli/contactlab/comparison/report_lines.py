@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
+from contactlab.comparison.checks import format_number, format_settings, plural, value_change
 from contactlab.comparison.policies import REMEASURED
-from contactlab.comparison.wording import format_number, format_settings, plural, value_change
 from contactlab.printable import in_one_line
 from contactlab.schema.comparison_report import Check, ComparedStore, ComparisonReport, RunPair
 from contactlab.schema.judged_check import CheckOutcome

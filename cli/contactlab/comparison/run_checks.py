@@ -6,10 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import ValidationError
 
-from contactlab.comparison.codes import BETTER, CHANGED, MISSING, SAME, WORSE
+from contactlab.comparison.checks import (
+    BETTER,
+    CHANGED,
+    MISSING,
+    MOST_SHOWN,
+    SAME,
+    WORSE,
+    CheckSubject,
+    format_percent,
+    format_settings,
+    out_of,
+    plural,
+)
 from contactlab.comparison.paired_stores import PairedStores, unpaired_runs
-from contactlab.comparison.verdicts import MOST_SHOWN, CheckSubject
-from contactlab.comparison.wording import format_percent, format_settings, out_of, plural
 from contactlab.errors import ContactlabError
 from contactlab.pareto.analysis import analyse
 from contactlab.schema.comparison_report import Check

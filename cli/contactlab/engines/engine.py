@@ -17,8 +17,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
-from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.contact.trace_arrays import Floats, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, RecordedControls, SelfChecks, Trace
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.resolution import ResolvedRun

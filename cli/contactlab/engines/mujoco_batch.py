@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
-from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.engines.engine import (
     Buffers,
     Proceed,

@@ -12,7 +12,15 @@ from contactlab.measure import solver_work, second_pass, oracle_error
 # isort: on
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.assessment import AppliedLabel, Assessment, assess
-from contactlab.measure.context import Context, cached, contact_depths, context_of, worst_pair
+from contactlab.measure.context import (
+    Context,
+    cached,
+    contact_depths,
+    context_of,
+    first_step,
+    runs_where,
+    worst_pair,
+)
 from contactlab.measure.discrepancy import Discrepancy, distances, drifts
 from contactlab.measure.entries import (
     LABELS,
@@ -31,7 +39,6 @@ from contactlab.measure.entries import (
     metric,
     oracle,
 )
-from contactlab.measure.masks import first_step, runs_where
 from contactlab.measure.run_integrity import STABLE
 
 __all__ = [

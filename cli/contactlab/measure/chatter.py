@@ -20,10 +20,16 @@ from contactlab.contact.trace_arrays import (
     Floats,
     PairSeries,
 )
-from contactlab.measure.context import Context, cached, hold_seconds, hold_window, worst_pair
+from contactlab.measure.context import (
+    Context,
+    cached,
+    hold_seconds,
+    hold_window,
+    runs_where,
+    worst_pair,
+)
 from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
 from contactlab.measure.friction import switch_masks
-from contactlab.measure.masks import runs_where
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, spans
 
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)

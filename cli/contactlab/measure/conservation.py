@@ -9,6 +9,7 @@ from contactlab.measure.context import (
     cached,
     energy,
     energy_budget,
+    first_step,
     kinetic,
     least_energy,
     peak_kinetic,
@@ -16,7 +17,6 @@ from contactlab.measure.context import (
     worst_body,
 )
 from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.masks import first_step
 
 _SETTLED = 1e-6
 _LENGTH = 1e-3

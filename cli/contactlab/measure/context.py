@@ -188,3 +188,13 @@ def hold_seconds(context: Context) -> Floats:
     """Return (n,) the length of the hold window [s]; NaN where there is none."""
     steps = hold_window(context).sum(axis=1)
     return np.where(steps > 0, steps, np.nan) * context.trace.timestep
+
+
+def runs_where(mask: NDArray[np.bool_]) -> list[int]:
+    """Return the runs in which a mask (n,) holds."""
+    return np.flatnonzero(mask).tolist()
+
+
+def first_step(mask: NDArray[np.bool_]) -> int:
+    """Return the first step in which a mask (N,) holds; 0 if none."""
+    return int(mask.argmax())

@@ -4,9 +4,8 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure.context import Context, down, speed_squared, worst_body
+from contactlab.measure.context import Context, down, first_step, speed_squared, worst_body
 from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.masks import first_step
 
 
 @metric(unit="m", better="lower", resolution=1e-12)

@@ -15,8 +15,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import PluginError, SceneError, did_you_mean
-from contactlab.measure.context import Context
-from contactlab.measure.masks import runs_where
+from contactlab.measure.context import Context, runs_where
 from contactlab.registry import Registry
 from contactlab.schema.compare_policy import MetricRule
 

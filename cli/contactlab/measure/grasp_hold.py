@@ -22,12 +22,13 @@ from contactlab.measure.context import (
     Context,
     contact_depths,
     down,
+    first_step,
     hold_seconds,
     hold_window,
+    runs_where,
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.masks import first_step, runs_where
 
 
 @metric(unit="1/s", better="lower", tolerance=5.0, equivalence=True)

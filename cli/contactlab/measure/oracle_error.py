@@ -6,7 +6,7 @@ from numpy.typing import ArrayLike
 from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.measure.context import Context, cached
+from contactlab.measure.context import Context, cached, runs_where
 from contactlab.measure.entries import (
     ORACLES,
     Finding,
@@ -16,7 +16,6 @@ from contactlab.measure.entries import (
     label,
     metric,
 )
-from contactlab.measure.masks import runs_where
 
 
 def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:

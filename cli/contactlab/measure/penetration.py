@@ -7,9 +7,15 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import Barrier
-from contactlab.measure.context import Context, cached, contact_depths, worst_pair
+from contactlab.measure.context import (
+    Context,
+    cached,
+    contact_depths,
+    first_step,
+    runs_where,
+    worst_pair,
+)
 from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.masks import first_step, runs_where
 
 _RESTING = 0.9
 """Share of the last half in which a pair must touch to count as resting."""

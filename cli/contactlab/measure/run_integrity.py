@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from contactlab.measure.context import Context, energy
+from contactlab.measure.context import Context, energy, first_step, runs_where
 from contactlab.measure.entries import (
     LABELS,
     Finding,
@@ -14,7 +14,6 @@ from contactlab.measure.entries import (
     Threshold,
     label,
 )
-from contactlab.measure.masks import first_step, runs_where
 
 LABELS.add(Label("crashed", "The process that simulated the run died.", 100, voids=True))
 LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, voids=True))

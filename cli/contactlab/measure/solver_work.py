@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.context import Context, cached
+from contactlab.measure.context import Context, cached, first_step, runs_where
 from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.masks import first_step, runs_where
 from contactlab.schema.compare_policy import MetricRule
 
 RESIDUAL = Threshold(

@@ -22,7 +22,7 @@ from contactlab.pareto.configurations import (
 )
 from contactlab.pareto.convergence import methods
 from contactlab.pareto.criteria import Criteria, error_measure, time_measure, tolerances_of
-from contactlab.pareto.pareto import (
+from contactlab.pareto.recommendation import (
     SAFE_MARGIN,
     equally_fast,
     feasible_front,

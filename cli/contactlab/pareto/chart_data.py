@@ -5,7 +5,7 @@ from typing import Any
 
 from contactlab.palette import LETTERS
 from contactlab.pareto.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
-from contactlab.pareto.pareto import front_of
+from contactlab.pareto.recommendation import front_of
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 OTHERS = "others"

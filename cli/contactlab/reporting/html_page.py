@@ -4,7 +4,7 @@ from importlib import resources
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from contactlab.pareto.recommendation_text import (
+from contactlab.pareto.recommendation import (
     blocker_texts,
     next_step_text,
     robust_text,

@@ -11,14 +11,13 @@ from numpy.typing import NDArray
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.configuration_export import mjcf_lines
-from contactlab.pareto.pareto import EQUALLY_FAST, SAFE_MARGIN
+from contactlab.pareto.recommendation import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
 from contactlab.reporting.packing import pack, packed_integers, rounded_floats, run_id_halves
 from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import PageRequest, ReportData
-from contactlab.reporting.run_coverage import coverage_rows
-from contactlab.reporting.run_series import read_mode_bands, read_signals
+from contactlab.reporting.run_series import coverage_rows, read_mode_bands, read_signals
 from contactlab.reporting.vega_rendering import Spec
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from itertools import islice
 from typing import NamedTuple
 
-from contactlab.pareto.recommendation_text import setting_text
+from contactlab.pareto.recommendation import setting_text
 from contactlab.reporting.knob_changes import KnobChange
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.report_columns import summary_metrics, with_unit

@@ -5,8 +5,7 @@ from dataclasses import dataclass
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.map_boundary import Boundary, read_boundary
-from contactlab.reporting.map_cells import MapAxes, most_informative_axes
+from contactlab.reporting.map_cells import Boundary, MapAxes, most_informative_axes, read_boundary
 from contactlab.reporting.report_columns import (
     GridAxis,
     Quantity,

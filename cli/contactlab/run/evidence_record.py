@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import engine_of
 from contactlab.measure import METRICS, Assessment
 from contactlab.plugins import Plugin

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from contactlab.accuracy.discretization import reference_steps
-from contactlab.accuracy.refsafe import raises_solref
+from contactlab.accuracy.discretization import raises_solref, reference_steps
 from contactlab.accuracy.timing import timing_seconds
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.engines import PreparedRuns, bytes_of_run, engine_of

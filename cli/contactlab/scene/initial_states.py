@@ -9,8 +9,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.contact.trace_setup import Joints
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression

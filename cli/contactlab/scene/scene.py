@@ -11,7 +11,7 @@ from types import MappingProxyType
 import mujoco
 import numpy as np
 
-from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import SceneError, UnheldWarning
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compile_model import compile_model, warn_once

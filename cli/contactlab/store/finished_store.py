@@ -12,7 +12,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from contactlab.contact.recorded_controls import RecordedControls
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile

@@ -3,8 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from contactlab.contact.recorded_controls import RecordedControls
-from contactlab.contact.trace_arrays import PairSeries, Trace
+from contactlab.contact.trace_arrays import PairSeries, RecordedControls, Trace
 from contactlab.errors import ContactlabError, OutputError, optional
 from contactlab.schema.evidence import TraceFile
 from contactlab.store.backend_protocol import SCENES, TRACES, Backend

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
-from contactlab.comparison.acceptances import apply_acceptances, stale_acceptances
+from contactlab.comparison.policies import apply_acceptances, stale_acceptances
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind

@@ -1,17 +1,22 @@
-"""The checks that verdicts make."""
+"""The checks that verdicts make, and how their messages write numbers, counts and settings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.codes import CHANGED, MISSING, NAMES, NOT_COMPARABLE, SAME, WORSE
 from contactlab.schema.compare_policy import Level
 from contactlab.schema.comparison_report import Check, CheckKind, RunPair, Verdict
+from contactlab.schema.evidence import Setting
 from contactlab.schema.judged_check import CheckOutcome
 
 Verdicts = NDArray[np.int8]
+# Ordered from good to bad, so that the worst of many is their maximum.
+NAMES: tuple[Verdict, ...] = ("same", "better", "changed", "worse", "missing", "not comparable")
+SAME, BETTER, CHANGED, WORSE, MISSING, NOT_COMPARABLE = range(len(NAMES))
+assert set(NAMES) == set(get_args(Verdict))
 
 MOST_SHOWN = 5
 _OUTCOMES: dict[Level, CheckOutcome] = {"gate": "failed", "warn": "warned", "note": "noted"}
@@ -91,3 +96,48 @@ class CheckSubject:
         if failing:
             return "noted" if self.level == "note" else "warned"
         return "noted" if counts.keys() & {"changed", "better"} else "passed"
+
+
+def format_number(value: float) -> str:
+    """Return a number to four digits."""
+    return f"{value:.4g}"
+
+
+def value_change(baseline: float, candidate: float, unit: str) -> str:
+    """Return `0.1 -> 0.12 m (+20 %)`: two values and their relative change."""
+    shown = f"{format_number(baseline)} -> {format_number(candidate)}"
+    if format_number(baseline) == format_number(candidate):
+        shown = f"{baseline:.10g} -> {candidate:.10g}"
+    named = shown if unit in {"", "1", "any"} else f"{shown} {unit}"
+    if baseline <= 0 or not abs(candidate / baseline) < 1e3:
+        return named
+    return f"{named} ({format_percent(candidate / baseline - 1, signed=True)})"
+
+
+def format_percent(value: float, *, signed: bool = False) -> str:
+    """Return a fraction in percent, to two digits."""
+    sign = "+" if signed else ""
+    percent = 100 * value
+    digits = f"{percent:{sign}.0f}" if abs(percent) >= 10 else f"{percent:{sign}.2g}"
+    return f"{digits} %"
+
+
+def out_of(count: int, total: int, noun: str = "run") -> str:
+    """Return `2 of 6 runs`."""
+    return f"{count:,} of {total:,} {noun}{'' if total == 1 else 's'}"
+
+
+def plural(count: int, noun: str = "run") -> str:
+    """Return `1 run` or `2 runs`."""
+    return f"{count:,} {noun}{'' if count == 1 else 's'}"
+
+
+def format_settings(values: dict[str, Setting]) -> str:
+    """Return axis values as `cone=elliptic direction=45`."""
+    return " ".join(f"{name}={_setting(value)}" for name, value in values.items())
+
+
+def _setting(value: Setting) -> str:
+    if isinstance(value, float):
+        return f"{value:g}"
+    return f"'{value}'" if isinstance(value, str) and " " in value else str(value)
