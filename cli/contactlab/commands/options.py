@@ -84,8 +84,7 @@ SetOption = Annotated[
     ),
 ]
 WorkersOption = Annotated[
-    int | None,
-    typer.Option(min=0, help="Worker processes; by default one per core, 0 for none."),
+    int | None, typer.Option(min=0, help="Worker processes; by default one per core, 0 for none.")
 ]
 MujocoOption = Annotated[
     str | None,
@@ -164,9 +163,7 @@ def mention_plugins(store: "Address", plugins: "Sequence[PluginInfo]") -> None:
 def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
     """Run the same command with another MuJoCo, if `--mujoco` names one, and end with it.
 
-    Args:
-        version: a version or the path of a Python; None and this version change nothing.
-        store: default store or folder, to whose name the version is added; None if `-o` was given.
+    The version is added to the name of the store, which is None if `-o` was given.
 
     Raises:
         EngineError: there is no such version, or it cannot be installed.

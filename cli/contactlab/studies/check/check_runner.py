@@ -96,12 +96,7 @@ class CheckRunner:
         return [replace(run, row=row) for row, run in zip(rows, runs, strict=True)]
 
     def run_scene(
-        self,
-        name: str,
-        description: str,
-        reference: str,
-        rows: Sequence[Values],
-        duration: float,
+        self, name: str, description: str, reference: str, rows: Sequence[Values], duration: float
     ) -> list[CheckRun]:
         """Run any scene; see `run`."""
         self._require_short(reference, rows, duration)

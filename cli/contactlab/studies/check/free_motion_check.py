@@ -10,7 +10,6 @@ from contactlab.studies.check.check_runner import CheckRunner
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.free_motion_runs import (
     BEST,
-    EnergyBudget,
     FreeMotionRun,
     convergence_order,
     free_motions,
@@ -109,12 +108,9 @@ def _gains(checked: CheckedModel, nominal: FreeMotionRun, kept: FreeMotionRun) -
         name = _named(tree, trees, kept.name + (", damping on" if kept.damped else ""))
         yield checked.limits.measure("energy_gain", budget.rate(peak), name)
         if kept.damped and is_accounted(checked):
-            yield from _dampers(budget, peak, name)
-
-
-def _dampers(budget: EnergyBudget, peak: float, name: str) -> Iterator[Measure]:
-    yield informative("work_of_dampers", -budget.dampers / peak / budget.seconds, "1/s", name)
-    yield informative("energy_unexplained", budget.unexplained(peak), "1/s", name)
+            work = -budget.dampers / peak / budget.seconds
+            yield informative("work_of_dampers", work, "1/s", name)
+            yield informative("energy_unexplained", budget.unexplained(peak), "1/s", name)
 
 
 def _orders(free: Sequence[FreeMotionRun]) -> Iterator[Measure]:

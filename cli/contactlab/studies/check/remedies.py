@@ -185,11 +185,7 @@ def _times(runner: CheckRunner, changes: Sequence[Values]) -> list[float | None]
     for settings in changes:
         rows.append({**rows[-1], **settings})
     runs = runner.trying({}, "remedies").run(
-        "times",
-        "What the remedies cost",
-        rows,
-        trace="none",
-        timing={"rounds": _ROUNDS},
+        "times", "What the remedies cost", rows, trace="none", timing={"rounds": _ROUNDS}
     )
     times = [each.record.timing and each.record.timing.time_min for each in runs]
     return [each / times[0] if each and times[0] else None for each in times[1:]]
