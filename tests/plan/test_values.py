@@ -8,7 +8,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from contactlab.plan.axis_values import listed_values, sample_points, sampled_values
+from contactlab.plan.rows import listed_values, sample_points, sampled_values
 from contactlab.schema.axis_forms import Linspace, Logspace, Loguniform, Range, Uniform
 from contactlab.schema.sweep_schema import Sample
 from contactlab.schema.vocabulary import AxisSpec

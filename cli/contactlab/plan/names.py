@@ -1,4 +1,4 @@
-"""The names and values of a sweep file, checked against what its scene offers."""
+"""Names, values and conditions of a sweep file, checked against what its scene offers."""
 
 import math
 from collections.abc import Collection, Iterator
@@ -7,11 +7,13 @@ from itertools import combinations
 from typing import cast
 
 from contactlab.errors import did_you_mean, suggestion
+from contactlab.expression import Expression, ExpressionError
 from contactlab.plan.diagnostics import Place
+from contactlab.plan.grid import Match
 from contactlab.plan.validation import Draft, without_unit
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
-from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.sweep_schema import Condition, Sweep
 from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
 UNREADABLE = object()
@@ -150,3 +152,51 @@ def _add_unknown(
     few = f"known: {', '.join(known)}" if 0 < len(known) <= 12 else ""
     hint = suggestion(name, known) or few
     document.add(f"unknown-{kind}", place, f"unknown {kind} '{name}'", hint)
+
+
+def read_condition(
+    context: SweepContext, condition: Condition, path: KeyPath, known: Collection[str]
+) -> Match:
+    """Return a condition on known axes with canonical values; add its mistakes to the document."""
+    document = context.document
+    settings: list[tuple[str, object]] = []
+    for name, raw in condition.settings.items():
+        if name in known:
+            value = context.canonical(name, raw, document.value((*path, name)))
+            settings.append((name, value))
+        else:
+            add_not_swept(context, name, document.key((*path, name)), known)
+    if condition.where is None:
+        return Match(tuple(settings), None, document.value(path))
+    specs = [spec for name in known if (spec := context.find(name))]
+    names = {*known, *(part for spec in specs for part in spec.parts)}
+    where = document.value((*path, "where"))
+    inside = _first_character(where, condition.where)
+    expression = _read_expression(context, condition.where, names, inside, where)
+    splits = tuple((spec.name, spec.split) for spec in specs if spec.split)
+    return Match(tuple(settings), expression, document.value(path), inside, splits)
+
+
+def _read_expression(
+    context: SweepContext, text: str, names: Collection[str], inside: Place | None, where: Place
+) -> Expression | None:
+    try:
+        expression = Expression(text)
+    except ExpressionError as error:
+        place = inside.part(error.start, error.width) if inside else where
+        context.document.add("bad-expression", place, str(error))
+        return None
+    for name, start in expression.places.items():
+        if name not in names:
+            place = inside.part(start, len(name)) if inside else where
+            add_not_swept(context, name, place, names)
+    return expression
+
+
+def _first_character(place: Place, text: str) -> Place | None:
+    """Return where a text at a place begins, quoted or not; None if it is written with escapes."""
+    for skip in (0, 1):
+        start = place.column - 1 + skip
+        if place.text[start : start + len(text)] == text:
+            return place.part(skip, 1)
+    return None

@@ -11,13 +11,11 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 
 from contactlab.errors import SceneError
-from contactlab.plan.axis_values import read_blocks
-from contactlab.plan.conditions import read_condition
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
 from contactlab.plan.grid import MOST_RUNS, Grid, Plan, SweptAxis
-from contactlab.plan.included_rows import read_rows
-from contactlab.plan.names import SweepContext, check_names
+from contactlab.plan.names import SweepContext, check_names, read_condition
 from contactlab.plan.overrides import Overrides, apply_settings, check_values, read_filters
+from contactlab.plan.rows import read_blocks, read_rows
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
 from contactlab.schema.axis_forms import axis_roles

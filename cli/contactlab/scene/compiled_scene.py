@@ -17,7 +17,7 @@ from contactlab.scene.contact_pairs import (
     effective_parameters,
 )
 from contactlab.scene.drive.hold import Servos
-from contactlab.scene.effects.effect import EffectRequest, EffectState, ModelFacts, RunState
+from contactlab.scene.effects.effect import EffectRequest, EffectState
 from contactlab.scene.effects.effect_choice import (
     choose,
     find_facts,
@@ -25,6 +25,7 @@ from contactlab.scene.effects.effect_choice import (
     leave_out,
     remove,
 )
+from contactlab.scene.effects.proofs import ModelFacts, RunState
 from contactlab.scene.initial_states import (
     QPOS0,
     InitialStates,

@@ -15,9 +15,10 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
 from contactlab.scene.compiled_scene import CompiledScene, full_structure
 from contactlab.scene.drive.located_drive import DRIVE_AXES, drive_settings, with_values
-from contactlab.scene.effects.effect import EffectRequest, RunState
+from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_choice import left_uncompiled
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.effects.proofs import RunState
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_names import is_address

@@ -1,11 +1,14 @@
-"""What an effect is, and what is known of a run before it starts."""
+"""What an effect is, and ways to turn one on and off: by flags, options, or contact dimensions."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
 import mujoco
+import numpy as np
 
+from contactlab.scene.effects.proofs import Proof, RunState, most_condim, never
+from contactlab.scene.model_options import read_flag, read_option, write_flags, write_option
 from contactlab.scene.setting_values import Settings
 from contactlab.schema.coverage import Feature
 
@@ -13,57 +16,10 @@ NOT_IN_MODEL = "not in the model"
 """The reason of an effect that a model does not have."""
 
 Kind = Literal["physical", "numerical", "recording"]
-
-
-@dataclass(frozen=True)
-class ModelFacts:
-    """What a compiled structure decides about its effects, whatever a run sets.
-
-    Attributes:
-        kinds: pairs of geom types, the smaller first, among geoms that MuJoCo's filters let touch;
-            None where that is not known.
-        level: whether only spheres, free and alone with their mass at their centres, and fixed
-            horizontal planes can touch.
-        turning: whether a body that can touch another can turn.
-        crowded: whether a body has more than one geom.
-        sensors: how many sensors the model has that do not record the run.
-        tendons: how many tendons it has; 0 if they were not compiled.
-        idle_tendons: whether its tendons can do nothing but be measured.
-        energy: whether energies are recorded.
-    """
-
-    kinds: frozenset[tuple[int, int]] | None
-    level: bool
-    turning: bool
-    crowded: bool
-    sensors: int
-    tendons: int
-    idle_tendons: bool
-    energy: bool
-
-
-@dataclass(frozen=True)
-class RunState:
-    """A run as the proofs see it, before it starts.
-
-    Attributes:
-        model: the run's model, its settings written.
-        facts: what its structure decides.
-        straight: whether nothing turns or moves sideways at the start, or is pushed to.
-    """
-
-    model: mujoco.MjModel
-    facts: ModelFacts
-    straight: bool
-
-
-Proof = Callable[[RunState], str | None]
-"""Returns why nothing changes in a run without an effect; None where that is not proven."""
-
-
-def never(_: RunState) -> str | None:
-    """Prove nothing."""
-    return None
+_REMOVE_TENDONS = (
+    "in <tendon>, set no stiffness, damping, friction loss, armature or range; "
+    "remove what no actuator, equality or sensor refers to"
+)
 
 
 @dataclass(frozen=True)
@@ -154,3 +110,103 @@ class EffectState:
 
     on: bool
     reason: str
+
+
+def by_flag(name: str) -> Switch:
+    """Return the switch of one of MuJoCo's flags."""
+    return Switch(
+        is_on=lambda run: read_flag(run.model, name),
+        write=lambda model, on: write_flags(model, {name: on}),
+        mjcf=lambda on: EffectMjcf(flags={name: on}),
+        flag=name,
+    )
+
+
+def by_condim(least: int, most: int) -> Switch:
+    """Return the switch of a friction effect, which is on where contacts have enough dimensions.
+
+    Contacts take the larger condim of their two geoms, so that a bound on each geom bounds the
+    contact.
+
+    Args:
+        least: dimensions that the effect needs.
+        most: dimensions that are left without it.
+    """
+
+    def write(model: mujoco.MjModel, on: bool) -> None:
+        bound, value = (np.maximum, least) if on else (np.minimum, most)
+        for name in ("geom_condim", "pair_dim", "flex_condim"):
+            array = getattr(model, name)
+            array[:] = bound(array, value)
+
+    return Switch(
+        is_on=lambda run: most_condim(run.model) >= least,
+        write=write,
+        mjcf=lambda on: EffectMjcf(condim=least if on else most),
+        settings=("condim",),
+    )
+
+
+def by_options(
+    has: Callable[[Settings], bool], off: Mapping[str, object], on: Mapping[str, object]
+) -> Switch:
+    """Return the switch of an effect that is a matter of options.
+
+    Args:
+        has: returns whether settings have the effect.
+        off: settings that turn it off.
+        on: settings that turn it on where it is off; empty if none does by itself.
+    """
+    values = {True: on, False: off}
+
+    def write(model: mujoco.MjModel, state: bool) -> None:
+        for name, value in values[state].items():
+            write_option(model, name, value)
+
+    def fold(settings: Settings, state: bool) -> None:
+        # Settings in this state already are kept: RK4 is as explicit as Euler.
+        if has(settings) != state:
+            settings.update(values[state])
+
+    return Switch(
+        is_on=lambda run: has(Settings({name: read_option(run.model, name) for name in off})),
+        write=write,
+        mjcf=lambda state: EffectMjcf({name: _text(each) for name, each in values[state].items()}),
+        settings=tuple(off),
+        fold=fold,
+    )
+
+
+def by_tendons() -> Switch:
+    """Return the switch of tendons: idle ones are not compiled, others lose their coefficients."""
+
+    def write(model: mujoco.MjModel, on: bool) -> None:
+        for name in ("stiffness", "damping", "frictionloss", "armature", "limited"):
+            if not on and hasattr(model, f"tendon_{name}"):
+                getattr(model, f"tendon_{name}")[:] = 0
+
+    return Switch(
+        is_on=lambda run: run.facts.tendons > 0,
+        write=write,
+        mjcf=lambda on: EffectMjcf(comment=None if on else _REMOVE_TENDONS),
+    )
+
+
+def by_compiling(compiled: Callable[[RunState], bool], remove: str | None = None) -> Switch:
+    """Return the switch of sensors, which are compiled or not.
+
+    Args:
+        compiled: returns whether they were compiled.
+        remove: how to remove the model's own by hand.
+    """
+    return Switch(
+        is_on=compiled,
+        write=lambda *_: None,
+        mjcf=lambda on: EffectMjcf(comment=None if on else remove),
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, tuple):
+        return " ".join(f"{part:g}" for part in value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -6,16 +6,9 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.compile_model import PREFIX
-from contactlab.scene.effects.effect import (
-    NOT_IN_MODEL,
-    Effect,
-    EffectRequest,
-    EffectState,
-    ModelFacts,
-    RunState,
-)
+from contactlab.scene.effects.effect import NOT_IN_MODEL, Effect, EffectRequest, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.effects.proofs import tendons_act
+from contactlab.scene.effects.proofs import ModelFacts, RunState, tendons_act
 from contactlab.scene.initial_states import InitialStates
 
 _GEOM = mujoco.mjtGeom

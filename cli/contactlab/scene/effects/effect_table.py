@@ -2,15 +2,16 @@
 
 from contactlab.registry import Registry
 from contactlab.scene.effects import proofs
-from contactlab.scene.effects.effect import Effect, Kind, Proof, never
-from contactlab.scene.effects.effect_switches import (
+from contactlab.scene.effects.effect import (
+    Effect,
+    Kind,
     by_compiling,
     by_condim,
     by_flag,
     by_options,
     by_tendons,
 )
-from contactlab.scene.effects.proofs import zero
+from contactlab.scene.effects.proofs import Proof, never, zero
 from contactlab.scene.model_options import FLAGS
 from contactlab.schema.coverage import Feature
 

@@ -4,10 +4,11 @@ The proofs rest on MuJoCo's code path: what is absent is not computed, and a for
 leaves the state as it is, to rounding.
 """
 
+from collections.abc import Callable
+from dataclasses import dataclass
+
 import mujoco
 import numpy as np
-
-from contactlab.scene.effects.effect import Proof, RunState
 
 _GEOM = mujoco.mjtGeom
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
@@ -31,6 +32,57 @@ _DIRECT = (
     | {(shape, _BOX) for shape in (*_ROUND, _BOX)}
     | {(int(_GEOM.mjGEOM_SPHERE), _CYLINDER)}
 )
+
+
+@dataclass(frozen=True)
+class ModelFacts:
+    """What a compiled structure decides about its effects, whatever a run sets.
+
+    Attributes:
+        kinds: pairs of geom types, the smaller first, among geoms that MuJoCo's filters let touch;
+            None where that is not known.
+        level: whether only spheres, free and alone with their mass at their centres, and fixed
+            horizontal planes can touch.
+        turning: whether a body that can touch another can turn.
+        crowded: whether a body has more than one geom.
+        sensors: how many sensors the model has that do not record the run.
+        tendons: how many tendons it has; 0 if they were not compiled.
+        idle_tendons: whether its tendons can do nothing but be measured.
+        energy: whether energies are recorded.
+    """
+
+    kinds: frozenset[tuple[int, int]] | None
+    level: bool
+    turning: bool
+    crowded: bool
+    sensors: int
+    tendons: int
+    idle_tendons: bool
+    energy: bool
+
+
+@dataclass(frozen=True)
+class RunState:
+    """A run as the proofs see it, before it starts.
+
+    Attributes:
+        model: the run's model, its settings written.
+        facts: what its structure decides.
+        straight: whether nothing turns or moves sideways at the start, or is pushed to.
+    """
+
+    model: mujoco.MjModel
+    facts: ModelFacts
+    straight: bool
+
+
+Proof = Callable[[RunState], str | None]
+"""Returns why nothing changes in a run without an effect; None where that is not proven."""
+
+
+def never(_: RunState) -> str | None:
+    """Prove nothing."""
+    return None
 
 
 def no_contact(run: RunState) -> str | None:
