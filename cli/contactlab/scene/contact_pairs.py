@@ -176,22 +176,15 @@ def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int
     silence_mujoco()
     counts: Counter[tuple[int, int]] = Counter()
     try:
-        for keyframe in keyframes:
-            counts += _touches(model, start_data(model, keyframe))
+        for data in [start_data(model, keyframe) for keyframe in keyframes]:
+            for _ in range(_SEARCH_STEPS):
+                mujoco.mj_step(model, data)
+                touching = np.sort(data.contact.geom, axis=1).tolist()
+                # A contact of a flex has geom -1.
+                counts.update((first, second) for first, second in touching if first >= 0)
     except mujoco.FatalError as error:
         raise SceneError(f"cannot detect contact pairs: the simulation failed: {error}") from error
     return sorted(counts, key=lambda pair: (-counts[pair], pair))
-
-
-def _touches(model: mujoco.MjModel, data: mujoco.MjData) -> Counter[tuple[int, int]]:
-    """Return how often each geom pair is in contact in a short run."""
-    counts: Counter[tuple[int, int]] = Counter()
-    for _ in range(_SEARCH_STEPS):
-        mujoco.mj_step(model, data)
-        touching = np.sort(data.contact.geom, axis=1).tolist()
-        # A contact of a flex has geom -1.
-        counts.update((first, second) for first, second in touching if first >= 0)
-    return counts
 
 
 _MIN_WEIGHT = 1e-15

@@ -182,6 +182,10 @@ _PERTURBATION = 1e-8
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 
 
+# How many coordinates of a joint a seed perturbs without a manifest; of others, one.
+_LOOSE = {int(mujoco.mjtJoint.mjJNT_FREE): 2, int(mujoco.mjtJoint.mjJNT_BALL): 0}
+
+
 @dataclass(frozen=True)
 class InitialStateRule:
     """How the initial states of one structure are made.
@@ -311,12 +315,8 @@ def perturbed_copy(start: InitialStates, joints: Joints, seed: int) -> InitialSt
 
 def quaternions(model: mujoco.MjModel) -> tuple[int, ...]:
     """Return the indices in qpos where a unit quaternion starts."""
-    kinds: list[int] = model.jnt_type.tolist()
-    return tuple(
-        int(model.jnt_qposadr[joint]) + _ROTATIONS[kind]
-        for joint, kind in enumerate(kinds)
-        if kind in _ROTATIONS
-    )
+    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
+    return tuple(start + _ROTATIONS[kind] for kind, start in joints if kind in _ROTATIONS)
 
 
 def _formulas(
@@ -326,10 +326,8 @@ def _formulas(
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
             expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
-            indices = tuple(
-                offset[each.field] + each.index for each in match_coordinates(model, pattern)
-            )
-            formulas.append((expression, indices))
+            places = [offset[at.field] + at.index for at in match_coordinates(model, pattern)]
+            formulas.append((expression, tuple(places)))
     return formulas
 
 
@@ -354,18 +352,9 @@ def _perturbed_coordinates(
         return [(each.field, each.index) for each in coordinates], scale
     if manifest:
         return [], 0.0
-    return [("qpos", index) for index in _unconstrained(model)], _SEED_SCALE
-
-
-def _unconstrained(model: mujoco.MjModel) -> list[int]:
-    indices: list[int] = []
-    for joint in range(model.njnt):
-        address, kind = int(model.jnt_qposadr[joint]), model.jnt_type[joint]
-        if kind == mujoco.mjtJoint.mjJNT_FREE:
-            indices += [address, address + 1]
-        elif kind != mujoco.mjtJoint.mjJNT_BALL:
-            indices.append(address)
-    return indices
+    joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
+    places = [start + place for kind, start in joints for place in range(_LOOSE.get(kind, 1))]
+    return [("qpos", place) for place in places], _SEED_SCALE
 
 
 def joint_directions(model: mujoco.MjModel, seed: int) -> Floats:

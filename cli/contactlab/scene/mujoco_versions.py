@@ -24,13 +24,7 @@ _BATCH = "3.17.0"
 
 @dataclass(frozen=True)
 class NewFeature:
-    """A value of an axis that older versions of MuJoCo lack.
-
-    Attributes:
-        axis: the axis.
-        value: its value; of a flag, the state that older versions cannot have.
-        version: the first version that has it.
-    """
+    """A value of an axis, or a state of a flag, that MuJoCo has since a version."""
 
     axis: str
     value: str | bool

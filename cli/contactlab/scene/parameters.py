@@ -31,12 +31,7 @@ Update = Callable[[Settings, object], None]
 
 @dataclass(frozen=True)
 class Parameter:
-    """An axis, and the setting that it changes.
-
-    Attributes:
-        axis: name, unit, description and parser.
-        update: writes a parsed value into the settings; None sets the setting as a whole.
-    """
+    """An axis, and how its parsed value updates the settings; None sets a setting as a whole."""
 
     axis: AxisSpec
     update: Update | None = None
@@ -79,43 +74,32 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 """The words of each option that takes one, in the order of the engine's enum."""
 
 
-def _set_places(name: str, *places: int) -> Update:
-    """Set some of a setting's numbers to one value."""
+def _set_places(
+    name: str,
+    *places: int,
+    form: Callable[[Settings, str], tuple[float, ...]] = Settings.vector,
+    sign: float = 1.0,
+) -> Update:
+    """Set some of a setting's numbers, once it has a form, to one value."""
 
     def update(settings: Settings, value: object) -> None:
-        current = list(settings.vector(name))
+        current = list(form(settings, name))
         for place in places:
-            current[place] = as_number(value)
+            current[place] = sign * as_number(value)
         settings[name] = tuple(current)
 
     return update
 
 
-def _set_standard(place: int) -> Update:
-    """Set solref's time constant or damping ratio; a direct form is left for the standard one."""
-
-    def update(settings: Settings, value: object) -> None:
-        current = settings.vector("solref")
-        both = list(current if current[0] > 0 else (0.02, 1.0))
-        both[place] = as_number(value)
-        settings["solref"] = tuple(both)
-
-    return update
+def _standard_form(settings: Settings, name: str) -> tuple[float, ...]:
+    """Return a solref in standard form; a direct form is left for MuJoCo's default."""
+    current = settings.vector(name)
+    return current if current[0] > 0 else (0.02, 1.0)
 
 
-def _set_direct(place: int) -> Update:
-    """Set solref's stiffness or damping; a standard form is turned into its equal first."""
-
-    def update(settings: Settings, value: object) -> None:
-        current = list(_direct_form(settings))
-        current[place] = -as_number(value)
-        settings["solref"] = tuple(current)
-
-    return update
-
-
-def _direct_form(settings: Settings) -> tuple[float, float]:
-    first, second = settings.vector("solref")
+def _direct_form(settings: Settings, name: str) -> tuple[float, ...]:
+    """Return a solref in direct form; a standard form is turned into its equal."""
+    first, second = settings.vector(name)
     if first <= 0:
         return first, second
     stiffness, damping = stiffness_damping((first, second))
@@ -129,7 +113,7 @@ def _damping_ratio(restitution: float) -> float:
 
 def _set_restitution(settings: Settings, value: object) -> None:
     """Keep the contact's natural frequency w and set the damping that restitution asks for."""
-    stiffness = -_direct_form(settings)[0]
+    stiffness = -_direct_form(settings, "solref")[0]
     damping = 2.0 * _damping_ratio(as_number(value)) * stiffness**0.5
     settings["solref"] = (-stiffness, -damping)
 
@@ -195,6 +179,8 @@ def _split_solref(value: object) -> dict[str, float]:
     return {_TC: first, _DR: second} if first > 0 else {_K: -first, _B: -second}
 
 
+_set_standard = partial(_set_places, "solref", form=_standard_form)
+_set_direct = partial(_set_places, "solref", form=_direct_form, sign=-1.0)
 _POSITIVE = number(above=0)
 _NOT_NEGATIVE = number(least=0)
 _SHARE = number(above=0, most=0.9999)

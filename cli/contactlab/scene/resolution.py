@@ -135,11 +135,8 @@ class RunResolver:
     """Resolves the runs of a scene.
 
     Attributes:
-        manifest: the scene's, if it has one.
-        compiled: returns the compiled scene of structure values.
         switched: effects that the scene switches itself.
         unsupported: flags that this version of MuJoCo lacks.
-        engines: what may simulate its runs, by name.
         auto: whether what provably changes nothing is left out unless a sweep asks for it.
         drive: what drives the runs, but for the values of axes.
         bare_duration: duration of a scene without a manifest [s].
@@ -202,11 +199,6 @@ class RunResolver:
             without=left_uncompiled(base.facts, request),
             drive=drive,
         )
-
-    def is_plain(self, axis: str) -> bool:
-        """Return whether an axis writes a setting or initial value, and no structure."""
-        structural = self.manifest is not None and axis in self.manifest.structure
-        return axis not in self.unsupported and not structural
 
     def _initial(self, values: Mapping[str, object]) -> dict[str, float]:
         entries = self.manifest.initial if self.manifest else {}

@@ -109,14 +109,12 @@ class _Setting:
 
 
 class RowGroup:
-    """Rows that differ only in plain settings and initial values.
+    """Rows that differ only in plain settings and initial values, those that axes decide.
 
     Attributes:
-        first: the first of its rows, resolved.
         settings: what varies, in the order of their names.
         places: the index of each.
         starting: the indices of those that decide the initial state.
-        identity: what the ids of its runs share.
     """
 
     def __init__(
@@ -170,11 +168,12 @@ class RowResolver:
         return group.row(values)
 
     def _is_grouping(self, name: str) -> bool:
+        """Return whether an axis writes more than a setting or an initial value."""
         if name in PARAMETERS:
             return False
-        if name in EFFECTS or name in DRIVE_AXES or name == "engine":
-            return True
-        return not self._resolver.is_plain(name)
+        manifest = self._resolver.manifest
+        own = {"engine", *self._resolver.unsupported, *(manifest.structure if manifest else ())}
+        return name in EFFECTS or name in DRIVE_AXES or name in own
 
     def _group(self, values: Values, grouping: Sequence[str]) -> RowGroup:
         first = self._resolver.resolve(values, 0, self._duration)

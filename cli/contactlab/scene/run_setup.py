@@ -245,14 +245,10 @@ def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
         chain = [body]
         while model.body_parentid[chain[-1]]:
             chain.append(int(model.body_parentid[chain[-1]]))
-        if len(chain) > 1 and _is_free(model, chain[-1]):
+        joint = int(model.body_jntadr[chain[-1]])
+        if len(chain) > 1 and joint >= 0 and int(model.jnt_type[joint]) == _JOINT.mjJNT_FREE:
             limbs.setdefault(chain[-1], set()).add(chain[-2])
     return {model.body(root).name: len(each) for root, each in limbs.items()}
-
-
-def _is_free(model: mujoco.MjModel, body: int) -> bool:
-    joint = int(model.body_jntadr[body])
-    return joint >= 0 and int(model.jnt_type[joint]) == mujoco.mjtJoint.mjJNT_FREE
 
 
 def _driven_joints(model: mujoco.MjModel) -> Iterator[int]:

@@ -50,15 +50,7 @@ _NO_ENGINES: Engines = MappingProxyType({})
 
 
 class Scene:
-    """A scene with its axes, and what was compiled of it so far.
-
-    Attributes:
-        source: its files and manifest.
-        catalogue: every axis that it offers.
-        resolver: resolves its runs.
-        initial: makes the initial states of its runs.
-        drive: what drives its runs, but for the values of axes.
-    """
+    """A scene with its axes, what drives it but for their values, and what was compiled so far."""
 
     def __init__(
         self,

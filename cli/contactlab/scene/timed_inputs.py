@@ -223,19 +223,9 @@ def _knots(
     return times + times[-1:] * rest, levels + levels[-1:] * rest
 
 
-_WORLD = "world"
-
-
 @dataclass(frozen=True)
 class HoldSpec:
-    """Which body holds the subject, and when.
-
-    Attributes:
-        subject: the held body.
-        holder: the holding body.
-        start: start of the window [s].
-        stop: end of the window [s].
-    """
+    """Which body holds the subject, and the start and end [s] of when."""
 
     subject: str
     holder: str
@@ -269,7 +259,7 @@ def find_hold(
         return None
     if subject is None:
         raise SceneError("hold needs a subject; name the held body in `subject`")
-    holder = manifest.hold.relative_to or _WORLD
+    holder = manifest.hold.relative_to or "world"
     bodies = [model.body(each).name for each in range(model.nbody)]
     if holder not in bodies:
         hint = did_you_mean(holder, bodies)

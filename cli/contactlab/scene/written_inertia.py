@@ -19,13 +19,7 @@ Kind = Literal[
 class InertiaFault:
     """A body whose mass or inertia no real body has.
 
-    Attributes:
-        body: its name.
-        kind: what is wrong.
-        value: the number that shows it.
-        limit: the bound that it violates.
-        unit: of both.
-        reason: the whole fault in words.
+    The value violates the limit, both in the unit; the reason is the whole fault in words.
     """
 
     body: str
