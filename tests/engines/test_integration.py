@@ -8,9 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import Buffers, integration, roll_out
-from contactlab.engines.integration import integrate_to
-from contactlab.engines.step_timing import count_work
+from contactlab.engines import Buffers, roll_out, single_run
+from contactlab.engines.single_run import count_work, integrate_to
 from contactlab.scene.scene import Scene
 
 Make = Callable[..., Scene]
@@ -46,7 +45,7 @@ def pushed(make_scene: Make) -> Scene:
 def test_it_is_a_rollout_of_which_few_states_are_kept(
     pushed: Scene, block: int, integrator: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(integration, "_BLOCK_BYTES", block)
+    monkeypatch.setattr(single_run, "_BLOCK_BYTES", block)
     run = pushed.resolve({"integrator": integrator}, 1, None)
     start = pushed.starts([run])
     model = pushed.prepare(run, start).model

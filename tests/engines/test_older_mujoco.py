@@ -19,9 +19,8 @@ from contactlab.engines import (
     mujoco_batch,
     roll_out,
 )
-from contactlab.engines.integration import integrate_to
 from contactlab.engines.older_mujoco import StepLoop
-from contactlab.engines.step_timing import count_work
+from contactlab.engines.single_run import count_work, integrate_to
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch

@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.engines import Buffers, Segments, Work, mujoco_batch, roll_out
 from contactlab.engines.engine import SEGMENTS
-from contactlab.engines.step_timing import count_work, time_segments, time_steps
+from contactlab.engines.single_run import count_work, time_segments, time_steps
 from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
 
 STEPS = 100

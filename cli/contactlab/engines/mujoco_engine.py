@@ -19,10 +19,9 @@ from contactlab.engines.engine import (
     package_version,
     proceed_always,
 )
-from contactlab.engines.integration import integrate_to
 from contactlab.engines.mujoco_batch import STATE, roll_out
 from contactlab.engines.self_checks import run_checks
-from contactlab.engines.step_timing import count_work, time_segments, time_steps
+from contactlab.engines.single_run import count_work, integrate_to, time_segments, time_steps
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.model_options import MODEL_ENGINE
 

@@ -11,12 +11,7 @@ from pydantic_core import from_json, to_json
 from contactlab.errors import ContactlabError
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import engine, provenance
-from contactlab.run.stored_runs import (
-    canonical_values,
-    replay,
-    resolve_record,
-    stored_sweep_scene,
-)
+from contactlab.run.stored_runs import canonical_values, replay, resolve_record, stored_sweep_scene
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.run.worker import Worker
 from contactlab.schema.drive import PolicyDrive

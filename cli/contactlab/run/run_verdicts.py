@@ -28,9 +28,7 @@ class ExpectationVerdict:
 
 
 def judge(
-    expectations: Sequence[Expectation],
-    labels: Sequence[str],
-    metrics: Mapping[str, float | None],
+    expectations: Sequence[Expectation], labels: Sequence[str], metrics: Mapping[str, float | None]
 ) -> ExpectationVerdict:
     """Return whether a run meets the expectations whose condition selects it.
 
