@@ -333,7 +333,6 @@ class Work(NamedTuple):
     """What the engine did in all steps of a run.
 
     Attributes:
-        steps: steps.
         iterations: solver iterations, summed over contact islands.
         contacts: contacts in the whole model.
         rows: constraint rows.
@@ -389,7 +388,7 @@ class TimesSteps(Protocol):
     def time_segments(self, segments: Segments, most: int, repeats: int) -> tuple[float, int]:
         """Return the CPU time of going through all segments repeatedly [s], and the steps made.
 
-        At most so many steps are made of each segment.
+        Of each segment, as many steps as it has are made, up to `most`.
         """
         ...
 

@@ -137,27 +137,20 @@ def recorded(
     count = len(cost)
     for run in range(count):
         if errors[run]:
-            _blank(arrays, run)
-    made = tuple(
-        0 if errors[run] else _valid_steps(arrays.state[run, :, 0]) for run in range(count)
-    )
+            # Nothing of an earlier call stays in the rows that a failed run did not write.
+            arrays.state[run, 1:] = arrays.state[run, 0]
+            arrays.sensors[run] = 0.0
+            arrays.iterations[run] = 0
     return Rollout(
         state=arrays.state[:count],
         sensors=arrays.sensors[:count],
         iterations=arrays.iterations[:count],
-        steps=made,
+        steps=tuple(_valid_steps(arrays.state[run, :, 0]) for run in range(count)),
         cost=cost,
         warnings=tuple(map(_warnings, warnings)),
         errors=tuple(errors[:count]),
         controls=tuple(controls),
     )
-
-
-def _blank(arrays: RolloutArrays, run: int) -> None:
-    """Leave nothing of an earlier call in the rows that a failed run did not write."""
-    arrays.state[run, 1:] = arrays.state[run, 0]
-    arrays.sensors[run] = 0.0
-    arrays.iterations[run] = 0
 
 
 def _valid_steps(clock: Floats) -> int:

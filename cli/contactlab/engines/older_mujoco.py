@@ -84,7 +84,8 @@ class StepLoop:
 
     def bind(self, name: str) -> Floats:
         """Return a view of a part of the state: time, qpos, qvel, act, ctrl or xfrc_applied."""
-        model, wanted = self._models[0], _component(name)
+        model = self._models[0]
+        wanted = int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
         begin = mujoco.mj_stateSize(model, wanted - 1 & _INTEGRATION)
         part = self.state[:, begin : begin + mujoco.mj_stateSize(model, wanted)]
         if name == "xfrc_applied":
@@ -181,10 +182,6 @@ def _record(
             return
 
 
-def _component(name: str) -> int:
-    return int(getattr(mujoco.mjtState, f"mjSTATE_{name.upper()}"))
-
-
 @contextmanager
 def _sensor_callback(slots: "ContactSlots | None") -> Generator[None]:
     """Fill contact slots within MuJoCo's steps, if there are any to fill."""
@@ -203,9 +200,6 @@ class ContactSlots:
 
     MuJoCo calls it within a step, at the state before it, with the forces that act during it; with
     RK4, at its first stage.
-
-    Args:
-        sensors: indices of the sensors.
     """
 
     def __init__(self, sensors: Sequence[int]) -> None:
@@ -235,18 +229,11 @@ class ContactSlots:
                 row[:] = self._last.get(sensor, 0.0)
                 continue
             row[:] = 0
-            if measured is not None:
-                _fill(model, data, sensor, measured, row)
+            if measured is not None and model.sensor_objtype[sensor] in (_GEOM, _BODY):
+                _fill_pair(model, data, sensor, measured, row.reshape(-1, SLOT_WIDTH))
+            elif measured is not None:
+                row[:] = data.ncon, data.contact.dist.min()
             self._last[sensor] = row.copy()
-
-
-def _fill(
-    model: mujoco.MjModel, data: mujoco.MjData, sensor: int, measured: Floats, row: Floats
-) -> None:
-    if model.sensor_objtype[sensor] in (_GEOM, _BODY):
-        _fill_pair(model, data, sensor, measured, row.reshape(-1, SLOT_WIDTH))
-    else:
-        row[:] = data.ncon, data.contact.dist.min()
 
 
 def _fill_pair(

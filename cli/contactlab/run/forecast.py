@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
-from functools import cache, lru_cache, partial
+from functools import cache, lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,7 +35,6 @@ class Forecast:
 
     Attributes:
         runs: distinct runs.
-        steps: steps of all runs.
         seconds: wall time of all passes, lower and upper estimate [s].
         accuracy_seconds: of it, for references and errors [s].
         timing_seconds: of it, for times and work [s].
@@ -95,7 +94,11 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
 
 
 def _summed(index: RunIndex, scene: Scene) -> _Sums:
-    sums, bytes_of = _Sums(), cache(partial(_bytes_of, scene))
+    @cache
+    def bytes_of(shape: RowGroup, steps: int) -> int:
+        return bytes_of_run(scene.base_of(shape.first).model, steps)
+
+    sums = _Sums()
     stride, runs = max(1, len(index) // _SAMPLES), 0
     for row, count in index.rows():
         steps, shape, solref = row.steps, row.group, row.setting("solref")
@@ -110,10 +113,6 @@ def _summed(index: RunIndex, scene: Scene) -> _Sums:
         sums.sampled += [row.resolved(seed) for seed in range(samples)]
         runs += count
     return sums
-
-
-def _bytes_of(scene: Scene, shape: RowGroup, steps: int) -> int:
-    return bytes_of_run(scene.base_of(shape.first).model, steps)
 
 
 def _step_cost(scene: Scene, resolved: ResolvedRun) -> float:

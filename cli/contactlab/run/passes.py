@@ -95,22 +95,13 @@ class SweepSession:
         ]
 
 
-class PassColumns(NamedTuple):
-    """What the passes add to the table.
-
-    Attributes:
-        values: run id to values by column; empty without passes.
-        columns: columns of them whose unit is not the usual one.
-    """
-
-    values: dict[str, dict[str, Any]]
-    columns: Sequence[Column]
-
-
-def run_passes(session: SweepSession) -> PassColumns:
+def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequence[Column]]:
     """Compute the errors, work and times that the sweep asks for.
 
     What was noted before an interruption is not done again.
+
+    Returns:
+        Run id to values by column, and those of the columns whose unit is not the usual one.
     """
     values: dict[str, dict[str, Any]] = {}
     columns: Sequence[Column] = ()
@@ -123,7 +114,7 @@ def run_passes(session: SweepSession) -> PassColumns:
     if sweep.timing is not None:
         for run_id, timing in _timings(session, sweep.timing.rounds).items():
             values[run_id] = values.get(run_id, {}) | timing.model_dump()
-    return PassColumns(values, columns)
+    return values, columns
 
 
 def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:

@@ -193,12 +193,11 @@ def pack_jobs(
     bounds: dict[Key, int] = {}
     for taken, (run, resolved) in enumerate(runs):
         key = _key(resolved)
-        bound = bounds.get(key)
-        if bound is None:
-            bound = bounds[key] = _max_runs(scene, resolved, most)
+        if key not in bounds:
+            bounds[key] = _max_runs(scene, resolved, most)
         group = waiting.setdefault(key, [])
         group.append(run)
-        if len(group) >= min(bound, max(1, (count - taken) // shares)):
+        if len(group) >= min(bounds[key], max(1, (count - taken) // shares)):
             yield tuple(waiting.pop(key))
         elif len(waiting) > _MAX_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
@@ -241,9 +240,8 @@ class Preparer:
         self.task = task
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
-        scene = Scene(
-            stored_scene(folder, task.scene_model, task.scene), ENGINES, read_control_table
-        )
+        source = stored_scene(folder, task.scene_model, task.scene)
+        scene = Scene(source, ENGINES, read_control_table)
         if scene.hash != task.scene_folder.name:
             raise StoreError(f"{folder} was changed: its files have the hash {scene.hash}")
         scene = scene.with_effects(effects_base(task.sweep.effects))
@@ -253,9 +251,8 @@ class Preparer:
 
     def plans(self, job: Job) -> list[RunPlan]:
         """Return settings, model and initial state of each run of a job of one structure."""
-        resolved = [
-            self.scene.resolve(run.values, run.seed, self.task.sweep.duration) for run in job
-        ]
+        seconds = self.task.sweep.duration
+        resolved = [self.scene.resolve(run.values, run.seed, seconds) for run in job]
         starts = self.scene.starts(resolved)
         initial = [self._acted_on(run, starts.pick(place)) for place, run in enumerate(job)]
         return [

@@ -93,7 +93,6 @@ class InFlight:
 
     Attributes:
         send: sends a job and returns a reference to its result.
-        queue: jobs that are not sent yet; taken lazily.
         capacity: how many may be on the cluster at once.
         stop: once it is set, jobs that have not begun are cancelled, and the others may end with
             a part of their runs.

@@ -81,11 +81,9 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
             planned = PlannedRun(record.index, record.run_id, values, record.seed)
             (finished,) = worker.run((planned,))
             again = from_json(finished.row)
+            before = f"run {record.run_id}: simulated again, "
             for name in (each for each in names if again[each] != stored[each]):
-                yield (
-                    f"run {record.run_id}: simulated again, {name} is {again[name]}, "
-                    f"not {stored[name]}"
-                )
+                yield f"{before}{name} is {again[name]}, not {stored[name]}"
 
 
 def _task(store: Store, folder: Path) -> Task:

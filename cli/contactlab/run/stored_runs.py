@@ -56,12 +56,9 @@ class ReplayResult:
 
     Attributes:
         equal: whether every state is equal, bit for bit.
-        stored_hash: of the stored trajectory.
-        hash: of the new one.
         step: first step after which the states differ; None if they are equal, if there is no
             trace, or if the trace is equal although its hash is not.
         difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
-        stored_engine: engine and version that computed the stored run.
     """
 
     run_id: str
@@ -281,9 +278,8 @@ def timed_run(store: Store, run: str) -> TimedRun:
     if not isinstance(engine, TimesSteps):
         raise ContactlabError(f"run {run}: the {resolved.engine} engine does not time its steps")
     start = PreparedRuns.of(scene, resolved).repeating([store.controls(record)]).starts
-    model = prepare_without_sensors(
-        scene, resolved, start, compile_without_sensors(scene, resolved)
-    )
+    compiled = compile_without_sensors(scene, resolved)
+    model = prepare_without_sensors(scene, resolved, start, compiled)
     work = engine.count_work(model, start, resolved.steps)
     if work is None:
         raise ContactlabError(f"run {run} does not complete")

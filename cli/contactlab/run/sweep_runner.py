@@ -37,7 +37,6 @@ from contactlab.run.tasks import (
 from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.row_resolution import RowGroup
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
@@ -106,9 +105,9 @@ def run_sweep(
             progress=progress,
         )
         _run_remaining(session)
-        added = run_passes(session)
-        columns = [*columns, *added.columns]
-        return store.finish(columns, _shared(request), session.task.provenance, added.values)
+        values, added = run_passes(session)
+        columns += added
+        return store.finish(columns, _shared(request), session.task.provenance, values)
 
 
 def _drive_folder(request: SweepRequest) -> dict[str, CopyableFiles]:
@@ -182,14 +181,11 @@ def _resolved(sweep: Sweep) -> dict[str, Any]:
 _TOGETHER = "runs with a policy advance together, and none has a time of its own; `timing` takes it"
 
 
-def _has_policy(group: RowGroup) -> bool:
-    return isinstance(group.first.drive, PolicyDrive)
-
-
 def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
     """Return what the engines of a sweep leave null in their records, with the reason."""
     engines = {group.first.engine: engine_of(group.first) for group in index.firsts}
-    fields = {"cost": _TOGETHER} if any(_has_policy(group) for group in index.firsts) else {}
+    acting = any(isinstance(group.first.drive, PolicyDrive) for group in index.firsts)
+    fields = {"cost": _TOGETHER} if acting else {}
     for each in engines.values():
         fields |= each.null_fields(driven=driven)
     return fields

@@ -26,36 +26,30 @@ class Stop:
 
     It is set once, from a signal handler or another thread. It can be waited for beside pipes,
     since it has a `fileno`.
+
+    Attributes:
+        is_set: whether to stop.
+        is_watched: whether runs are in flight that end by themselves once this is set.
     """
 
     def __init__(self) -> None:
         self._reader, self._writer = Pipe(duplex=False)
-        self._is_set = self._is_watched = False
-
-    @property
-    def is_set(self) -> bool:
-        """Whether to stop."""
-        return self._is_set
-
-    @property
-    def is_watched(self) -> bool:
-        """Whether runs are in flight that end by themselves once this is set."""
-        return self._is_watched
+        self.is_set = self.is_watched = False
 
     def set(self) -> None:
         """Request to stop; safe in a signal handler."""
-        if not self._is_set:
-            self._is_set = True
+        if not self.is_set:
+            self.is_set = True
             self._writer.send_bytes(b"stop")
 
     @contextmanager
     def watched(self) -> Generator[None]:
         """Mark the time in which runs are in flight."""
-        self._is_watched = True
+        self.is_watched = True
         try:
             yield
         finally:
-            self._is_watched = False
+            self.is_watched = False
 
     def fileno(self) -> int:
         """Return the file descriptor that becomes readable when this is set."""
@@ -103,7 +97,6 @@ class PlannedRun:
 
     Attributes:
         index: its place in the plan.
-        run_id: its identity.
         values: canonical axis values by name.
         seed: of the perturbation of its initial state.
         controls: hash of what its policy did, for passes over recorded runs.
@@ -165,11 +158,8 @@ class Executor(Protocol):
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs as they come, in any order.
 
-        Args:
-            task: what the jobs share.
-            jobs: taken lazily, as workers become idle.
-            stop: once it is set, no more jobs begin; those in flight end, some with a part of
-                their runs.
+        Jobs are taken lazily, as workers become idle. Once `stop` is set, no more begin; those in
+        flight end, some with a part of their runs.
         """
         ...
 

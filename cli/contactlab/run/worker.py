@@ -135,10 +135,20 @@ class Worker:
             return []
         if self._task.purpose == "record":
             return self._record(job)
-        repeat = _errors if self._task.purpose == "errors" else _work
         with suppress(AbandonedError):
-            return repeat(self._preparer, job)
+            return self._repeat(job)
         return []
+
+    def _repeat(self, job: Job) -> list[Finished]:
+        """Return a note of each run of a job: of its work, or of the errors of a family."""
+        plans, request = self._preparer.plans(job), self._task.sweep.accuracy
+        with self._preparer.watchdog_or_give_up() as watch:
+            if self._task.purpose == "errors" and request is not None:
+                found = discretization_errors(self._scene, plans, request, watch)
+            else:
+                found = list(work_of_runs(self._scene, plans, watch))
+        purpose = self._task.purpose
+        return [note(purpose, run.run_id, each) for run, each in zip(job, found, strict=True)]
 
     def _record(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count; write their traces."""
@@ -254,24 +264,6 @@ class Worker:
         )
         series = outcome.assessment.series
         return self._traces.add(record.run_id, group.trace, outcome.row, series, extras)
-
-
-def _errors(preparer: Preparer, job: Job) -> list[Finished]:
-    """Return a note of the discretisation errors of each run of a family."""
-    request = preparer.task.sweep.accuracy
-    assert request is not None
-    plans = preparer.plans(job)
-    with preparer.watchdog_or_give_up() as watch:
-        errors = discretization_errors(preparer.scene, plans, request, watch)
-    return [note("errors", run.run_id, each) for run, each in zip(job, errors, strict=True)]
-
-
-def _work(preparer: Preparer, job: Job) -> list[Finished]:
-    """Return a note of the work of each run of a job."""
-    plans = preparer.plans(job)
-    with preparer.watchdog_or_give_up() as watch:
-        works = list(work_of_runs(preparer.scene, plans, watch))
-    return [note("work", run.run_id, each) for run, each in zip(job, works, strict=True)]
 
 
 def _finished(record: EvidenceRecord) -> Finished:

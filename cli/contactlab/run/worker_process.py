@@ -46,7 +46,6 @@ class WorkerHandle:
     """A worker process.
 
     Attributes:
-        process: the process.
         pipe: takes jobs and brings results.
         marker: the file where the worker writes a traceback when a run times out.
         job: the job that it is on.
