@@ -353,7 +353,7 @@ class Segments:
     """Parts of one run that are timed, each from a state that the run passes through.
 
     Attributes:
-        model: the model, without the sensors that record.
+        model: without the sensors that record.
         start: where the run starts, n being 1; what drives it.
         places: (P,) the step with which each segment begins.
         states: (P, nstate) the states there.

@@ -178,7 +178,6 @@ class SceneLoader:
         if reference not in self._opened:
             scene = Scene.open(reference, self.folder, ENGINES, read_control_table)
             _check_names(scene)
-            _check_manifest(scene)
             self._opened[reference] = scene
         return self._opened[reference]
 
@@ -214,16 +213,13 @@ class SceneLoader:
 
 
 def _check_names(scene: Scene) -> None:
+    """Check names of the scene's own against those of columns and of the tables of metrics."""
     clashes = set(scene.catalogue.names) & (RESERVED_COLUMNS | set(METRICS))
     if clashes:
         raise SceneError(
             f"scene '{scene.name}' offers axes named {', '.join(sorted(clashes))}, "
             "which are columns of the table already; rename them in its manifest"
         )
-
-
-def _check_manifest(scene: Scene) -> None:
-    """Check what only the tables of metrics know: thresholds, tolerances and the oracle."""
     manifest = scene.source.manifest
     if manifest is None:
         return

@@ -68,7 +68,6 @@ class Task:
         runs: how many runs there are in all.
         scene_folder: the store's copy of the scene, on the machine that runs the sweep.
         scene_model: the model file, relative to it.
-        engine: MuJoCo and its version.
         provenance: versions and machine that write the records.
         plugins: what workers load before their first job.
         policy: the code that acts in the runs, which the user allows; None without.
