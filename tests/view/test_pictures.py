@@ -13,7 +13,7 @@ from PIL import Image
 from contactlab.contact.trace_arrays import STICK
 from contactlab.errors import OutputError, SceneError
 from contactlab.view.drawn_motion import read_motion
-from contactlab.view.mujoco_pictures import Picture, draw_pictures
+from contactlab.view.film import Picture, draw_pictures
 from contactlab.view.picture_options import PictureOptions
 from contactlab.view.render import render
 

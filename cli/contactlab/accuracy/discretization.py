@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from contactlab.accuracy.reference import (
+    Discrepancy,
     PlannedModel,
     ReferenceSolution,
     ReferenceSolver,
@@ -14,7 +15,6 @@ from contactlab.accuracy.reference import (
 )
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines import Watch
-from contactlab.measure import Discrepancy
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Accuracy, ErrorKind, SolrefRule

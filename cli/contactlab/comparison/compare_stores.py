@@ -15,8 +15,7 @@ from contactlab.comparison.opened_stores import (
     sameness_checks,
     store_checks,
 )
-from contactlab.comparison.paired_stores import PairedStores
-from contactlab.comparison.pairing import Pairing, pair_by_axes, pair_by_id
+from contactlab.comparison.pairing import PairedStores, Pairing, pair_by_axes, pair_by_id
 from contactlab.comparison.policies import apply_acceptances, check_names
 from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
 from contactlab.comparison.run_checks import (

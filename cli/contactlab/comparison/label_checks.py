@@ -20,8 +20,7 @@ from contactlab.comparison.checks import (
     plural,
 )
 from contactlab.comparison.opened_stores import difference
-from contactlab.comparison.paired_stores import PairedStores
-from contactlab.comparison.pairing import groups
+from contactlab.comparison.pairing import PairedStores, groups
 from contactlab.schema.compare_policy import AllowedTransition
 from contactlab.schema.comparison_report import Check, Transition
 

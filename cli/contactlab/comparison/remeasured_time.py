@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from contactlab.comparison.checks import BETTER, SAME, WORSE, CheckSubject, format_percent, plural
-from contactlab.comparison.paired_stores import PairedStores
+from contactlab.comparison.pairing import PairedStores
 from contactlab.comparison.policies import REMEASURED, effective_rule
 from contactlab.schema.comparison_report import Check, RunPair
 from contactlab.store.run_columns import MeasuredColumn

@@ -19,7 +19,7 @@ from contactlab.comparison.checks import (
     out_of,
     plural,
 )
-from contactlab.comparison.paired_stores import PairedStores, unpaired_runs
+from contactlab.comparison.pairing import PairedStores, unpaired_runs
 from contactlab.errors import ContactlabError
 from contactlab.pareto.analysis import analyse
 from contactlab.schema.comparison_report import Check

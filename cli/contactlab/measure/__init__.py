@@ -7,7 +7,7 @@ from pkgutil import iter_modules
 # isort: off
 from contactlab.measure import penetration, conservation, displacement, restitution
 from contactlab.measure import friction, chatter, grasp_hold
-from contactlab.measure import solver_work, second_pass, oracle_error
+from contactlab.measure import solver_work, oracle_error
 
 # isort: on
 from contactlab.contact.trace_arrays import Floats
@@ -21,7 +21,6 @@ from contactlab.measure.context import (
     runs_where,
     worst_pair,
 )
-from contactlab.measure.discrepancy import Discrepancy, distances, drifts
 from contactlab.measure.entries import (
     LABELS,
     METRICS,
@@ -50,7 +49,6 @@ __all__ = [
     "AppliedLabel",
     "Assessment",
     "Context",
-    "Discrepancy",
     "Finding",
     "Findings",
     "Floats",
@@ -63,8 +61,6 @@ __all__ = [
     "cached",
     "contact_depths",
     "context_of",
-    "distances",
-    "drifts",
     "first_step",
     "label",
     "limits",
@@ -83,7 +79,6 @@ TOPICS = (
     chatter,
     grasp_hold,
     solver_work,
-    second_pass,
     oracle_error,
 )
 """Modules that declare metrics, in the order of the table's columns; others come after them."""

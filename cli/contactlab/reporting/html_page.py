@@ -1,6 +1,9 @@
-"""The page: a store in one HTML file that needs nothing else."""
+"""The page: a store in one HTML file that needs nothing else, with its tables."""
 
+from collections.abc import Sequence
 from importlib import resources
+from itertools import islice
+from typing import NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
@@ -14,25 +17,24 @@ from contactlab.pareto.recommendation import (
 from contactlab.printable import visible
 from contactlab.reporting.baseline_maps import compare_with_baseline
 from contactlab.reporting.heatmap import default_map
-from contactlab.reporting.knob_changes import knob_changes
+from contactlab.reporting.knob_changes import KnobChange, knob_changes
+from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.packing import as_json, packed_text
 from contactlab.reporting.page_charts import label_bar, tradeoff_chart
 from contactlab.reporting.page_content import page_content
-from contactlab.reporting.page_tables import (
-    change_table,
-    expectations,
-    front_table,
-    map_table,
-    number_text,
-    unexpected_runs,
-)
-from contactlab.reporting.report_columns import number_with_unit
-from contactlab.reporting.report_data import PageRequest, read_report_data
+from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
+from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
 from contactlab.reporting.vega_rendering import static_svg, vega_bundle
+from contactlab.schema.evidence import StoreManifest
+from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
 
 _PACKAGE = __name__.rpartition(".")[0]
+_MOST_UNEXPECTED = 50
+_MOST_CELLS = 400
+_MOST_CONFIGURATIONS = 24
+_MOST_RATIOS = 5
 _SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
 
 
@@ -102,3 +104,124 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
 
 def _read(name: str) -> str:
     return resources.files(_PACKAGE).joinpath(name).read_text(encoding="utf-8")
+
+
+class TextTable(NamedTuple):
+    """A table; `more` rows are left out."""
+
+    header: tuple[str, ...]
+    rows: list[tuple[str, ...]]
+    more: int = 0
+
+
+def expectations(manifest: StoreManifest) -> list[tuple[str, str, str]]:
+    """Return which runs have an expectation, the expectation, and its reason."""
+    sweep = Sweep.model_validate(manifest.sweep.resolved)
+    rows: list[tuple[str, str, str]] = []
+    for each in sweep.expect:
+        conditions = [f"{name} = {value}" for name, value in each.where.settings.items()]
+        conditions += [each.where.where] if each.where.where else []
+        expected = [" or ".join(each.label)] if each.label else []
+        expected += [_bounds(name, bounds.min, bounds.max) for name, bounds in each.metrics.items()]
+        rows.append((", ".join(conditions) or "all runs", "; ".join(expected), each.reason or ""))
+    return rows
+
+
+def _bounds(name: str, low: float | None, high: float | None) -> str:
+    if low is not None and high is not None:
+        return f"{low:g} ≤ {name} ≤ {high:g}"
+    return f"{name} ≥ {low:g}" if low is not None else f"{name} ≤ {high:g}"
+
+
+def unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
+    """Return id, label and unmet expectation of the first runs that are not as expected."""
+    if not store.manifest.expectations.get("unmet", 0):
+        return []
+    columns = store.columns.to_pydict(["run_id", "label", "expectation_met", "expectation_reason"])
+    rows = zip(*columns.values(), strict=True)
+    unmet = ((run, label, reason or "") for run, label, met, reason in rows if met is False)
+    return list(islice(unmet, _MOST_UNEXPECTED))
+
+
+def map_table(data: ReportData) -> TextTable | None:
+    """Return the default map as a table of label counts; None where it has too many cells."""
+    axes, labels = data.map_axes, data.labels
+    if axes is None or axes.size > _MOST_CELLS:
+        return None
+    counts = label_counts(axes, labels)
+    corner = f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title
+    rows = [
+        (
+            axes.y.ticks[row] if axes.y else "all",
+            *(
+                ", ".join(f"{n} {name}" for name, n in zip(labels.names, cell, strict=True) if n)
+                or "no run"
+                for cell in counts[row].tolist()
+            ),
+        )
+        for row in range(counts.shape[0] - 1, -1, -1)
+    ]
+    return TextTable((corner, *axes.x.ticks), rows)
+
+
+def front_table(data: ReportData) -> TextTable | None:
+    """Return the first configurations, the feasible before others and the cheapest first."""
+    report = data.tradeoff
+    if report is None:
+        return None
+    ordered = sorted(report.configurations, key=lambda each: (not each.feasible, each.time or 0.0))
+    header = (
+        *report.varying,
+        with_unit(report.error.name, report.error.unit),
+        "CPU s per s",
+        "feasible",
+    )
+    rows = [
+        (
+            *(setting_text(each.configuration[name]) for name in report.varying),
+            number_text(each.error),
+            number_text(each.time),
+            "yes" if each.feasible else "no: " + "; ".join(each.reasons),
+        )
+        for each in ordered[:_MOST_CONFIGURATIONS]
+    ]
+    return TextTable(header, rows, max(0, len(ordered) - _MOST_CONFIGURATIONS))
+
+
+def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable | None:
+    """Return what changing one knob does; None without changes."""
+    if not changes:
+        return None
+    names = _compared_names(data, changes)
+    header = ("knob", "from", "to", "pairs", "runs that fail", *(f"{name} x" for name in names))
+    rows = [
+        (
+            each.axis,
+            each.before,
+            each.after,
+            f"{each.pairs:,}",
+            f"{each.failed[0]:.0%} → {each.failed[1]:.0%}",
+            *(number_text(each.ratios[name]) for name in names),
+        )
+        for each in changes
+    ]
+    return TextTable(header, rows)
+
+
+def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
+    """Return the first five of: time, error, tolerated metrics, metrics of the summary."""
+    report = data.tradeoff
+    wanted = [report.time.name, report.error.name, *report.tolerances] if report else []
+    wanted += ["cost_cpu_per_sim_s"] if report is None else []
+    wanted += summary_metrics()
+    present = [
+        name
+        for name in dict.fromkeys(wanted)
+        if any(each.ratios.get(name) is not None for each in changes)
+    ]
+    return present[:_MOST_RATIOS]
+
+
+def number_text(value: float | None) -> str:
+    """Return a number to three digits; a dash where there is none."""
+    return "-" if value is None else f"{value:.3g}"

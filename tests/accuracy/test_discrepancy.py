@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contactlab.accuracy.reference import Discrepancy, distances, drifts
 from contactlab.contact.trace_arrays import Floats, Invariants
-from contactlab.measure import Discrepancy, distances, drifts
 from contactlab.scene.run_setup import joints_of
 
 MODEL = """
