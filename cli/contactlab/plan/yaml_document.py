@@ -195,9 +195,7 @@ class _Reader:
             before = text[: cast("int", error.position)].split("\n")
             place = Place(self.source, len(before), len(before[-1]) + 1)
             self._fail("a character that YAML does not allow", place)
-        except YAMLError as error:
-            self._fail(str(error), Place(self.source, 1, 1))
-        except ValueError as error:
+        except (YAMLError, ValueError) as error:
             self._fail(str(error), Place(self.source, 1, 1))
         except RecursionError:
             self._fail("nested too deeply", Place(self.source, 1, 1))

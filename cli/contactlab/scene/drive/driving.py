@@ -141,7 +141,12 @@ class Driving:
 
     def _signals(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if isinstance(self.drive, NoiseDrive):
-            _require_resolved(self.drive, run.timestep)
+            if self.drive.rate * run.timestep > 0.5:
+                raise SceneError(
+                    f"drive: noise up to {self.drive.rate:g} Hz needs timesteps of at most "
+                    f"{0.5 / self.drive.rate:g} s, but one is {run.timestep:g} s; "
+                    "write a lower `rate`"
+                )
             span = min(self.settling, run.duration / 2), run.duration
             return self._of_held(noise_signals(posture, room.half, self.drive, span, run.seed))
         key = (run.timestep, run.duration, *run.initial.values())
@@ -162,19 +167,6 @@ class Driving:
         if len(self.held) == len(signals.places):
             return signals
         return signals.without(~np.isin(signals.places, list(self.held)))
-
-
-def _require_resolved(drive: NoiseDrive, timestep: float) -> None:
-    """Require two steps for each period of the noise.
-
-    Raises:
-        SceneError: a timestep is longer.
-    """
-    if drive.rate * timestep > 0.5:
-        raise SceneError(
-            f"drive: noise up to {drive.rate:g} Hz needs timesteps of at most "
-            f"{0.5 / drive.rate:g} s, but one is {timestep:g} s; write a lower `rate`"
-        )
 
 
 def _free_motion(model: mujoco.MjModel) -> np.ndarray:

@@ -31,19 +31,11 @@ _FREQUENCY = 2 * np.pi * 4
 _CARRYING = 2 * np.pi * 12
 _SPRING_LIMIT, _DAMPER_LIMIT = 0.1, 0.25
 
-_INTEGRATOR = int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 _NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
-_LENGTHS = {
-    int(each)
-    for each in (
-        mujoco.mjtTrn.mjTRN_JOINT,
-        mujoco.mjtTrn.mjTRN_JOINTINPARENT,
-        mujoco.mjtTrn.mjTRN_SLIDERCRANK,
-        mujoco.mjtTrn.mjTRN_TENDON,
-    )
-}
+_TRN = mujoco.mjtTrn
+_LENGTHS = _TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT, _TRN.mjTRN_SLIDERCRANK, _TRN.mjTRN_TENDON
 
 
 @dataclass(frozen=True)
@@ -106,12 +98,7 @@ class Posture:
 
 
 def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
-    """Return springs for the actuators that have no position feedback.
-
-    Args:
-        model: the model, as written.
-        qpos: (nq,) the configuration whose inertia decides.
-    """
+    """Return springs for the actuators without position feedback, by the inertia at qpos (nq,)."""
     data = _at(model, qpos)
     moment, inertia = _moment(model, data), np.zeros((model.nv, model.nv))
     for column, unit in zip(inertia, np.eye(model.nv), strict=True):
@@ -138,7 +125,7 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     """Return the controls that hold a configuration.
 
     Args:
-        model: the model, as written.
+        model: as written.
         servos: of its actuators.
         qpos: (nq,) the configuration.
         ctrl: (nu,) controls of actuators with feedback that are kept; NaN where there is none.
@@ -183,13 +170,9 @@ def unheld(model: mujoco.MjModel, posture: Posture) -> str:
 def _moment(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
     """Return (nu, nv) how the lengths of actuators change with joints."""
     moment = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(
-        moment,
-        data.actuator_moment.ravel(),
-        data.moment_rownnz,
-        data.moment_rowadr,
-        data.moment_colind.ravel(),
-    )
+    rows = data.moment_rownnz, data.moment_rowadr
+    values, columns = data.actuator_moment.ravel(), data.moment_colind.ravel()
+    mujoco.mju_sparse2dense(moment, values, *rows, columns)
     return moment
 
 
@@ -197,7 +180,7 @@ def _without_feedback(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return which actuators have a length, and a force that does not depend on it."""
     kind, bias = np.asarray(model.actuator_biastype), model.actuator_biasprm[:, 1]
     plain = (kind == _NO_BIAS) | ((kind == _AFFINE) & (bias == 0))
-    along = np.isin(model.actuator_trntype, list(_LENGTHS))
+    along = np.isin(model.actuator_trntype, [int(each) for each in _LENGTHS])
     return plain & along & (np.asarray(model.actuator_gaintype) == _FIXED)
 
 
@@ -227,7 +210,7 @@ def _with_states(model: mujoco.MjModel, inputs: Floats) -> tuple[Floats, Floats]
 
 def is_integrated(model: mujoco.MjModel) -> NDArray[np.bool_]:
     """Return (nu,) whether the controls of actuators are rates of their activations."""
-    return np.asarray(model.actuator_dyntype) == _INTEGRATOR
+    return np.asarray(model.actuator_dyntype) == int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 
 
 def _force_limits(model: mujoco.MjModel, gain: Floats, bias: Floats) -> tuple[Floats, Floats]:

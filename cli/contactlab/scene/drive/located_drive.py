@@ -105,17 +105,13 @@ def _share_or_seconds(value: object) -> object:
 
 
 _POSITIVE, _SIZE = number(above=0), number(least=0)
+_LATENCY = "from what a policy observes to its action; also as a share of its period: 50%"
 DRIVE_AXES: Mapping[str, AxisSpec] = {
     axis.name: axis
     for axis in (
         AxisSpec("drive.noise", "1", "size of random controls, as a share of their range", _SIZE),
         AxisSpec("drive.rate", "Hz", "how often a policy acts, or how fast noise is", _POSITIVE),
-        AxisSpec(
-            "drive.latency",
-            "s",
-            "from what a policy observes to its action; also as a share of its period: 50%",
-            _share_or_seconds,
-        ),
+        AxisSpec("drive.latency", "s", _LATENCY, _share_or_seconds),
         AxisSpec("drive.noise.qpos", "m or rad", "noise of the positions it observes", _SIZE),
         AxisSpec("drive.noise.qvel", "m/s or rad/s", "noise of the velocities", _SIZE),
     )

@@ -19,7 +19,6 @@ _ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
 _SNAP = 1e-6
 """A row this close to a step, in timesteps, is at that step."""
 
-
 TableReader = Callable[[Path], Mapping[str, Floats]]
 """Returns the columns of a file by name, each (T,)."""
 
@@ -89,10 +88,7 @@ class RecordedInputs:
 def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> RecordedInputs:
     """Return what a table says about the runs of a model; its first row is their start.
 
-    Args:
-        model: the model.
-        table: its table.
-        held: whether each row is held until the next, instead of going there linearly.
+    Each row is held until the next, or joined with it linearly.
 
     Raises:
         SceneError: the table has no time, or a name that the model lacks, or drives nothing, or a

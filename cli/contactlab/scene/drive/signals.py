@@ -147,31 +147,19 @@ def exercise_signals(
     """Return controls that go through their ranges one by one, then all together.
 
     A control goes to one end of its travel, to the other, and back, as far as there is time for at
-    a moderate speed. If there is little time for each, one begins before the last one ends.
-
-    Args:
-        model: the model.
-        posture: what is held before.
-        room: how far controls go.
-        begin: when it begins [s].
-        end: when it ends [s].
+    a moderate speed, between a begin and an end [s]. If there is little time for each, one begins
+    before the last one ends.
     """
     count, alone = model.nu, begin + _ALONE * (end - begin)
     stride = (alone - begin) / max(count, 1)
     window = min(max(stride, _LEAST_WINDOW), alone - begin)
     starts = np.minimum(begin + stride * np.arange(count), alone - window)
     integrated = is_integrated(model)
-    lines = [
-        _line(
-            posture.ctrl[each],
-            [
-                (start, _arc(room, each, window), window),
-                (alone, _arc(room, each, end - alone), end - alone),
-            ],
-            rate=bool(integrated[each]),
-        )
-        for each, start in enumerate(starts)
-    ]
+    lines: list[tuple[Floats, Floats]] = []
+    for each, start in enumerate(starts):
+        own = start, _arc(room, each, window), window
+        together = alone, _arc(room, each, end - alone), end - alone
+        lines.append(_line(posture.ctrl[each], [own, together], rate=bool(integrated[each])))
     most = max(len(times) for times, _ in lines)
     padded = [[np.pad(part, (0, most - len(part)), "edge") for part in line] for line in lines]
     times, levels = (np.array(part) for part in zip(*padded, strict=True))

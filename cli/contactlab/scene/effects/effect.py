@@ -126,11 +126,7 @@ def by_condim(least: int, most: int) -> Switch:
     """Return the switch of a friction effect, which is on where contacts have enough dimensions.
 
     Contacts take the larger condim of their two geoms, so that a bound on each geom bounds the
-    contact.
-
-    Args:
-        least: dimensions that the effect needs.
-        most: dimensions that are left without it.
+    contact: to the least that the effect needs, or the most that are left without it.
     """
 
     def write(model: mujoco.MjModel, on: bool) -> None:
@@ -193,12 +189,7 @@ def by_tendons() -> Switch:
 
 
 def by_compiling(compiled: Callable[[RunState], bool], remove: str | None = None) -> Switch:
-    """Return the switch of sensors, which are compiled or not.
-
-    Args:
-        compiled: returns whether they were compiled.
-        remove: how to remove the model's own by hand.
-    """
+    """Return the switch of what is compiled or not; `remove` says how to remove it by hand."""
     return Switch(
         is_on=compiled,
         write=lambda *_: None,

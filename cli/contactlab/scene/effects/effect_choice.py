@@ -33,12 +33,7 @@ def find_facts(model: mujoco.MjModel, *, energy: bool) -> ModelFacts:
 
 
 def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
-    """Return whether, at the start, everything moves, and is pushed, along z at most.
-
-    Args:
-        model: the run's model.
-        start: its initial state, n being 1; inputs that are driven over time count as pushing.
-    """
+    """Return whether everything at a start (n being 1) moves, and is pushed, along z at most."""
     free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(_JOINT.mjJNT_FREE)]
     sideways = np.delete(start.qvel[0], free + 2)
     pushed = np.delete(start.applied[0].reshape(-1, 6), 2, axis=1)
@@ -168,12 +163,7 @@ def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectStat
 
 
 def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]:
-    """Return the effects that a run's model is compiled without.
-
-    Args:
-        facts: of the whole model.
-        request: the effects that the run requests.
-    """
+    """Return the effects that a run's model is compiled without, by facts of the whole model."""
     requested, default = request.requested, not request.auto
     out: set[str] = set()
     if facts.sensors and not requested.get("sensor", default):

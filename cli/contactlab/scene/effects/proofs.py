@@ -16,15 +16,8 @@ _BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
 # Flags that not every version of MuJoCo has.
 _SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-_TENDON_FORCES = (
-    "stiffness",
-    "stiffnesspoly",
-    "damping",
-    "dampingpoly",
-    "frictionloss",
-    "armature",
-    "limited",
-)
+_TENDON_FORCES = "stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss"
+_TENDON_EFFECTS = *_TENDON_FORCES, "armature", "limited"
 # Pairs with a collision function of their own; others go through the general one.
 _DIRECT = (
     {(first, second) for first in _ROUND for second in _ROUND if first <= second}
@@ -134,9 +127,7 @@ def _has_other_forces(model: mujoco.MjModel) -> bool:
     return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
 
 
-def no_limit(run: RunState) -> str | None:
-    """No joint or tendon has a limit."""
-    return zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")(run)
+no_limit = zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
 
 
 def no_gravity(run: RunState) -> str | None:
@@ -154,7 +145,7 @@ def no_friction(run: RunState) -> str | None:
     """No contact has friction, and no joint or tendon has friction loss."""
     if reason := no_contact(run):
         return reason
-    return None if has_friction(run.model) else "no contact has friction"
+    return None if most_condim(run.model) > 1 else "no contact has friction"
 
 
 def no_noslip(run: RunState) -> str | None:
@@ -163,20 +154,12 @@ def no_noslip(run: RunState) -> str | None:
     return no_friction(run) if lossless else None
 
 
-def has_friction(model: mujoco.MjModel) -> bool:
-    """Return whether any contact could have friction."""
-    return most_condim(model) > 1
-
-
 def most_condim(model: mujoco.MjModel) -> int:
     """Return the most dimensions that any contact of a model could have; 0 without geoms."""
     solid = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
-    dims = np.concatenate([model.geom_condim[solid != 0], model.pair_dim, _flex(model)])
+    flex = np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
+    dims = np.concatenate([model.geom_condim[solid != 0], model.pair_dim, flex])
     return int(dims.max(initial=0))
-
-
-def _flex(model: mujoco.MjModel) -> np.ndarray:
-    return np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
 
 
 def straight_drop(run: RunState) -> str | None:
@@ -260,9 +243,7 @@ def no_actuator(run: RunState) -> str | None:
 
 def no_ctrl_limit(run: RunState) -> str | None:
     """No control is limited."""
-    if run.model.nu and np.any(run.model.actuator_ctrllimited):
-        return None
-    return "no control is limited"
+    return None if np.any(run.model.actuator_ctrllimited) else "no control is limited"
 
 
 def idle_tendons(run: RunState) -> str | None:
@@ -273,7 +254,7 @@ def idle_tendons(run: RunState) -> str | None:
 
 def tendons_act(model: mujoco.MjModel) -> bool:
     """Return whether a tendon has a spring, damping, friction, a limit or inertia."""
-    return any(np.any(getattr(model, f"tendon_{each}", 0)) for each in _TENDON_FORCES)
+    return any(np.any(getattr(model, f"tendon_{each}", 0)) for each in _TENDON_EFFECTS)
 
 
 def spare_sensors(_: RunState) -> str | None:
