@@ -19,7 +19,7 @@ from contactlab.scene.mujoco_versions import (
 )
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
-from contactlab.schema.scene_manifest import SceneManifest, StructureValue
+from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
 from contactlab.schema.vocabulary import AxisSpec, Catalogue
 
 
@@ -124,18 +124,15 @@ def _engine_axis(engines: Engines) -> AxisSpec:
 
 
 def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:
-    initial = [
-        AxisSpec(name, entry.unit, entry.description, number())
-        for name, entry in manifest.initial.items()
+    return [
+        AxisSpec(name, entry.unit, entry.description, _own_parser(entry))
+        for name, entry in (*manifest.initial.items(), *manifest.structure.items())
     ]
-    structure = [
-        AxisSpec(name, entry.unit, entry.description, _structure_parser(entry))
-        for name, entry in manifest.structure.items()
-    ]
-    return initial + structure
 
 
-def _structure_parser(entry: StructureValue) -> Callable[[object], object]:
+def _own_parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:
+    if isinstance(entry, InitialValue):
+        return number()
     if entry.integer:
         return integer(1 if entry.least is None else math.ceil(entry.least))
     return number(above=0) if entry.least is None else number(least=entry.least)

@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import SLOT_WIDTH
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.model_files import name_in_copy, parse, plain_name, references
+from contactlab.scene.model_files import FileSearch, name_in_copy, parse, plain_name
 from contactlab.scene.model_names import name_by_address
 from contactlab.scene.mujoco_versions import has_contact_sensors, silence_mujoco
 from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
@@ -290,7 +290,7 @@ def _missing_file(message: str, model: Path) -> Iterator[str]:
     """Yield where MuJoCo looked for a file that it cannot open."""
     if "opening file" not in message:
         return
-    for path in (each.path for each in references(model)):
+    for path in (each.path for each in FileSearch().references(model)):
         if not path.is_file() and f"{path.name}'" in message:
             yield f"it was expected at {path}; put it there, or say where it is:"
             yield _FOLDER_HINT[model.suffix == ".urdf"]

@@ -231,11 +231,15 @@ def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
 
 
 def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
+    deciding = _deciding(model, first, second)
     weight = _weight(model, first, second)
-    solref = _solref(model, first, second, weight)
+    one, two = model.geom_solref[first], model.geom_solref[second]
+    standard = one[0] > 0 and two[0] > 0
+    mean = standard or len(deciding) == 1
+    solref = weight * one + (1 - weight) * two if mean else np.minimum(one, two)
     solimp = weight * model.geom_solimp[first] + (1 - weight) * model.geom_solimp[second]
     return PairRecord(
-        condim=_condim(model, first, second),
+        condim=int(model.geom_condim[deciding].max()),
         friction=_friction(model, first, second),
         solref=_floats(solref),
         solimp=_floats(solimp),
@@ -244,50 +248,29 @@ def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
     )
 
 
-def _dominant(model: mujoco.MjModel, first: int, second: int) -> int | None:
-    """Return the geom of higher priority, or None for a tie."""
-    priority1, priority2 = int(model.geom_priority[first]), int(model.geom_priority[second])
-    if priority1 == priority2:
-        return None
-    return first if priority1 > priority2 else second
-
-
-def _condim(model: mujoco.MjModel, first: int, second: int) -> int:
-    dominant = _dominant(model, first, second)
-    if dominant is not None:
-        return int(model.geom_condim[dominant])
-    return int(max(model.geom_condim[first], model.geom_condim[second]))
+def _deciding(model: mujoco.MjModel, first: int, second: int) -> list[int]:
+    """Return the geom of higher priority, or both for a tie."""
+    most = max(model.geom_priority[first], model.geom_priority[second])
+    return [geom for geom in (first, second) if model.geom_priority[geom] == most]
 
 
 def _friction(model: mujoco.MjModel, first: int, second: int) -> tuple[float, ...]:
-    dominant = _dominant(model, first, second)
-    if dominant is not None:
-        three = model.geom_friction[dominant]
-    else:
-        three = np.maximum(model.geom_friction[first], model.geom_friction[second])
+    three = model.geom_friction[_deciding(model, first, second)].max(axis=0)
     slide, torsion, roll = (float(value) for value in three)
     return slide, slide, torsion, roll, roll
 
 
 def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
     """Return the first geom's weight in the mean."""
-    dominant = _dominant(model, first, second)
-    if dominant is not None:
-        return 1.0 if dominant == first else 0.0
+    deciding = _deciding(model, first, second)
+    if len(deciding) == 1:
+        return float(deciding == [first])
     mix1, mix2 = float(model.geom_solmix[first]), float(model.geom_solmix[second])
     if mix1 >= _MIN_WEIGHT and mix2 >= _MIN_WEIGHT:
         return mix1 / (mix1 + mix2)
     if mix1 < _MIN_WEIGHT and mix2 < _MIN_WEIGHT:
         return 0.5
     return 0.0 if mix1 < _MIN_WEIGHT else 1.0
-
-
-def _solref(model: mujoco.MjModel, first: int, second: int, weight: float) -> np.ndarray:
-    one, two = model.geom_solref[first], model.geom_solref[second]
-    standard = one[0] > 0 and two[0] > 0
-    if standard or _dominant(model, first, second) is not None:
-        return weight * one + (1 - weight) * two
-    return np.minimum(one, two)
 
 
 def _bounded(friction: np.ndarray) -> tuple[float, ...]:

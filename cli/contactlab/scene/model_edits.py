@@ -52,14 +52,9 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     return AxisSpec(name, "", "MuJoCo's model field", _parser(model, name))
 
 
-def is_field(model: mujoco.MjModel, name: str) -> bool:
-    """Return whether a setting is a model field."""
-    return field_axis(model, name) is not None
-
-
 def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
     """Return whether a setting is a model field that has this value already."""
-    if not is_field(model, name):
+    if field_axis(model, name) is None:
         return False
     array, index = _locate(model, name)
     return bool(np.all(array[index] == np.asarray(value, array.dtype)))
@@ -179,7 +174,7 @@ def apply_settings(
             derived = True
         elif name in EFFECTS and name not in FLAGS:
             EFFECTS[name].switch.write(model, bool(value))
-        elif is_field(model, name):
+        elif field_axis(model, name):
             derived |= write_field(model, name, value)
     if derived:
         mujoco.mj_setConst(model, mujoco.MjData(model))

@@ -57,23 +57,19 @@ class Reference:
         return self.path
 
 
-def references(model: Path, copy: Path | None = None) -> Iterator[Reference]:
-    """Yield the files that an MJCF or URDF file refers to, existing or not; a copy may hold it.
-
-    Raises:
-        SceneError: the model, or a model that it includes or attaches, is missing or not XML.
-    """
-    return _Search(copy).references(model)
-
-
 @dataclass(frozen=True)
-class _Search:
+class FileSearch:
     """A search for the files of a model, which a store's copy may hold; it reads each once."""
 
-    copy: Path | None
+    copy: Path | None = None
     seen: set[Path] = field(default_factory=set[Path])
 
     def references(self, model: Path) -> Iterator[Reference]:
+        """Yield the files that an MJCF or URDF file refers to, existing or not.
+
+        Raises:
+            SceneError: the model, or a model that it includes or attaches, is missing or not XML.
+        """
         elements = list(self._elements(Reference(model), model.parent))
         compiler: dict[str, str] = {}
         for element, file in elements:
@@ -233,7 +229,7 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     """
     model, others = _plain(model), set(map(_plain, beside))
     try:
-        named = list(references(model, copy and _plain(copy)))
+        named = list(FileSearch(copy and _plain(copy)).references(model))
         paths = {model, *others, *(_plain(each.path) for each in named)}
         check_places(paths, beside[0].parent if beside else model, copy)
         found = [each for each in named if each.path.is_file()]

@@ -55,11 +55,7 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
 
 
 def check_regular(path: Path) -> None:
-    """Check that a path is a file, a folder, or nothing yet: a pipe would be waited for.
-
-    Raises:
-        SceneError: it is something else.
-    """
+    """Refuse what is no file or folder, and not nothing yet: a pipe would be waited for."""
     if path.exists() and not (path.is_file() or path.is_dir()):
         raise SceneError(f"{path} is no regular file")
 
@@ -115,11 +111,7 @@ _PNG = struct.Struct(">8s4x4sII")
 
 
 def check_element(element: ET.Element, file: Path) -> None:
-    """Check that an element of a model asks for no absurd number of values or copies.
-
-    Raises:
-        SceneError: it does.
-    """
+    """Refuse an element of a model that asks for an absurd number of values or copies."""
     if element.tag in _VALUES:
         _check(file, element, [element.get(key, "1") for key in _VALUES[element.tag]], _MOST_VALUES)
     elif element.tag in _COPIES:
@@ -127,12 +119,7 @@ def check_element(element: ET.Element, file: Path) -> None:
 
 
 def check_picture(path: Path) -> None:
-    """Check that a PNG file, which may be small, has no absurd number of pixels.
-
-    Raises:
-        SceneError: it has.
-        OSError: it cannot be read.
-    """
+    """Refuse a PNG file, which may be small, with an absurd number of pixels."""
     with path.open("rb") as file:
         head = file.read(_PNG.size)
     if len(head) == _PNG.size:

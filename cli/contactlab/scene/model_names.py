@@ -166,14 +166,9 @@ def _named(model: mujoco.MjModel) -> Iterator[tuple[str, StateCoordinate]]:
     for index in range(model.njnt):
         joint = model.joint(index)
         positions, velocities = _COMPONENTS.get(int(joint.type[0]), (("",), (".v",)))
-        for name in _names(model, index):
+        bodies = [model.body(model.jnt_bodyid[index]).name] if is_address(joint.name) else []
+        for name in (*bodies, joint.name):
             for offset, part in enumerate(positions):
                 yield name + part, StateCoordinate("qpos", int(joint.qposadr[0]) + offset)
             for offset, part in enumerate(velocities):
                 yield name + part, StateCoordinate("qvel", int(joint.dofadr[0]) + offset)
-
-
-def _names(model: mujoco.MjModel, joint: int) -> list[str]:
-    """Return what a joint is called: its name; or its body's, and its address."""
-    name = model.joint(joint).name
-    return [model.body(model.jnt_bodyid[joint]).name, name] if is_address(name) else [name]

@@ -83,13 +83,9 @@ MODEL_SUFFIXES = {".xml", ".urdf", ".mjcf"}
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A scene on disk.
+    """A scene on disk, at the path of its manifest or, without one, of its model.
 
-    Attributes:
-        name: the shipped name, the folder's or file's stem, or robot and entry.
-        path: the manifest, or the model file where there is none.
-        manifest: what it says about the model and its runs; None for a bare model file.
-        content: its files and their hash.
+    Its name is the shipped name, the folder's or file's stem, or robot and entry.
     """
 
     name: str

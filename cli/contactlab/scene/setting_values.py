@@ -30,22 +30,14 @@ class Settings(dict[str, object]):
 
 
 def as_number(value: object) -> float:
-    """Return a setting's or an axis' value as a float.
-
-    Raises:
-        TypeError: it is not a number.
-    """
+    """Return a setting's or an axis' value, which is a number, as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise TypeError(f"{value!r} is not a number")
     return float(value)
 
 
 def as_vector(value: object) -> tuple[float, ...]:
-    """Return a setting's or an axis' value as a tuple of floats.
-
-    Raises:
-        TypeError: it is not a tuple.
-    """
+    """Return a setting's or an axis' value, which is a tuple of floats."""
     if not isinstance(value, tuple):
         raise TypeError(f"{value!r} is not several numbers")
     return value
@@ -95,10 +87,7 @@ def integer(least: int, most: int = _INT_MAX) -> Callable[[object], int]:
 def numbers(count: int, names: str, check: Callable[[tuple[float, ...]], str | None]) -> Parser:
     """Return a parser of a fixed count of numbers, as a list or as in MJCF: "0.02 1".
 
-    Args:
-        count: how many.
-        names: what they are, for the message.
-        check: returns what is wrong with them, or None.
+    Messages give their names; the check returns what is wrong with them, or None.
     """
     one = number()
 
