@@ -38,11 +38,10 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
         temporary.replace(target)
         if durable:
             _sync(target.parent)
-    except OSError as error:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
-        raise write_error(target, error) from error
-    except BaseException:
-        temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            raise write_error(target, error) from error
         raise
 
 

@@ -194,20 +194,21 @@ def _type_of(value: object) -> pa.DataType:
 SHARED_FIELDS = ("schema_version", "sweep", "units", "metric_versions")
 # Mappings of any keys, stored as JSON text, which every reader of Parquet can show.
 _JSON_TEXT = ("drive", "pairs", "warnings", "provenance", "effect_reasons", "effects_missed")
-# Columns of their own for each entry; named after the entry, or with the field's name before it.
-_NESTED = ("axes", "metrics", "labels", "accuracy", "timing", "plugins", "coverage")
-_PREFIXED = ("engine", "initial", "cost", "trace")
+_NESTED = ("axes", "metrics", "labels", "plugins", "coverage")
+# Columns of their own for each entry: how their names begin, and the entries.
+_PARTS = {
+    "engine": ("engine_", tuple(Engine.model_fields)),
+    "initial": ("initial_", tuple(InitialState.model_fields)),
+    "cost": ("cost_", tuple(Cost.model_fields)),
+    "accuracy": ("", tuple(Accuracy.model_fields)),
+    "timing": ("", tuple(Timing.model_fields)),
+    "trace": ("trace_", ("file", "sha256", "bytes")),
+}
 _PLAIN = tuple(
     name
     for name in EvidenceRecord.model_fields
-    if name not in {*SHARED_FIELDS, *_JSON_TEXT, *_NESTED, *_PREFIXED}
+    if name not in {*SHARED_FIELDS, *_JSON_TEXT, *_NESTED, *_PARTS}
 )
-_ENGINE = tuple(Engine.model_fields)
-_INITIAL = tuple(InitialState.model_fields)
-_COST = tuple(Cost.model_fields)
-_TRACE = ("file", "sha256", "bytes")
-_ACCURACY = tuple(Accuracy.model_fields)
-_TIMING = tuple(Timing.model_fields)
 
 Row = dict[str, Any]
 
@@ -216,13 +217,10 @@ def record_to_row(record: EvidenceRecord) -> Row:
     """Return a record as a flat row, with axes and metrics by name beside its fields."""
     row: Row = {name: getattr(record, name) for name in _PLAIN}
     row |= {name: _encoded(getattr(record, name)) for name in _JSON_TEXT}
-    row |= {f"engine_{name}": getattr(record.engine, name) for name in _ENGINE}
     row |= _label_columns(record)
-    row |= {f"initial_{name}": getattr(record.initial, name) for name in _INITIAL}
-    row |= {f"cost_{name}": getattr(record.cost, name, None) for name in _COST}
-    row |= {name: getattr(record.accuracy, name, None) for name in _ACCURACY}
-    row |= {name: getattr(record.timing, name, None) for name in _TIMING}
-    row |= {f"trace_{name}": getattr(record.trace, name, None) for name in _TRACE}
+    for part, (prefix, names) in _PARTS.items():
+        found = getattr(record, part)
+        row |= {prefix + name: getattr(found, name, None) for name in names}
     row["trace_messages"] = None if record.trace is None else _encoded(record.trace.messages)
     row["axis_names"] = tuple(record.axes)
     covered = record.coverage
@@ -238,7 +236,6 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     # Older stores lack some of them.
     data |= {name: from_json(text) for name in _JSON_TEXT if (text := row.get(name)) is not None}
     data |= {name: shared[name] for name in SHARED_FIELDS}
-    data["engine"] = {name: row[f"engine_{name}"] for name in _ENGINE}
     # The column has a field for each setting of any run; those of other runs are null.
     data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
     data["labels"] = [
@@ -247,15 +244,11 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
             row["labels"], row["label_reasons"], row["label_steps"], strict=True
         )
     ]
-    data["initial"] = {name: row[f"initial_{name}"] for name in _INITIAL}
-    if row["cost_cpu_s"] is not None:
-        data["cost"] = {name: row[f"cost_{name}"] for name in _COST}
-    if row["error_kind"] is not None:
-        data["accuracy"] = {name: row[name] for name in _ACCURACY}
-    if row["timing_settings"] is not None:
-        data["timing"] = {name: row[name] for name in _TIMING}
-    if row["trace_file"] is not None:
-        data["trace"] = {name: row[f"trace_{name}"] for name in _TRACE}
+    for part, (prefix, names) in _PARTS.items():
+        found = {name: row[prefix + name] for name in names}
+        if any(value is not None for value in found.values()):
+            data[part] = found
+    if "trace" in data:
         data["trace"]["messages"] = from_json(row["trace_messages"])
     if row.get("coverage") is not None:
         data["coverage"] = from_json(row["coverage"])
