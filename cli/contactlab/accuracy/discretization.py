@@ -54,10 +54,7 @@ def families(
 ) -> list[list[str]]:
     """Return run ids grouped by all that the runs share but numerics, and so by their reference.
 
-    Args:
-        runs: the runs, by id.
-        scene: theirs.
-        controls: hash of what the policy of a run did, by its id; a reference does the same.
+    `controls` are hashes of what the policies of runs did, by id; a reference does the same.
     """
     found: dict[tuple[str, str | None], list[str]] = {}
     for run_id, resolved in runs.items():

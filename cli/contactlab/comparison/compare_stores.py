@@ -47,15 +47,10 @@ def compare(
     remeasure: Remeasure | None = None,
     today: date | None = None,
 ) -> ComparisonReport:
-    """Compare two stores.
+    """Compare two stores, the candidate with the baseline.
 
-    Args:
-        baseline: where the store to compare with is.
-        candidate: where the store to judge is.
-        policy: the tolerances, and what fails the job.
-        thorough: whether to check every record and the bytes of every trace first.
-        remeasure: which runs to time again, and how; none by default.
-        today: the day by which exceptions of the policy expire; today by default.
+    Thoroughly means that every record and the bytes of every trace are checked first. Exceptions
+    of the policy expire by `today`, by default the day of the call.
 
     Raises:
         StoreError: a store is not sound, or they have no run in common.

@@ -31,8 +31,7 @@ SLOT_WIDTH = 23
 def hash_of_states(rows: Floats) -> str:
     """Return the trajectory hash of a run: SHA-256 of its state rows' bytes, 32 hex digits of it.
 
-    Args:
-        rows: (N + 1, 1 + nq + nv + na) time, qpos, qvel and act of each state.
+    Rows (N + 1, 1 + nq + nv + na) are time, qpos, qvel and act of each state.
     """
     return hashlib.sha256(np.ascontiguousarray(rows).data).hexdigest()[:32]
 

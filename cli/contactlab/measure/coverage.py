@@ -11,14 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import (
-    SLIDE,
-    STICK,
-    Floats,
-    PairSeries,
-    PairTrace,
-    Trace,
-)
+from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairSeries, PairTrace, Trace
 from contactlab.contact.trace_setup import Mechanism, Part
 from contactlab.measure.context import Context
 from contactlab.measure.net_contact import NetContact

@@ -234,23 +234,16 @@ def metric(
 ) -> Callable[[MetricFunction], MetricFunction]:
     """Declare a metric: what the function returns, as its docstring defines it.
 
-    Args:
-        unit: see `Metric`, as for all others.
-        better: direction of an improvement.
-        resolution: magnitude below which the value is 0.
-        options: more of `Metric`. The name is the function's unless given, and the tolerance that
-            of the unit.
+    Arguments are those of `Metric`; unless given, the name is the function's, and the tolerance
+    that of the unit.
 
     Raises:
         PluginError: the name is taken, or the function has no docstring.
     """
 
     def declare(function: MetricFunction) -> MetricFunction:
-        given: MetricOptions = {
-            "name": function.__name__,
-            "tolerance": _TOLERANCES.get(unit, 0.0),
-            **options,
-        }
+        usual = MetricOptions(name=function.__name__, tolerance=_TOLERANCES.get(unit, 0.0))
+        given: MetricOptions = {**usual, **options}
         METRICS.add(
             Metric(
                 unit=unit,
@@ -292,12 +285,7 @@ def label(
 def oracle(
     unit: str, settings: tuple[str, ...], *, relative: bool
 ) -> Callable[[OracleFunction], OracleFunction]:
-    """Declare an oracle: the function returns what is expected and what was measured.
-
-    Args:
-        unit: see `Oracle`, as for the others.
-        settings: names of the settings that it reads.
-        relative: whether the error is a share of what is expected.
+    """Declare an oracle: the function returns what is expected and what was measured; see `Oracle`.
 
     Raises:
         PluginError: the name is taken, or the function has no docstring.

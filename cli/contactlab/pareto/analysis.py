@@ -86,10 +86,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         robust=_recommendation(store, runs, safe),
         next_step=_next_step(front, best) if best else None,
         blockers=tuple(_blockers(evaluated)),
-        notes=(
-            *_notes(evaluated, runs, resolved, best, idle),
-            *_not_exercised(store, runs),
-        ),
+        notes=(*_notes(evaluated, runs, resolved, best, idle), *_not_exercised(store, runs)),
     )
 
 

@@ -11,17 +11,10 @@ from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffR
 
 
 def pareto_front(time: Floats, error: Floats) -> list[int]:
-    """Return the Pareto front of n points, the cheapest first.
+    """Return the indices of the Pareto front of points, time (n,) and error (n,), cheapest first.
 
     A point dominates another if it is no worse in both, and better in one; equal points do not
-    dominate each other. A point without time or error is on no front.
-
-    Args:
-        time: (n,) cost; NaN where unknown.
-        error: (n,) likewise.
-
-    Returns:
-        Indices of the points that no other point dominates.
+    dominate each other. A point without time or error, which is NaN, is on no front.
     """
     known = np.flatnonzero(np.isfinite(time) & np.isfinite(error))
     order = known[np.lexsort((error[known], time[known]))]

@@ -188,12 +188,7 @@ class CoverageRow(NamedTuple):
 
 
 def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[CoverageRow]:
-    """Return the rows of the kinds that the model has.
-
-    Args:
-        coverage: of the run.
-        pairs: every monitored pair.
-    """
+    """Return the rows of the kinds that the model has; `pairs` are all monitored ones."""
     parts = {**coverage.joints, **coverage.tendons}
     limited = {name: each for name, each in parts.items() if each.share is not None}
     kinds = {
@@ -242,10 +237,5 @@ def _use(use: ActuatorUse) -> str:
 
 def _touching(use: PairUse) -> str:
     """Return how long a pair did what, in shares of time."""
-    return ", ".join(_shares(use))
-
-
-def _shares(use: PairUse) -> Iterator[str]:
-    for name in ("touched", "stuck", "slid", "rolled", "spun"):
-        if share := getattr(use, name):
-            yield f"{name} {share:.0%}"
+    names = ("touched", "stuck", "slid", "rolled", "spun")
+    return ", ".join(f"{name} {share:.0%}" for name in names if (share := getattr(use, name)))
