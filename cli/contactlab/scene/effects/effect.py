@@ -144,16 +144,19 @@ def by_condim(least: int, most: int) -> Switch:
 
 
 def by_options(
-    has: Callable[[Settings], bool], off: Mapping[str, object], on: Mapping[str, object]
+    off: Mapping[str, object],
+    on: Mapping[str, object],
+    is_on: Callable[[Settings], bool] | None = None,
 ) -> Switch:
     """Return the switch of an effect that is a matter of options.
 
     Args:
-        has: returns whether settings have the effect.
         off: settings that turn it off.
         on: settings that turn it on where it is off; empty if none does by itself.
+        is_on: returns whether settings have it; if left out, all but those that turn it off have.
     """
     values = {True: on, False: off}
+    has = is_on or (lambda settings: any(settings[name] != off[name] for name in off))
 
     def write(model: mujoco.MjModel, state: bool) -> None:
         for name, value in values[state].items():

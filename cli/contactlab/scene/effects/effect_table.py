@@ -73,11 +73,7 @@ _EFFECTS = (
         "elliptic",
         "numerical",
         "friction of one size in all directions, not a pyramid",
-        by_options(
-            has=lambda settings: settings["cone"] == "elliptic",
-            off={"cone": "pyramidal"},
-            on={"cone": "elliptic"},
-        ),
+        by_options(off={"cone": "pyramidal"}, on={"cone": "elliptic"}),
         "contacts with friction",
         on={"elliptic": True},
         feature="friction",
@@ -86,11 +82,7 @@ _EFFECTS = (
         "noslip",
         "numerical",
         "a second solve against the creep of soft friction",
-        by_options(
-            has=lambda settings: settings["noslip_iterations"] != 0,
-            off={"noslip_iterations": 0},
-            on={"noslip_iterations": 3},
-        ),
+        by_options(off={"noslip_iterations": 0}, on={"noslip_iterations": 3}),
         "friction that may creep",
         proofs.no_noslip,
         on={"noslip": True},
@@ -101,7 +93,7 @@ _EFFECTS = (
         "numerical",
         "friction harder than the normal force",
         by_options(
-            has=lambda settings: settings.number("impratio") > 1,
+            is_on=lambda settings: settings.number("impratio") > 1,
             off={"impratio": 1.0},
             on={"impratio": 10.0},
         ),
@@ -213,13 +205,7 @@ _EFFECTS = (
         "air",
         "physical",
         "forces of the medium and of wind",
-        by_options(
-            has=lambda settings: any(
-                (settings["density"], settings["viscosity"], *settings.vector("wind"))
-            ),
-            off={"density": 0.0, "viscosity": 0.0, "wind": (0.0, 0.0, 0.0)},
-            on={},
-        ),
+        by_options(off={"density": 0.0, "viscosity": 0.0, "wind": (0.0, 0.0, 0.0)}, on={}),
         "a medium of some density or viscosity",
         proofs.no_air,
         feature="motion",
@@ -278,7 +264,7 @@ _EFFECTS = (
         "numerical",
         "forces that depend on velocity taken at the step's end",
         by_options(
-            has=lambda settings: settings["integrator"] not in ("Euler", "RK4"),
+            is_on=lambda settings: settings["integrator"] not in ("Euler", "RK4"),
             off={"integrator": "Euler"},
             on={"integrator": "implicitfast"},
         ),
