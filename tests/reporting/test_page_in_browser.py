@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from contactlab.printable import visible
 from contactlab.reporting.map_cells import STATISTICS, MapAxes, cell_statistic
 from contactlab.reporting.report_data import read_report_data
 from contactlab.reporting.write_report import write_page
@@ -251,7 +252,7 @@ def test_names_are_text(visit: Visit, swept: Swept, tmp_path: Path) -> None:
     write_page(replace(store, manifest=manifest), path)
     seen = visit(path)
     assert seen.complaints == []
-    assert evil in seen.page.locator("h1").text_content()
+    assert visible(evil) in seen.page.locator("h1").text_content()
     assert seen.page.locator("#evil").count() == 0
     for name in ("columns", "series"):
         assert json.loads(seen.page.locator(f"#{name}").text_content())

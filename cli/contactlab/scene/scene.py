@@ -53,10 +53,7 @@ class Scene:
     """A scene with its axes, what drives it but for their values, and what was compiled so far."""
 
     def __init__(
-        self,
-        source: SceneSource,
-        engines: Engines = _NO_ENGINES,
-        tables: TableReader | None = None,
+        self, source: SceneSource, engines: Engines = _NO_ENGINES, tables: TableReader | None = None
     ) -> None:
         """Compile a scene as its manifest has it, for MuJoCo alone unless engines are given.
 

@@ -255,8 +255,7 @@ class Sweep(Model):
         default=(), description="expected outcomes; makes the sweep a test"
     )
     trace: Annotated[str, Field(pattern=r"^(all|flagged|none|sample:[1-9][0-9]*)$")] = Field(
-        default="all",
-        description="runs whose trace is kept: all, flagged, none or sample:N",
+        default="all", description="runs whose trace is kept: all, flagged, none or sample:N"
     )
     checks: Literal["all", "flagged", "none"] = Field(
         default="flagged",

@@ -8,12 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from contactlab.errors import OutputError, StoreError
-from contactlab.store.atomic_files import (
-    exchange_folders,
-    sha256_of,
-    sync_filesystem,
-    write_error,
-)
+from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_filesystem, write_error
 from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store

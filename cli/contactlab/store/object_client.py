@@ -42,11 +42,7 @@ _DELETIONS = 1000
 
 _STORES = {"s3": S3Store, "gs": GCSStore, "az": AzureStore}
 _VARIABLES = {"s3": "AWS", "gs": "GOOGLE", "az": "AZURE"}
-_ENDPOINTS = {
-    "s3": "AWS_ENDPOINT_URL",
-    "gs": "GOOGLE_BASE_URL",
-    "az": "AZURE_STORAGE_ENDPOINT",
-}
+_ENDPOINTS = {"s3": "AWS_ENDPOINT_URL", "gs": "GOOGLE_BASE_URL", "az": "AZURE_STORAGE_ENDPOINT"}
 _KEY_VARIABLES = {
     "s3": "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION",
     "gs": "GOOGLE_SERVICE_ACCOUNT",

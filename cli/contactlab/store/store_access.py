@@ -46,10 +46,7 @@ class TraceSink:
         encoded = encode_trace(trace, row, series, extras)
         self._backend.put(name, encoded.content)
         return TraceFile(
-            file=name,
-            sha256=encoded.sha256,
-            bytes=encoded.size,
-            messages=dict(encoded.messages),
+            file=name, sha256=encoded.sha256, bytes=encoded.size, messages=dict(encoded.messages)
         )
 
     def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:

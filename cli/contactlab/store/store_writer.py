@@ -236,10 +236,7 @@ def _find_manifest(
 
 
 def _prepare(
-    backend: Backend,
-    session: WriteSession,
-    folders: Mapping[str, CopyableFiles],
-    rows: ResumedRows,
+    backend: Backend, session: WriteSession, folders: Mapping[str, CopyableFiles], rows: ResumedRows
 ) -> Mended:
     """Make a new store, or mend an interrupted one; return what it holds."""
     identity, address = rows.identity, backend.address
