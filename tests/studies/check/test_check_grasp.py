@@ -70,8 +70,8 @@ def test_the_damping_of_a_robot_hides_its_drift(
     name = "implicitfast at 2 ms, damping on"
     change, work = (values(motion, each)[name] for each in ("energy_gain", "work_of_dampers"))
     assert change is not None
-    # Nearly all of what is left of the energy, 92 % of it, in 5 s.
-    assert -0.25 < change < -0.1
+    # The dampers take fifty times what the limit of the drift allows, and hide it.
+    assert change < -50 * 1e-3
     assert work == pytest.approx(change, rel=0.05)
     assert motion.verdict == "warning"
     assert report.remedies
