@@ -104,7 +104,7 @@ def end_halted(workers: Iterable[WorkerHandle]) -> None:
 
     Whoever suspends the whole command, as Ctrl-Z does, suspends the one who looks as well.
     """
-    for worker in workers:
+    for worker in [each for each in workers if each.halted < _MOST_HALTED]:
         worker.halted = worker.halted + 1 if _is_halted(worker.process.pid) else 0
         if worker.halted == _MOST_HALTED:
             worker.process.kill()
