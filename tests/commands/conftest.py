@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import pytest
 
+from contactlab.commands import terminal
 from contactlab.commands.main import main
 
 SWEEP = """
@@ -37,9 +38,10 @@ Run = Callable[..., Result]
 def contactlab(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> Run:
-    """Run a command in an empty folder."""
+    """Run a command in an empty folder; however slow the machine is, without progress."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONSAFEPATH", "1")
+    monkeypatch.setattr(terminal, "_QUIET_SECONDS", float("inf"))
 
     def run(*arguments: str) -> Result:
         monkeypatch.setattr(sys, "argv", ["contactlab", *arguments])

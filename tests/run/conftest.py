@@ -3,6 +3,7 @@
 import contextlib
 import json
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -81,10 +82,10 @@ class Command:
         return process
 
     def run(self, *arguments: str, first: Path | None = None) -> tuple[int, str, str]:
-        """Return exit code, stdout and stderr."""
+        """Return exit code, stdout and stderr, without the progress that slow machines show."""
         process = self.start(*arguments, first=first)
         out, err = process.communicate(timeout=300)
-        return process.returncode, out, err
+        return process.returncode, out, re.sub(r"^[█░].*\n", "", err, flags=re.MULTILINE)
 
     def living(self, session: int) -> list[int]:
         """Return the processes of a session that run, zombies left out."""
