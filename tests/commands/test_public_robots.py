@@ -32,6 +32,10 @@ ROBOTS = (
     *(f"{_SUITE}/{name}.xml" for name in ("acrobot", "cartpole", "cheetah", "finger", "fish")),
     *(f"{_SUITE}/{name}.xml" for name in ("humanoid", "manipulator", "quadruped", "walker")),
 )
+MISSED = {
+    f"{_GYM}/swimmer.xml": "an exercise moves its joints by less than 1 % of a radian",
+    f"{_ROBOTICS}/fetch/slide.xml": "it diverges in every run, which leaves a trade-off no measure",
+}
 SECONDS = 0.6
 COMMANDS = ("sweep", "check", "stability", "effects", "tradeoff")
 
@@ -83,7 +87,13 @@ def words(command: str, data: Any) -> str:
 
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::contactlab.errors.ModelWarning")
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(
+    "robot",
+    [
+        *ROBOTS,
+        *(pytest.param(robot, marks=pytest.mark.xfail(reason=MISSED[robot])) for robot in MISSED),
+    ],
+)
 def test_every_command_answers(
     robot: str, contactlab: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
