@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from tests.cart_pole import cart_pole
 
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
@@ -13,22 +14,12 @@ from contactlab.store.finished_store import Store
 
 EXAMPLE = Path(__file__).parents[1] / "examples" / "onnx_policy.py"
 GAINS = np.array([[2.0, 50.0, 4.0, 8.0]], np.float32).T
-CART_POLE = """
-<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody>
-    <body name="cart">
-      <joint name="rail" type="slide" axis="1 0 0"/><geom name="cart" size=".1" mass="1"/>
-      <body name="pole">
-        <joint name="hinge" axis="0 1 0"/>
-        <geom name="pole" type="capsule" fromto="0 0 0 0 0 .6" size=".02" mass=".1"/>
-      </body>
-    </body>
-  </worldbody>
-  <keyframe><key name="tilted" qpos="0 0.1"/></keyframe>
-  <actuator><motor name="push" joint="rail" ctrlrange="-50 50" ctrllimited="true"/></actuator>
-</mujoco>
-"""
+CART_POLE = cart_pole(
+    0.002,
+    motor='ctrllimited="true"',
+    more='<keyframe><key name="tilted" qpos="0 0.1"/></keyframe>',
+    floor="",
+)
 
 
 def write_network(path: Path) -> None:

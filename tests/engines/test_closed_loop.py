@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.cart_pole import cart_pole
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, Rollout, roll_out
@@ -20,25 +21,13 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 
 STEPS = 120
-CART_POLE = """
-<mujoco>
-  <option timestep="0.002" integrator="implicitfast"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 .1" pos="0 0 -1"/>
-    <body name="cart">
-      <joint name="rail" type="slide" axis="1 0 0"/><geom name="cart" size=".1" mass="1"/>
-      <body name="pole">
-        <joint name="hinge" axis="0 1 0"/>
-        <geom name="pole" type="capsule" fromto="0 0 0 0 0 .6" size=".02" mass=".1"/>
-      </body>
-    </body>
-  </worldbody>
-  <actuator><motor name="push" joint="rail" ctrlrange="-50 50" {delay}/></actuator>
-  <sensor>
+CART_POLE = cart_pole(
+    0.002,
+    motor="{delay}",
+    more="""<sensor>
     <jointvel name="turning" joint="hinge"/><framepos name="tip" objtype="geom" objname="pole"/>
-  </sensor>
-</mujoco>
-"""
+    </sensor>""",
+)
 MANIFEST = """
 pairs: [{geoms: [floor, cart]}]
 initial:

@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from tests.cart_pole import cart_pole
 
 from contactlab.errors import SceneError, StoreError
 from contactlab.run.stored_runs import replay, timed_run
@@ -21,23 +22,7 @@ from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import verify
 
-CART_POLE = """
-<mujoco>
-  <option timestep="0.004" integrator="implicitfast"/>
-  <worldbody>
-    <geom name="floor" type="plane" size="5 5 .1" pos="0 0 -1"/>
-    <body name="cart">
-      <joint name="rail" type="slide" axis="1 0 0"/><geom name="cart" size=".1" mass="1"/>
-      <body name="pole">
-        <joint name="hinge" axis="0 1 0"/>
-        <geom name="pole" type="capsule" fromto="0 0 0 0 0 .6" size=".02" mass=".1"/>
-      </body>
-    </body>
-  </worldbody>
-  <keyframe><key name="tilted" qpos="0 0.1"/></keyframe>
-  <actuator><motor name="push" joint="rail" ctrlrange="-50 50"/></actuator>
-</mujoco>
-"""
+CART_POLE = cart_pole(0.004, more='<keyframe><key name="tilted" qpos="0 0.1"/></keyframe>')
 POLICY = """
 import os
 import numpy as np
