@@ -22,6 +22,16 @@ trace: none
 axes:
   timestep: [1.0e-3, 2.0e-3, 3.0e-3, 1.0e-6]
 """
+# The engine asks for this model's arena at once.
+ARENA = """
+<mujoco>
+  <size memory="256M"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="ball" pos="0 0 .1"><freejoint/><geom name="ball" size=".05"/></body>
+  </worldbody>
+</mujoco>
+"""
 LARGE = set(range(12, 16))
 RUNS = 16
 
@@ -65,7 +75,8 @@ def test_workers_that_can_have_no_memory_end_the_sweep(
     command: Any, inject: Any, tmp_path: Path
 ) -> None:
     """Here the engine itself cannot have what it asks for."""
-    (tmp_path / "small.yaml").write_text(SWEEP)
+    (tmp_path / "arena.xml").write_text(ARENA)
+    (tmp_path / "small.yaml").write_text(SWEEP.replace("ball_drop", "arena.xml"))
     sweep = ("sweep", "small.yaml", "-o", "store", "--workers", "1", "--format", "json")
     code, out, err = command.run(*sweep, "--limit", "3", first=inject({}, 0))
     assert (code, err) == (4, "error: 3 of 3 runs crashed or timed out\n")
