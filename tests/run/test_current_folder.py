@@ -4,6 +4,7 @@ import multiprocessing
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +12,9 @@ import pytest
 
 from contactlab.run import worker_pool
 from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
+from contactlab.run.worker_pool import WorkerPool
 from contactlab.run.worker_process import WorkerHandle, end_halted
 
-INNER: Any = worker_pool
 JOB: Job = (PlannedRun(0, "first", {}, 0),)
 MODULES = ("selectors", "signal", "numpy", "socket", "contactlab", "struct")
 
@@ -38,16 +39,18 @@ def halted_worker(tmp_path: Path) -> Any:
     theirs.close()
     os.kill(process.pid or 0, signal.SIGSTOP)
     os.waitpid(process.pid or 0, os.WUNTRACED)
-    yield WorkerHandle(process, ours, tmp_path / "marker", JOB)
+    yield WorkerHandle(process, ours, tmp_path / "marker")
     process.kill()
 
 
-def test_a_halted_worker_is_ended(halted_worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(worker_pool, "_LOOK_INTERVAL", 0.01)
-    workers, results = [halted_worker], []
-    while workers:
-        results += INNER._next_results(None, None, workers, iter(()), Stop())
-    (result,) = results
+def test_a_halted_worker_is_ended(
+    halted_worker: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(worker_pool, "_STOP_INTERVAL", 0.001)
+    task: Any = None
+    pool: Any = WorkerPool(task, tmp_path, 1)
+    pool._workers[pool._markers[0]] = replace(halted_worker, marker=pool._markers[0])
+    (result,) = pool.run([JOB], Stop())
     assert isinstance(result, Crashed)
     assert (result.job, result.timed_out) == (JOB, False)
     assert "halted" in result.reason

@@ -11,12 +11,11 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import worker_pool
 from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
+from contactlab.run.worker_pool import WorkerPool
 from contactlab.run.worker_process import WorkerHandle
 from contactlab.store.verify_store import verify
 
-INNER: Any = worker_pool
 FIRST: Job = (PlannedRun(0, "first", {}, 0),)
 SECOND: Job = (PlannedRun(1, "second", {}, 0),)
 
@@ -115,39 +114,37 @@ class DeadProcess:
     def join(self) -> None:
         """Return at once."""
 
+    def kill(self) -> None:
+        """Do nothing: it is dead."""
+
 
 @pytest.fixture
-def slot(tmp_path: Path) -> tuple[Any, Any]:
-    """A worker on its first job, and the worker's end of the pipe."""
+def worker(tmp_path: Path) -> tuple[Any, Any]:
+    """A pool of one worker, which waits for a job, and the worker's end of the pipe."""
     ours, theirs = multiprocessing.Pipe()
     process: Any = DeadProcess()
-    return WorkerHandle(process, ours, tmp_path / "marker", FIRST), theirs
-
-
-def results(slots: list[Any], queue: Any) -> list[Any]:
-    context: Any = None
     task: Any = None
-    return list(INNER._next_results(context, task, slots, queue, Stop()))
+    pool: Any = WorkerPool(task, tmp_path, 1)
+    pool._workers[tmp_path / "0"] = WorkerHandle(process, ours, tmp_path / "0")
+    return pool, theirs
 
 
-def test_a_worker_that_dies_between_jobs_loses_the_next(slot: tuple[Any, Any]) -> None:
-    worker, theirs = slot
-    slots = [worker]
+def test_a_worker_that_dies_between_jobs_loses_the_next(worker: tuple[Any, Any]) -> None:
+    pool, theirs = worker
     theirs.send(["done"])
     theirs.close()
-    queue = iter([SECOND])
-    assert results(slots, queue) == [["done"]]
-    assert results(slots, queue) == [
-        Crashed(SECOND, "the worker was ended by SIGKILL", timed_out=False)
+    assert list(pool.run([FIRST, SECOND], Stop())) == [
+        ["done"],
+        Crashed(SECOND, "the worker was ended by SIGKILL", timed_out=False),
     ]
-    assert slots == []
+    assert pool._workers == {}
 
 
-def test_a_worker_that_dies_in_mid_message_loses_its_job(slot: tuple[Any, Any]) -> None:
-    worker, theirs = slot
+def test_a_worker_that_dies_in_mid_message_loses_its_job(worker: tuple[Any, Any]) -> None:
+    pool, theirs = worker
     os.write(theirs.fileno(), (1000).to_bytes(4, "big") + b"only the beginning")
     theirs.close()
-    assert results([worker], iter(())) == [
+    assert list(pool.run([FIRST], Stop())) == [
         Crashed(FIRST, "the worker was ended by SIGKILL", timed_out=False)
     ]
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import ray_worker
+from contactlab.run import ray_worker, worker_pool
 from contactlab.run.tasks import Crashed, PlannedRun, Task
 from contactlab.scene.scene_source import stored_scene
 from contactlab.store.store_address import ObjectAddress
@@ -88,13 +88,13 @@ def process(task: Task) -> Iterator[Any]:
 
     yield run
     for worker in INNER._workers.values():
-        worker.kill()
+        worker.close()
     INNER._workers.clear()
 
 
 def number(token: str) -> int:
     """Return the number of the process that is kept."""
-    (worker,) = INNER._workers[token]._workers
+    (worker,) = INNER._workers[token]._workers.values()
     return worker.process.pid
 
 
@@ -122,15 +122,16 @@ def test_a_job_that_is_called_back_ends_early(
     process: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     before = signal.getsignal(signal.SIGINT)
-    unpickle = pickle.loads
+    send_job: Any = worker_pool.send_job
 
-    def called_back(data: bytes) -> Any:
+    def called_back(*sent: Any) -> None:
+        send_job(*sent)
         os.kill(os.getpid(), signal.SIGINT)
-        return unpickle(data)
 
     process(1)
-    monkeypatch.setattr(pickle, "loads", called_back)
-    # None at all, where the worker is slow to begin.
-    assert len(process(2000)) < 2000
+    with monkeypatch.context() as patch:
+        patch.setattr(worker_pool, "send_job", called_back)
+        # None at all, where the worker is slow to begin.
+        assert len(process(2000)) < 2000
     assert signal.getsignal(signal.SIGINT) is before
-    assert INNER._workers["one"]._workers == []
+    assert len(process(1)) == 1

@@ -17,13 +17,13 @@ from pathlib import Path
 from tempfile import gettempdir, mkdtemp
 
 from contactlab.run.tasks import Result, Stop, Task
-from contactlab.run.worker_pool import PersistentWorker
+from contactlab.run.worker_pool import WorkerPool
 
 _SCENES, _PLUGINS = "scenes", "plugins"
 # The process, and what makes the name of its folder unique.
 _OWN_END = re.compile(r"(\d+)-[^-]+")
 # By the token of its sweep; one at most.
-_workers: dict[str, PersistentWorker] = {}
+_workers: dict[str, WorkerPool] = {}
 
 
 def pack_bundle(task: Task) -> bytes:
@@ -63,7 +63,8 @@ def run_on_worker(token: str, bundle: Callable[[], bytes], job: bytes) -> Result
     """
     with _cancellation() as stop:
         try:
-            return _worker(token, bundle).run(pickle.loads(job), stop)  # noqa: S301 - our own
+            jobs = [pickle.loads(job)]  # noqa: S301 - our own
+            return next(_worker(token, bundle).run(jobs, stop), [])
         except Exception as error:  # noqa: BLE001 - raised again where the sweep runs
             return error
 
@@ -80,13 +81,13 @@ def own_folder() -> Path:
     return Path(mkdtemp(prefix=f"{name}{os.getpid()}-"))
 
 
-def _worker(token: str, bundle: Callable[[], bytes]) -> PersistentWorker:
+def _worker(token: str, bundle: Callable[[], bytes]) -> WorkerPool:
     if token not in _workers:
         for other in _workers.values():
-            other.kill()
+            other.close()
         _workers.clear()
         folder = own_folder()
-        _workers[token] = PersistentWorker(unpack_bundle(bundle(), folder), folder / "marker")
+        _workers[token] = WorkerPool(unpack_bundle(bundle(), folder), folder, 1)
     return _workers[token]
 
 

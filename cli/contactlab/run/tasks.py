@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from multiprocessing import Pipe
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -24,23 +23,16 @@ from contactlab.store.store_address import Address
 class Stop:
     """A request to stop: runs in flight end, and no more begin.
 
-    It is set once, from a signal handler or another thread. It can be waited for beside pipes,
-    since it has a `fileno`.
-
     Attributes:
         is_set: whether to stop.
         is_watched: whether runs are in flight that end by themselves once this is set.
     """
 
-    def __init__(self) -> None:
-        self._reader, self._writer = Pipe(duplex=False)
-        self.is_set = self.is_watched = False
+    is_set = is_watched = False
 
     def set(self) -> None:
-        """Request to stop; safe in a signal handler."""
-        if not self.is_set:
-            self.is_set = True
-            self._writer.send_bytes(b"stop")
+        """Request to stop, from another thread or a signal handler too."""
+        self.is_set = True
 
     @contextmanager
     def watched(self) -> Generator[None]:
@@ -50,10 +42,6 @@ class Stop:
             yield
         finally:
             self.is_watched = False
-
-    def fileno(self) -> int:
-        """Return the file descriptor that becomes readable when this is set."""
-        return self._reader.fileno()
 
 
 Purpose = Literal["record", "errors", "work", "times"]

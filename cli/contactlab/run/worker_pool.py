@@ -4,13 +4,12 @@ Each worker has a private pipe, whose end is the only sign of its death: a share
 break, or hang, with the process that holds its lock.
 """
 
-import itertools
 import os
 from collections.abc import Iterable, Iterator
+from contextlib import closing
 from dataclasses import dataclass
-from itertools import takewhile
+from itertools import count, islice, takewhile
 from multiprocessing.connection import wait
-from multiprocessing.context import ForkServerContext
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,7 +18,6 @@ from contactlab.run.worker import Worker
 from contactlab.run.worker_process import (
     WorkerHandle,
     end_halted,
-    fork_context,
     kill_workers,
     receive_result,
     request_stop,
@@ -27,11 +25,10 @@ from contactlab.run.worker_process import (
     start_worker,
 )
 
-# How long a request to stop that comes without a signal may go unnoticed [s].
+# How long a request to stop may go unnoticed [s]: on a cluster it comes without a signal.
 _STOP_INTERVAL = 0.1
-# How long workers may be silent before they are looked at [s].
-_LOOK_INTERVAL = 2.0
-_LOOKS = round(_LOOK_INTERVAL / _STOP_INTERVAL)
+# How often in a row workers may be silent for that long before they are looked at.
+_LOOKS = 20
 
 
 def worker_count(requested: int | None) -> int:
@@ -55,86 +52,52 @@ class LocalPool:
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs as they come; see `Executor`."""
-        queue = takewhile(lambda _: not stop.is_set, jobs)
         if self.workers == 0:
             worker = Worker(task, None, lambda: not stop.is_set)
-            yield from map(worker.run, queue)
+            yield from map(worker.run, takewhile(lambda _: not stop.is_set, jobs))
             return
-        context = fork_context()
-        workers: list[WorkerHandle] = []
-        with TemporaryDirectory(prefix="contactlab-") as folder:
-            try:
-                for number in range(self.workers):
-                    if job := next(queue, None):
-                        start_worker(workers, context, task, Path(folder) / str(number), job)
-                while workers:
-                    yield from _next_results(context, task, workers, queue, stop)
-            finally:
-                kill_workers(workers)
+        with (
+            TemporaryDirectory(prefix="contactlab-") as folder,
+            closing(WorkerPool(task, Path(folder), self.workers)) as pool,
+        ):
+            yield from pool.run(jobs, stop)
 
 
-class PersistentWorker:
-    """One worker process that is kept between jobs, which come one at a time."""
+class WorkerPool:
+    """Worker processes of a task, which are started as they are needed and kept between jobs."""
 
-    def __init__(self, task: Task, marker: Path) -> None:
+    def __init__(self, task: Task, folder: Path, most: int) -> None:
         self._task = task
-        self._marker = marker
-        self._workers: list[WorkerHandle] = []
+        self._markers = [folder / str(number) for number in range(most)]
+        self._workers: dict[Path, WorkerHandle] = {}
 
-    def run(self, job: Job, stop: Stop) -> Result:
-        """Return the results of a job; of some of its runs only if `stop` is set meanwhile."""
-        if self._workers:
-            self._workers[0].job = job
-            send_job(self._workers[0], job)
-        else:
-            start_worker(self._workers, fork_context(), self._task, self._marker, job)
-        (worker,) = self._workers
-        silent = itertools.count(1)
-        while not wait([worker.pipe], _STOP_INTERVAL):
+    def run(self, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
+        """Yield the results of jobs as they come; see `Executor`."""
+        queue, silent = takewhile(lambda _: not stop.is_set, jobs), count(1)
+        for marker, job in zip(self._markers, islice(queue, len(self._markers)), strict=False):
+            self._send(marker, job)
+        while busy := [each for each in self._workers.values() if each.job is not None]:
             if stop.is_set:
-                request_stop(self._workers)
-            if next(silent) % _LOOKS == 0:
-                end_halted(self._workers)
-        try:
-            result = receive_result(worker)
-        finally:
-            self._marker.unlink(missing_ok=True)
-        if worker.stop_requested or isinstance(result, Crashed):
-            self.kill()
-        return result
+                request_stop(busy)
+            ready = wait([each.pipe for each in busy], _STOP_INTERVAL)
+            if not ready and next(silent) % _LOOKS == 0:
+                end_halted(busy)
+            for worker in [each for each in busy if each.pipe in ready]:
+                result = receive_result(worker)
+                if worker.stop_requested or isinstance(result, Crashed):
+                    kill_workers([worker])
+                    del self._workers[worker.marker]
+                if (job := next(queue, None)) is not None:
+                    self._send(worker.marker, job)
+                yield result
 
-    def kill(self) -> None:
-        """Kill the worker, whatever it is doing."""
-        kill_workers(self._workers)
-        self._workers.clear()
-
-
-def _next_results(
-    context: ForkServerContext,
-    task: Task,
-    workers: list[WorkerHandle],
-    queue: Iterator[Job],
-    stop: Stop,
-) -> Iterator[Result]:
-    """Wait for workers; give each its next job, or let it go when there is none."""
-    stopping = stop.is_set
-    if stopping:
-        request_stop(workers)
-    pipes = [worker.pipe for worker in workers]
-    ready = set(wait([*pipes, *([] if stopping else [stop.fileno()])], _LOOK_INTERVAL))
-    if not ready:
-        end_halted(workers)
-    for worker in [worker for worker in workers if worker.pipe in ready]:
-        result = receive_result(worker)
-        job = next(queue, None)
-        if isinstance(result, Crashed):
-            workers.remove(worker)
-            if job is not None:
-                start_worker(workers, context, task, worker.marker, job)
-        elif job is not None:
-            worker.job = job
+    def _send(self, marker: Path, job: Job) -> None:
+        if worker := self._workers.get(marker):
             send_job(worker, job)
         else:
-            kill_workers([worker])
-            workers.remove(worker)
-        yield result
+            start_worker(self._workers, self._task, marker, job)
+
+    def close(self) -> None:
+        """Kill the workers, whatever they are doing."""
+        kill_workers(self._workers.values())
+        self._workers.clear()

@@ -15,19 +15,21 @@ import sys
 import tempfile
 import threading
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Collection, Generator, Iterable, MutableMapping
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection
-from multiprocessing.context import ForkServerContext
 from multiprocessing.process import BaseProcess
 from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from types import ModuleType
+from typing import TypeVar
 
 from contactlab.errors import ContactlabError
 from contactlab.run.tasks import Crashed, Job, Result, Task
 from contactlab.run.worker import Worker
+
+Value = TypeVar("Value")
 
 _STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
 # As the engine, zstandard and the operating system put it.
@@ -48,7 +50,7 @@ class WorkerHandle:
     Attributes:
         pipe: takes jobs and brings results.
         marker: the file where the worker writes a traceback when a run times out.
-        job: the job that it is on.
+        job: the job that it is on; None while it waits for one.
         stop_requested: whether it was asked to stop after the current run.
         halted: how often in a row it was seen halted, as by SIGSTOP.
     """
@@ -56,39 +58,34 @@ class WorkerHandle:
     process: BaseProcess
     pipe: Connection
     marker: Path
-    job: Job
+    job: Job | None = None
     stop_requested: bool = False
     halted: int = 0
 
 
-def fork_context() -> ForkServerContext:
-    """Return the context that forks workers, with all that they need preloaded."""
+def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job) -> None:
+    """Start a worker on a job, and add it to the others before a signal can come between."""
+    marker.unlink(missing_ok=True)
+    environment = dict(os.environ)
     _place_socket()
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload([__name__])
-    return context
-
-
-def start_worker(
-    workers: list[WorkerHandle], context: ForkServerContext, task: Task, marker: Path, job: Job
-) -> None:
-    """Start a worker on a job, and append it to the others before a signal can come between."""
-    marker.unlink(missing_ok=True)
-    environment = dict(os.environ)
-    with _only_installed(), _signals_blocked():
+    # Nothing is imported from the current folder, which may be a stranger's, with a `selectors.py`
+    # that is none.
+    with _replaced(os.environ, "PYTHONSAFEPATH", "1"), _signals_blocked():
         ours, theirs = context.Pipe()
         arguments = (task, theirs, marker, environment)
         process = context.Process(target=_serve_jobs, args=arguments, daemon=True)
         _start_process(process)
         theirs.close()
-        workers.append(WorkerHandle(process, ours, marker, job))
-    send_job(workers[-1], job)
+        workers[marker] = WorkerHandle(process, ours, marker)
+    send_job(workers[marker], job)
 
 
-def send_job(worker: WorkerHandle, job: Job | None) -> None:
-    """Send a worker a job, or None to stop it; one that has just died is noticed later."""
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-        worker.pipe.send(job)
+def send_job(worker: WorkerHandle, job: Job) -> None:
+    """Send a worker a job; one that has just died is noticed later."""
+    worker.job = job
+    _send(worker, job)
 
 
 def request_stop(workers: Iterable[WorkerHandle]) -> None:
@@ -96,7 +93,12 @@ def request_stop(workers: Iterable[WorkerHandle]) -> None:
     for worker in workers:
         if not worker.stop_requested:
             worker.stop_requested = True
-            send_job(worker, None)
+            _send(worker, None)
+
+
+def _send(worker: WorkerHandle, job: Job | None) -> None:
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        worker.pipe.send(job)
 
 
 def end_halted(workers: Iterable[WorkerHandle]) -> None:
@@ -125,6 +127,8 @@ def receive_result(worker: WorkerHandle) -> Result:
     Raises:
         Exception: the job raised it there; it should end the sweep.
     """
+    job, worker.job = worker.job, None
+    assert job is not None
     try:
         received = worker.pipe.recv()
     except (EOFError, OSError):
@@ -135,16 +139,13 @@ def receive_result(worker: WorkerHandle) -> Result:
         timed_out = bool(traceback) or worker.process.exitcode == -signal.SIGALRM
         halted = worker.halted >= _MOST_HALTED
         reason = _HALTED if halted else _death(worker.process.exitcode, traceback)
-        return Crashed(worker.job, reason, timed_out)
+        return Crashed(job, reason, timed_out)
     if isinstance(received, Exception):
         raise received
-    if isinstance(received, Crashed):
-        # The process lives, but its memory is full.
-        kill_workers([worker])
     return received
 
 
-def kill_workers(workers: list[WorkerHandle]) -> None:
+def kill_workers(workers: Collection[WorkerHandle]) -> None:
     """Kill workers, whatever they are doing, and wait for them."""
     with _signals_blocked():
         for worker in workers:
@@ -177,8 +178,12 @@ def _place_socket() -> None:
 
 
 def _start_process(process: BaseProcess) -> None:
-    """Start a process; if the fork server was just killed, from the one that replaces it."""
-    with _main_hidden():
+    """Start a process; if the fork server was just killed, from the one that replaces it.
+
+    It would import the `__main__` module, and with it all that a command line needs; a script
+    without `if __name__ == "__main__"` would start its sweep again in each worker.
+    """
+    with _replaced(sys.modules, "__main__", ModuleType("__main__")):
         for _ in range(_START_ATTEMPTS):
             with contextlib.suppress(ConnectionRefusedError):
                 process.start()
@@ -204,34 +209,16 @@ def _signals_blocked() -> Generator[None]:
 
 
 @contextlib.contextmanager
-def _only_installed() -> Generator[None]:
-    """Have servers that start meanwhile import nothing from the current folder.
-
-    It may be a stranger's, with a `selectors.py` that is none.
-    """
-    before = os.environ.get("PYTHONSAFEPATH")
-    os.environ["PYTHONSAFEPATH"] = "1"
+def _replaced(entries: MutableMapping[str, Value], name: str, value: Value) -> Generator[None]:
+    """Have another entry of this name for a while, here and in processes that start meanwhile."""
+    before = entries.get(name)
+    entries[name] = value
     try:
         yield
     finally:
-        del os.environ["PYTHONSAFEPATH"]
+        del entries[name]
         if before is not None:
-            os.environ["PYTHONSAFEPATH"] = before
-
-
-@contextlib.contextmanager
-def _main_hidden() -> Generator[None]:
-    """Hide the `__main__` module from processes that start meanwhile.
-
-    They would import it, and with it all that a command line needs; a script without
-    `if __name__ == "__main__"` would start its sweep again in each worker.
-    """
-    main = sys.modules["__main__"]
-    sys.modules["__main__"] = ModuleType("__main__")
-    try:
-        yield
-    finally:
-        sys.modules["__main__"] = main
+            entries[name] = before
 
 
 def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str, str]) -> None:
