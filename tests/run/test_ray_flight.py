@@ -155,14 +155,10 @@ def test_a_refusal_and_a_failure_end_the_sweep(fly: Fly, answer: Any, kind: Any)
 def terms(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> node.NodeRequirements:
     """What a node must have, which this one has."""
     monkeypatch.setattr("ray.util.get_node_ip_address", lambda: "10.0.0.7")
-    scene, sign = tmp_path / "store/scenes/1", tmp_path / "store/traces/1.tmp"
-    scene.mkdir(parents=True)
-    sign.parent.mkdir()
+    sign = tmp_path / "store/traces/1.tmp"
+    sign.parent.mkdir(parents=True)
     sign.touch()
-    (scene / "scene.xml").write_text("<mujoco/>")
-    return node.NodeRequirements(
-        "1", {"mujoco": version("mujoco")}, sign, scene, node.digest(scene)
-    )
+    return node.NodeRequirements("1", {"mujoco": version("mujoco")}, sign)
 
 
 def test_a_node_that_has_all_is_fit(terms: node.NodeRequirements) -> None:
@@ -170,9 +166,7 @@ def test_a_node_that_has_all_is_fit(terms: node.NodeRequirements) -> None:
 
 
 def other_version(terms: node.NodeRequirements) -> node.NodeRequirements:
-    return node.NodeRequirements(
-        "1", {"mujoco": "1.0"}, terms.sentinel, terms.scene, terms.scene_hash
-    )
+    return node.NodeRequirements("1", {"mujoco": "1.0"}, terms.sentinel)
 
 
 def not_installed(terms: node.NodeRequirements) -> node.NodeRequirements:
@@ -185,19 +179,12 @@ def not_seen(terms: node.NodeRequirements) -> node.NodeRequirements:
     return terms
 
 
-def changed(terms: node.NodeRequirements) -> node.NodeRequirements:
-    assert terms.scene is not None
-    (terms.scene / "scene.xml").write_text("<mujoco />")
-    return terms
-
-
 @pytest.mark.parametrize(
     ("change", "says"),
     [
         (other_version, "but the sweep was started with mujoco 1.0; install the same versions"),
         (not_installed, "has no contactlab-of-tomorrow, but the sweep was started with"),
         (not_seen, "does not see the store "),
-        (changed, "reads other files in "),
     ],
 )
 def test_a_node_that_lacks_something_says_so(

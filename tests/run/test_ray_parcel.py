@@ -50,7 +50,7 @@ def test_a_scene_goes_along_with_a_store_that_is_no_folder(task: Task, tmp_path:
     assert there == replace(far, scene_folder=there.scene_folder)
     assert tmp_path / "node" in there.scene_folder.parents
     hashes = {
-        stored_scene(folder, task.scene_model, task.scene).content.hash
+        stored_scene(folder, task.identity.scene_model, task.identity.scene).content.hash
         for folder in (task.scene_folder, there.scene_folder)
     }
     assert len(hashes) == 1

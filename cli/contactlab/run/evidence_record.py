@@ -5,7 +5,7 @@ import math
 import os
 import platform
 import subprocess
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cache
@@ -16,9 +16,8 @@ from typing import Any
 import numpy as np
 
 from contactlab.contact.trace_arrays import RecordedControls
-from contactlab.engines import engine_of
+from contactlab.engines import Rollout, engine_of, trajectory_hash
 from contactlab.measure import METRICS, Assessment
-from contactlab.plugins import Plugin
 from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.scene.compiled_scene import PreparedModel
@@ -32,7 +31,6 @@ from contactlab.schema.evidence import (
     Host,
     InitialState,
     LabelEntry,
-    PluginInfo,
     Provenance,
 )
 
@@ -45,11 +43,6 @@ def metric_units() -> dict[str, str]:
 def metric_versions() -> dict[str, int]:
     """Return the version of every metric's definition, of plug-ins too."""
     return {name: metric.version for name, metric in METRICS.items()}
-
-
-def plugin_infos(plugins: Iterable[Plugin]) -> tuple[PluginInfo, ...]:
-    """Return what records state of plug-ins."""
-    return tuple(PluginInfo(name=p.name, version=p.version, sha256=p.sha256) for p in plugins)
 
 
 @dataclass(frozen=True)
@@ -69,12 +62,9 @@ class RunOutcome:
     Attributes:
         assessment: of the group of runs that it was measured with.
         row: its place in that group.
-        steps: steps made.
-        warnings: how often the engine raised each, by name.
-        error: the engine's error, or None.
-        cpu: thread CPU time of the stepping [s]; NaN where that includes more than the engine.
+        rollout: of its job.
+        place: its place in that job.
         started: when its job started.
-        controls: what the policy did; None without one, and where it failed.
         twin_label: the label of the same run from an initial state 1e-6 away; None unless the
             sweep asks for it.
     """
@@ -82,125 +72,123 @@ class RunOutcome:
     plan: RunPlan
     assessment: Assessment
     row: int
-    steps: int
-    warnings: Mapping[str, int]
-    error: str | None
-    trajectory_hash: str
-    cpu: float
+    rollout: Rollout
+    place: int
     started: str
-    controls: RecordedControls | None
     twin_label: str | None
 
+    @property
+    def steps(self) -> int:
+        """Steps made."""
+        return self.rollout.steps[self.place]
 
-class RecordMaker:
-    """Makes the records of one sweep."""
-
-    def __init__(self, task: Task, scene_hash: str) -> None:
-        self._task = task
-        self._scene_hash = scene_hash
-        self._plugins = plugin_infos(task.plugins)
-
-    def now(self) -> str:
-        """Return the time (UTC) as it is written in records."""
-        return datetime.now(UTC).isoformat(timespec="milliseconds")
-
-    def make(self, outcome: RunOutcome) -> EvidenceRecord:
-        """Return a run's record without cost and times of day: equal runs have equal records."""
-        measured = outcome.assessment.metrics.items()
-        metrics = {name: _finite(values[outcome.row]) for name, values in measured}
-        status, reason = _status(outcome)
-        return self._record(
-            outcome.plan,
-            metrics=metrics,
-            labels=_labels(outcome),
-            status=status,
-            status_reason=reason,
-            steps=outcome.steps,
-            warnings=dict(outcome.warnings),
-            trajectory_hash=outcome.trajectory_hash,
-            knife_edge=_is_knife_edge(outcome),
-            coverage=outcome.assessment.coverage and outcome.assessment.coverage[outcome.row],
-        )
-
-    def crashed(self, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
-        """Return the record of a run whose worker died twice: `crashed` or `timeout`."""
-        return self._record(
-            plan,
-            metrics=dict.fromkeys(METRICS),
-            labels=(label,),
-            status=label.label,
-            status_reason=label.reason,
-            steps=0,
-            warnings={},
-            trajectory_hash=None,
-            knife_edge=None,
-        )
-
-    def _record(
-        self,
-        plan: RunPlan,
-        *,
-        metrics: dict[str, float | None],
-        labels: tuple[LabelEntry, ...],
-        **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
-    ) -> EvidenceRecord:
-        run, resolved, sweep = plan.run, plan.resolved, self._task.sweep
-        engine = engine_of(resolved)
-        effects = _effects(plan, engine.ignored(resolved))
-        selected = [each for match, each in self._task.expected if match.holds(run.values)]
-        verdict = judge(selected, [entry.label for entry in labels], metrics)
-        return EvidenceRecord(
-            run_id=run.run_id,
-            index=run.index,
-            sweep=self._task.name,
-            scene=self._task.scene,
-            scene_hash=self._scene_hash,
-            engine=Engine(name=engine.name, version=engine.version),
-            axes={name: as_written(value) for name, value in run.values.items()},
-            settings=resolved.values,
-            effects={name: each.on for name, each in effects.items()},
-            effect_reasons={name: each.reason for name, each in effects.items()},
-            pairs=dict(plan.prepared.pairs),
-            edited_geoms=plan.prepared.edited_geoms,
-            seed=run.seed,
-            initial=_initial(plan.start),
-            duration=resolved.duration,
-            drive=resolved.drive,
-            steps_asked=resolved.steps,
-            metrics=metrics,
-            metric_versions=metric_versions(),
-            units=metric_units(),
-            label=labels[0].label if labels else "stable",
-            labels=labels,
-            expected=verdict.expected,
-            expectation_met=verdict.met,
-            expectation_reason=verdict.reason,
-            tolerances_met=within_tolerances(sweep.tolerances, metrics),
-            provenance=self._task.provenance,
-            plugins=self._plugins,
-            **rest,
-        )
-
-    def with_cost(self, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
-        """Return a record with the run's cost and times of day."""
-        clock = {"started": outcome.started, "finished": self.now()}
-        if math.isnan(outcome.cpu):
-            return record.model_copy(update=clock)
-        budget = self._task.sweep.latency_budget
-        simulated = outcome.steps * outcome.plan.resolved.timestep
-        cost = Cost(
-            cpu_s=outcome.cpu,
-            cpu_per_sim_s=outcome.cpu / simulated if simulated else 0.0,
-            latency_budget_s=budget,
-            latency_used=outcome.cpu / outcome.steps / budget if budget and outcome.steps else None,
-        )
-        return record.model_copy(update={"cost": cost, **clock})
+    @property
+    def controls(self) -> RecordedControls | None:
+        """What its policy did; None without one, and where it failed."""
+        return self.rollout.controls[self.place] if self.rollout.controls else None
 
 
-def _is_knife_edge(outcome: RunOutcome) -> bool | None:
-    if outcome.twin_label is None:
-        return None
-    return outcome.twin_label != outcome.assessment.labels[outcome.row][0].label
+def time_now() -> str:
+    """Return the time (UTC) as it is written in records."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
+
+
+def record_of(task: Task, outcome: RunOutcome) -> EvidenceRecord:
+    """Return a run's record without cost and times of day: equal runs have equal records."""
+    assessment, row, place = outcome.assessment, outcome.row, outcome.place
+    metrics = {name: _finite(values[row]) for name, values in assessment.metrics.items()}
+    status, reason = _status(outcome)
+    twin = outcome.twin_label
+    return _record(
+        task,
+        outcome.plan,
+        metrics,
+        _labels(outcome),
+        status=status,
+        status_reason=reason,
+        steps=outcome.steps,
+        warnings=dict(outcome.rollout.warnings[place]),
+        trajectory_hash=trajectory_hash(outcome.rollout, place),
+        knife_edge=None if twin is None else twin != assessment.labels[row][0].label,
+        coverage=assessment.coverage and assessment.coverage[row],
+    )
+
+
+def crash_record(task: Task, plan: RunPlan, label: LabelEntry) -> EvidenceRecord:
+    """Return the record of a run whose worker died twice: `crashed` or `timeout`."""
+    return _record(
+        task,
+        plan,
+        dict.fromkeys(METRICS),
+        (label,),
+        status=label.label,
+        status_reason=label.reason,
+        steps=0,
+        warnings={},
+        trajectory_hash=None,
+    )
+
+
+def _record(
+    task: Task,
+    plan: RunPlan,
+    metrics: dict[str, float | None],
+    labels: tuple[LabelEntry, ...],
+    **rest: Any,  # noqa: ANN401 - fields of the record, which checks them
+) -> EvidenceRecord:
+    run, resolved, identity = plan.run, plan.resolved, task.identity
+    engine = engine_of(resolved)
+    effects = _effects(plan, engine.ignored(resolved))
+    selected = [each for match, each in task.expected if match.holds(run.values)]
+    verdict = judge(selected, [entry.label for entry in labels], metrics)
+    return EvidenceRecord(
+        run_id=run.run_id,
+        index=run.index,
+        sweep=identity.name,
+        scene=identity.scene,
+        scene_hash=identity.scene_hash,
+        engine=Engine(name=engine.name, version=engine.version),
+        axes={name: as_written(value) for name, value in run.values.items()},
+        settings=resolved.values,
+        effects={name: each.on for name, each in effects.items()},
+        effect_reasons={name: each.reason for name, each in effects.items()},
+        pairs=dict(plan.prepared.pairs),
+        edited_geoms=plan.prepared.edited_geoms,
+        seed=run.seed,
+        initial=_initial(plan.start),
+        duration=resolved.duration,
+        drive=resolved.drive,
+        steps_asked=resolved.steps,
+        metrics=metrics,
+        metric_versions=metric_versions(),
+        units=metric_units(),
+        label=labels[0].label if labels else "stable",
+        labels=labels,
+        expected=verdict.expected,
+        expectation_met=verdict.met,
+        expectation_reason=verdict.reason,
+        tolerances_met=within_tolerances(task.sweep.tolerances, metrics),
+        provenance=task.provenance,
+        plugins=identity.plugins,
+        **rest,
+    )
+
+
+def with_cost(task: Task, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
+    """Return a record with the run's cost and times of day."""
+    clock = {"started": outcome.started, "finished": time_now()}
+    cpu, steps = float(outcome.rollout.cost[outcome.place]), outcome.steps
+    if math.isnan(cpu):
+        return record.model_copy(update=clock)
+    budget = task.sweep.latency_budget
+    simulated = steps * outcome.plan.resolved.timestep
+    cost = Cost(
+        cpu_s=cpu,
+        cpu_per_sim_s=cpu / simulated if simulated else 0.0,
+        latency_budget_s=budget,
+        latency_used=cpu / steps / budget if budget and steps else None,
+    )
+    return record.model_copy(update={"cost": cost, **clock})
 
 
 def _effects(plan: RunPlan, ignored: Mapping[str, str]) -> Mapping[str, EffectState]:
@@ -237,18 +225,17 @@ def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
         LabelEntry(label=label, reason=reason, step=step)
         for label, reason, step in outcome.assessment.labels[outcome.row]
     )
-    if outcome.error is None:
-        return labels
-    return (LabelEntry(label="invalid", reason=outcome.error, step=0), *labels)
+    error = outcome.rollout.errors[outcome.place]
+    return labels if error is None else (LabelEntry(label="invalid", reason=error, step=0), *labels)
 
 
 def _status(outcome: RunOutcome) -> tuple[str, str | None]:
     """Return how a run ended, and why if it ended early."""
-    if outcome.error is not None:
-        return "error", outcome.error
+    if (error := outcome.rollout.errors[outcome.place]) is not None:
+        return "error", error
     if outcome.steps == outcome.plan.resolved.steps:
         return "ok", None
-    warnings = ", ".join(outcome.warnings) or "no warning"
+    warnings = ", ".join(outcome.rollout.warnings[outcome.place]) or "no warning"
     return "stopped", f"the engine stopped after {outcome.steps} steps: {warnings}"
 
 

@@ -24,7 +24,8 @@ from contactlab.scene.resolution import ID_BYTES, ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup
 from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
-from contactlab.schema.drive import PolicyDrive
+from contactlab.schema.drive import PolicyDrive, parse_drive
+from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.store_access import backend_at, local_scene
@@ -225,6 +226,21 @@ def _max_models(base: CompiledScene) -> int:
     return max(1, MODEL_BYTES // base.size)
 
 
+def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
+    """Return the scene of a store's sweep, with its drive, from the store's own files.
+
+    The folder is the store's copy of the scene.
+
+    Raises:
+        SceneError: it does not compile with this engine, or a file is not what it was.
+    """
+    source = stored_scene(folder, identity.scene_model, identity.scene)
+    scene = Scene(source, ENGINES, read_control_table)
+    scene = scene.with_effects(effects_base(identity.resolved.get("effects", {})))
+    drive = identity.resolved.get("drive")
+    return scene if drive is None else stored_drive(scene, parse_drive(drive), folder.parent)
+
+
 _MAX_MODELS = 64
 
 
@@ -240,12 +256,9 @@ class Preparer:
         self.task = task
         self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
-        source = stored_scene(folder, task.scene_model, task.scene)
-        scene = Scene(source, ENGINES, read_control_table)
-        if scene.hash != task.scene_folder.name:
-            raise StoreError(f"{folder} was changed: its files have the hash {scene.hash}")
-        scene = scene.with_effects(effects_base(task.sweep.effects))
-        self.scene = stored_drive(scene, task.sweep.drive, folder.parent)
+        self.scene = stored_sweep_scene(task.identity, folder)
+        if self.scene.hash != task.scene_folder.name:
+            raise StoreError(f"{folder} was changed: its files have the hash {self.scene.hash}")
         self._marker = marker
         self._models: OrderedDict[str, PreparedModel] = OrderedDict()
 

@@ -4,7 +4,7 @@ import pickle
 import secrets
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from itertools import takewhile
@@ -17,13 +17,11 @@ from ray.exceptions import (
     NodeDiedError,
     ObjectLostError,
     OutOfMemoryError,
-    RayError,
     RaySystemError,
     RayTaskError,
     TaskCancelledError,
     WorkerCrashedError,
 )
-from ray.util.scheduling_strategies import NodeAffinitySchedulingStrategy
 
 from contactlab.errors import ClusterError
 from contactlab.run import ray_node
@@ -36,9 +34,8 @@ from contactlab.store.backend_protocol import TRACES
 MAX_LOSSES = 3
 """How often a job may lose its node before it is taken to be the cause."""
 _LOST = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
-# How long a request to stop may go unnoticed, how long processes may take to end, and nodes to
-# answer; those that take longer are asked before their first job [s].
-_STOP_INTERVAL, _END_TIMEOUT, _ANSWER_TIMEOUT = 0.5, 10.0, 60.0
+# How long a request to stop may go unnoticed, and how long processes may take to end [s].
+_STOP_INTERVAL, _END_TIMEOUT = 0.5, 10.0
 
 
 @dataclass(frozen=True)
@@ -63,9 +60,12 @@ class RayExecutor:
         Raises:
             ClusterError: a node cannot run them.
         """
+        if not ray.cluster_resources().get("CPU"):
+            raise ClusterError(
+                "no node of the cluster has CPUs; start one: ray start --address=..."
+            )
         cloudpickle.register_pickle_by_value(ray_node)
         with published_requirements(task) as requirements:
-            check_nodes(requirements)
             # In a list, a reference is fetched only by processes that do not have it yet.
             shared = [ray.put(requirements), ray.put(pack_bundle(task))]
             remote: Any = ray.remote(num_cpus=1, max_retries=0)(ray_node.run_job)
@@ -170,41 +170,17 @@ class InFlight:
 def published_requirements(task: Task) -> Generator[NodeRequirements]:
     """Yield what nodes must have; meanwhile the store holds a sentinel file that they must see."""
     token = secrets.token_hex(8)
-    versions = {"contactlab": version("contactlab"), task.engine.name: task.engine.version}
-    store, scene = task.store, task.scene_folder
-    if not isinstance(store, Path):
+    engine = task.identity.engine
+    versions = {"contactlab": version("contactlab"), engine.name: engine.version}
+    if not isinstance(task.store, Path):
         yield NodeRequirements(token, versions)
         return
-    sentinel = store / TRACES / (token + TEMPORARY_SUFFIX)
+    sentinel = task.store / TRACES / (token + TEMPORARY_SUFFIX)
     sentinel.touch()
     try:
-        yield NodeRequirements(token, versions, sentinel, scene, ray_node.digest(scene))
+        yield NodeRequirements(token, versions, sentinel)
     finally:
         sentinel.unlink(missing_ok=True)
-
-
-def check_nodes(requirements: NodeRequirements) -> None:
-    """Ask every node whether it can run jobs.
-
-    Raises:
-        ClusterError: one cannot, or there is none.
-    """
-    ids = [each["NodeID"] for each in ray.nodes() if each["Alive"] and each["Resources"].get("CPU")]
-    if not ids:
-        raise ClusterError("no node of the cluster has CPUs; start one: ray start --address=...")
-    asked = [_ask(each, requirements) for each in ids]
-    answered, _ = ray.wait(asked, num_returns=len(asked), timeout=_ANSWER_TIMEOUT)
-    for each in answered:
-        # A node may be lost while it is asked.
-        with suppress(RayError):
-            if (refused := ray.get(each)) is not None:
-                raise ClusterError(refused)
-
-
-def _ask(node_id: str, requirements: NodeRequirements) -> Any:  # noqa: ANN401 - as Ray types it
-    there = NodeAffinitySchedulingStrategy(node_id, soft=False)
-    refusal: Any = ray.remote(num_cpus=0, max_retries=0)(ray_node.refusal)
-    return refusal.options(scheduling_strategy=there).remote(requirements)
 
 
 def _accepted(reply: Result | Exception | str) -> Result:

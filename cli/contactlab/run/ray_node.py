@@ -4,7 +4,6 @@ This module is sent to nodes by value, since a node may have another contactlab,
 nothing else of contactlab is imported before the node is known to fit.
 """
 
-import hashlib
 import os
 import platform
 from collections.abc import Mapping, Sequence
@@ -28,29 +27,16 @@ class NodeRequirements:
         versions: of packages, by name.
         sentinel: a file that the sweep made in the store's folder, which nodes must see, and be
             able to write beside; None if the store is no folder.
-        scene: the store's copy of the scene; None if the store is no folder.
-        scene_hash: of its files.
     """
 
     token: str
     versions: Mapping[str, str]
     sentinel: Path | None = None
-    scene: Path | None = None
-    scene_hash: str = ""
-
-
-def digest(folder: Path) -> str:
-    """Return the SHA-256 over names and bytes of all files in a folder."""
-    hashed = hashlib.sha256()
-    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        data = path.read_bytes()
-        hashed.update(f"{path.relative_to(folder).as_posix()}\0{len(data)}\0".encode() + data)
-    return hashed.hexdigest()
 
 
 def refusal(requirements: NodeRequirements) -> str | None:
     """Return why jobs cannot be run here, in words; None if they can."""
-    reason = _wrong_version(requirements) or _wrong_files(requirements)
+    reason = _wrong_version(requirements) or _wrong_store(requirements.sentinel)
     return f"node {platform.node()} ({ray.util.get_node_ip_address()}) {reason}" if reason else None
 
 
@@ -87,9 +73,8 @@ def _installed(name: str) -> str:
         return f"no {name}"
 
 
-def _wrong_files(requirements: NodeRequirements) -> str | None:
-    sentinel, scene = requirements.sentinel, requirements.scene
-    if sentinel is None or scene is None:
+def _wrong_store(sentinel: Path | None) -> str | None:
+    if sentinel is None:
         return None
     store = sentinel.parent.parent
     if not sentinel.exists():
@@ -99,6 +84,4 @@ def _wrong_files(requirements: NodeRequirements) -> str | None:
         )
     if not os.access(sentinel.parent, os.W_OK):
         return f"cannot write to the store {store}; let its user, {os.getuid()}, write there"
-    if digest(scene) != requirements.scene_hash:
-        return f"reads other files in {scene} than the sweep; let all nodes share one copy"
     return None

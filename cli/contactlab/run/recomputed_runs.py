@@ -11,7 +11,8 @@ from pydantic_core import from_json, to_json
 from contactlab.errors import ContactlabError
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import engine, provenance
-from contactlab.run.stored_runs import canonical_values, replay, resolve_record, stored_sweep_scene
+from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.run.worker import Worker
 from contactlab.schema.drive import PolicyDrive
@@ -42,7 +43,7 @@ def recomputed_problems(store: Store) -> Iterator[str]:
     """
     identity = store.manifest.sweep
     try:
-        scene = stored_sweep_scene(store)
+        scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
     except ContactlabError as error:
         yield str(error)
         return
@@ -63,7 +64,7 @@ def recomputed_problems(store: Store) -> Iterator[str]:
 def simulated_problems(store: Store, count: int) -> Iterator[str]:
     """Simulate, measure and label a random sample of the runs again; yield how they differ."""
     identity, columns = store.manifest.sweep, store.columns
-    scene = stored_sweep_scene(store)
+    scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
     names = [*_OUTCOME, *(name for name in identity.metric_versions if name in columns.measured)]
     with TemporaryDirectory() as folder:
         worker = Worker(_task(store, Path(folder)), None)
@@ -88,17 +89,12 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
 
 def _task(store: Store, folder: Path) -> Task:
     identity = store.manifest.sweep
-    sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "none"})
     return Task(
-        sweep=sweep,
+        sweep=Sweep.model_validate(identity.resolved).model_copy(update={"trace": "none"}),
         expected=(),
-        name=identity.name,
-        runs=identity.runs_asked,
+        identity=identity,
         store=folder,
-        scene=identity.scene,
         scene_folder=store.scene_folder,
-        scene_model=identity.scene_model,
-        engine=engine(),
         provenance=provenance(),
         plugins=loaded_plugins(),
     )

@@ -31,22 +31,14 @@ from contactlab.engines import (
 )
 from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreError
 from contactlab.plugins import loaded_plugins
+from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import QPOS0, InitialStates
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.scene import (
-    Scene,
-    compile_without_sensors,
-    prepare_without_sensors,
-    stored_drive,
-)
-from contactlab.scene.scene_source import stored_scene
-from contactlab.schema.drive import parse_drive
+from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
 from contactlab.schema.evidence import EvidenceRecord
-from contactlab.schema.sweep_schema import effects_base
-from contactlab.store.controls_file import read_control_table
 from contactlab.store.finished_store import Store
 
 
@@ -119,7 +111,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
     missing = [str(each) for each in record.plugins if each.name not in loaded]
     try:
         find_engine(record.engine.name)
-        scene = stored_sweep_scene(store)
+        scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
         return record, scene, resolve_record(scene, record)
     except ContactlabError as error:
         if not missing:
@@ -128,21 +120,6 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
             f"run {record.run_id} was run with plug-in {', '.join(missing)}, not loaded here; "
             f"install it or name its file with --plugin: {error}"
         ) from error
-
-
-def stored_sweep_scene(store: Store) -> Scene:
-    """Return the scene of a store's sweep, with its drive, from the store's own files.
-
-    Raises:
-        SceneError: it does not compile with this engine, or a file is not what it was.
-    """
-    identity = store.manifest.sweep
-    source = stored_scene(store.scene_folder, identity.scene_model, identity.scene)
-    scene = Scene(source, ENGINES, read_control_table)
-    scene = scene.with_effects(effects_base(identity.resolved.get("effects", {})))
-    if (drive := identity.resolved.get("drive")) is not None:
-        scene = stored_drive(scene, parse_drive(drive), store.scene_folder.parent)
-    return scene
 
 
 def resolve_record(scene: Scene, record: EvidenceRecord) -> ResolvedRun:

@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from pydantic_core import PydanticSerializationError
@@ -17,7 +16,6 @@ from contactlab.run.evidence_record import (
     engine,
     metric_units,
     metric_versions,
-    plugin_infos,
     provenance,
 )
 from contactlab.run.passes import SweepSession, run_passes
@@ -39,10 +37,16 @@ from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
-from contactlab.schema.evidence import RECORD_VERSION, LabelEntry, StoreManifest, SweepIdentity
+from contactlab.schema.evidence import (
+    RECORD_VERSION,
+    LabelEntry,
+    PluginInfo,
+    StoreManifest,
+    SweepIdentity,
+)
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_address import absolute_address
-from contactlab.store.store_writer import CopyableFiles, StoreWriter, open_writer
+from contactlab.store.store_writer import CopyableFiles, open_writer
 from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
     Column,
@@ -95,7 +99,16 @@ def run_sweep(
                 f"{store.unsealed:,}",
             )
         session = SweepSession(
-            task=replace(_task(request, store, len(index)), policy=policy),
+            task=Task(
+                sweep=request.plan.sweep,
+                expected=request.plan.expected,
+                identity=identity,
+                store=absolute_address(request.store),
+                scene_folder=store.scene_folder.resolve(),
+                provenance=provenance(),
+                plugins=loaded_plugins(),
+                policy=policy,
+            ),
             scene=request.scene,
             store=store,
             index=index,
@@ -129,22 +142,6 @@ def _run_remaining(session: SweepSession) -> None:
         session.progress(finished)
 
 
-def _task(request: SweepRequest, store: StoreWriter, runs: int) -> Task:
-    return Task(
-        sweep=request.plan.sweep,
-        expected=request.plan.expected,
-        name=request.name,
-        runs=runs,
-        store=absolute_address(request.store),
-        scene=request.scene.name,
-        scene_folder=store.scene_folder.resolve(),
-        scene_model=request.scene.source.content.model.as_posix(),
-        engine=engine(),
-        provenance=provenance(),
-        plugins=loaded_plugins(),
-    )
-
-
 def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     manifest, drive = request.scene.source.manifest, request.scene.drive.drive
     timed = bool(manifest and manifest.control) or drive not in ("none", "hold")
@@ -161,7 +158,10 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         runs_asked=len(index),
         lacking=_null_fields(index, driven=timed),
         plan_hash=index.hash,
-        plugins=plugin_infos(loaded_plugins()),
+        plugins=tuple(
+            PluginInfo(name=each.name, version=each.version, sha256=each.sha256)
+            for each in loaded_plugins()
+        ),
     )
     try:
         identity.model_dump_json()

@@ -15,7 +15,7 @@ from contactlab.errors import StoppedError
 from contactlab.plan.grid import Match
 from contactlab.plugins import Plugin
 from contactlab.scene.drive.located_drive import LocatedDrive
-from contactlab.schema.evidence import Engine, Provenance
+from contactlab.schema.evidence import Provenance, SweepIdentity
 from contactlab.schema.sweep_schema import Expectation, Sweep
 from contactlab.store.store_address import Address
 
@@ -53,9 +53,7 @@ class Task:
 
     Attributes:
         expected: conditions, each with what is expected of the runs that it selects.
-        runs: how many runs there are in all.
         scene_folder: the store's copy of the scene, on the machine that runs the sweep.
-        scene_model: the model file, relative to it.
         provenance: versions and machine that write the records.
         plugins: what workers load before their first job.
         policy: the code that acts in the runs, which the user allows; None without.
@@ -65,13 +63,9 @@ class Task:
 
     sweep: Sweep
     expected: tuple[tuple[Match, Expectation], ...]
-    name: str
-    runs: int
+    identity: SweepIdentity
     store: Address
-    scene: str
     scene_folder: Path
-    scene_model: str
-    engine: Engine
     provenance: Provenance
     plugins: tuple[Plugin, ...] = ()
     policy: LocatedDrive | None = None

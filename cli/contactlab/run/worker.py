@@ -22,12 +22,18 @@ from contactlab.engines import (
     engine_of,
     make_trace,
     proceed_always,
-    trajectory_hash,
 )
 from contactlab.engines.closed_loop import load_policy
 from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
-from contactlab.run.evidence_record import RecordMaker, RunOutcome, RunPlan
+from contactlab.run.evidence_record import (
+    RunOutcome,
+    RunPlan,
+    crash_record,
+    record_of,
+    time_now,
+    with_cost,
+)
 from contactlab.run.planned_runs import AbandonedError, Preparer
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
@@ -126,7 +132,6 @@ class Worker:
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._traces = TraceSink(task.store)
         self._policy = task.policy and load_policy(task.policy.found_in(self._scene.drive))
-        self._records = RecordMaker(task, self._scene.hash)
         self._model_xml = self._scene.source.model.read_bytes()
 
     def run(self, job: Job) -> list[Finished]:
@@ -152,7 +157,7 @@ class Worker:
 
     def _record(self, job: Job) -> list[Finished]:
         """Run a job of runs that share structure and step count; write their traces."""
-        started = self._records.now()
+        started = time_now()
         plans = self._preparer.plans(job)
         starts = InitialStates.joined([plan.start for plan in plans])
         rollout, groups = self._measure(plans, starts, self._buffers, self._proceed)
@@ -166,13 +171,9 @@ class Worker:
                     plan=plans[place],
                     assessment=group.assessment,
                     row=row,
-                    steps=rollout.steps[place],
-                    warnings=rollout.warnings[place],
-                    error=rollout.errors[place],
-                    trajectory_hash=trajectory_hash(rollout, place),
-                    cpu=float(rollout.cost[place]),
+                    rollout=rollout,
+                    place=place,
                     started=started,
-                    controls=rollout.controls[place] if rollout.controls else None,
                     twin_label=labels.get(place),
                 )
                 finished[place] = self._finish(outcome, group)
@@ -229,11 +230,11 @@ class Worker:
         """Record a run that crashes every worker; it has no trace."""
         self._traces.remove(run.run_id)
         (plan,) = self._preparer.plans((run,))
-        return _finished(self._records.crashed(plan, label))
+        return _finished(crash_record(self._task, plan, label))
 
     def _finish(self, outcome: RunOutcome, group: MeasuredGroup) -> Finished:
         missing = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
-        record = self._records.make(outcome).model_copy(update={"effects_missed": missing})
+        record = record_of(self._task, outcome).model_copy(update={"effects_missed": missing})
         if outcome.controls is not None:
             model = outcome.plan.prepared.model
             names = [model.actuator(each).name for each in range(model.nu)]
@@ -242,14 +243,13 @@ class Worker:
         if self._keeps_trace(outcome.plan.run, record):
             trace = self._write_trace(record, outcome, group)
             record = record.model_copy(update={"trace": trace})
-        record = self._records.with_cost(record, outcome)
-        return _finished(record)
+        return _finished(with_cost(self._task, record, outcome))
 
     def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
         rule = self._task.sweep.trace
         if rule.startswith("sample:"):
             wanted = int(rule.removeprefix("sample:"))
-            return run.index * wanted % self._task.runs < wanted
+            return run.index * wanted % self._task.identity.runs_asked < wanted
         return rule == "all" or (rule == "flagged" and record.label != "stable")
 
     def _write_trace(
