@@ -10,9 +10,9 @@ from contactlab.contact.trace_arrays import PairTrace
 from contactlab.measure import assess
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_runner import CheckRunner
-from contactlab.studies.check.checked_model import open_model
-from contactlab.studies.check.held_pairs import held_pairs, part_of, slots_of
+from contactlab.studies.check.check_runs import held_pairs, part_of, slots_of
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.check.model_check import CheckRequest, open_model
 from contactlab.studies.session import Session
 
 One = Callable[..., CheckResult]
@@ -78,8 +78,8 @@ def test_a_box_that_slides_is_not_held(one: One) -> None:
     assert "while sliding" in found.reason
 
 
-def runner_of(scene: str, assign: tuple[str, ...], folder: Path) -> CheckRunner:
-    return CheckRunner(open_model(scene, assign), Session(folder))
+def model_of(scene: str, assign: tuple[str, ...], folder: Path) -> CheckedModel:
+    return open_model(CheckRequest(scene, assign), Session(folder))
 
 
 @pytest.mark.parametrize(
@@ -94,10 +94,10 @@ def test_a_whole_window_gives_the_metrics_of_the_record(
     A file's contact points are of single precision: each is off by at most 2**-24 of itself, and
     with them what is a sum or a mean of them; what is counted is the same.
     """
-    runner = runner_of(scene, assign, tmp_path)
-    target, own = runner.checked, runner.nominal
-    base = target.base
-    setup = make_setup(base, None, [target.resolved], [target.prepared.model], {})
+    model = model_of(scene, assign, tmp_path)
+    own = model.nominal
+    base = model.base
+    setup = make_setup(base, None, [model.resolved], [model.prepared.model], {})
     steps = slice(0, own.record.steps)
     pairs = tuple(
         PairTrace(
@@ -116,9 +116,9 @@ def test_a_whole_window_gives_the_metrics_of_the_record(
 
 def test_a_window_sees_its_part_only(tmp_path: Path) -> None:
     """A box at 2 m/s slides for 0.41 s, and sticks from then on."""
-    runner = runner_of("box_slide", (), tmp_path)
-    (early,) = held_pairs(runner.checked, runner.nominal, 0.05, 0.35)
-    (late,) = held_pairs(runner.checked, runner.nominal, 0.5, 1.0)
+    model = model_of("box_slide", (), tmp_path)
+    (early,) = held_pairs(model.nominal, 0.05, 0.35)
+    (late,) = held_pairs(model.nominal, 0.5, 1.0)
     assert not early.holds
     assert early.sliding > 0.9
     # v0 t - mu g t^2 / 2; a box that slides hops, and slips only while it bears force.
@@ -132,9 +132,9 @@ def test_a_window_sees_its_part_only(tmp_path: Path) -> None:
 def test_what_rolls_away_is_not_held(tmp_path: Path) -> None:
     """A ball on a slope sticks and bears load all the time, at v = 5/7 g sin(20 deg) t."""
     (tmp_path / "slope.xml").write_text(SLOPE)
-    runner = runner_of(str(tmp_path / "slope.xml"), ("duration=0.6",), tmp_path)
-    pairs = {each.name: each for each in runner.holding.bearing}
-    assert [each.name for each in runner.holding.held] == ["floor-box"]
+    model = model_of(str(tmp_path / "slope.xml"), ("duration=0.6",), tmp_path)
+    pairs = {each.name: each for each in model.holding.bearing}
+    assert [each.name for each in model.holding.held] == ["floor-box"]
     ball = pairs["slope-ball"]
     assert ball.share > 0.95
     assert ball.sliding < 0.1

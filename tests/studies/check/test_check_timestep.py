@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.run_setup import actuated_limbs
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
-from contactlab.studies.check.held_pairs import pair_speeds
+from contactlab.studies.check.check_runs import pair_speeds
 
 One = Callable[..., CheckResult]
 Checked = Callable[..., CheckReport]

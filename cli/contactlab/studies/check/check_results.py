@@ -105,9 +105,6 @@ class Limits:
         )
 
 
-DEFAULT_LIMITS = Limits()
-
-
 def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
     """Return a measure without a limit."""
     kept = value if math.isfinite(value) else None
@@ -146,39 +143,27 @@ def check_result(
     name: CheckName,
     asks: str,
     measures: Sequence[Measure],
-    *,
     notes: Sequence[str] = (),
     stores: Sequence[str] = (),
 ) -> CheckResult:
-    """Return the result of a check: a pass if every limit holds, else as bad as its worst miss."""
-    worst = {each.severity for each in violated(measures)}
-    severity = next((each for each in _VERDICTS if each in worst), "note")
-    told = sorted(_by_name(measures), key=lambda group: not violated(group))
+    """Return the result of a check: a pass if every limit holds, else as bad as its worst miss.
+
+    A check that measures nothing does not apply, for the reason that its first note gives.
+    """
+    if not measures:
+        reason, *notes = notes
+        verdict: CheckVerdict = "not applicable"
+    else:
+        worst = {each.severity for each in violated(measures)}
+        verdict = _VERDICTS[next((each for each in _VERDICTS if each in worst), "note")]
+        told = sorted(_by_name(measures), key=lambda group: not violated(group))
+        reason = "; ".join(in_words(max(group, key=utilization)) for group in told)
     return CheckResult(
         name=name,
         asks=asks,
-        verdict=_VERDICTS[severity],
-        reason="; ".join(in_words(max(group, key=utilization)) for group in told),
-        measures=tuple(measures),
-        notes=tuple(notes),
-        stores=tuple(stores),
-    )
-
-
-def not_applicable(
-    name: CheckName,
-    asks: str,
-    reason: str,
-    *,
-    notes: Sequence[str] = (),
-    stores: Sequence[str] = (),
-) -> CheckResult:
-    """Return the result of a check that does not apply."""
-    return CheckResult(
-        name=name,
-        asks=asks,
-        verdict="not applicable",
+        verdict=verdict,
         reason=reason,
+        measures=tuple(measures),
         notes=tuple(notes),
         stores=tuple(stores),
     )

@@ -1,32 +1,34 @@
 """The model under check, with its settings and initial state, and its runs."""
 
-import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
-from contactlab.engines import ChecksRuns, find_engine
-from contactlab.errors import SceneError, SweepFileError
+from contactlab.engines import bytes_of_run
+from contactlab.errors import SweepFileError
+from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import QPOS0
-from contactlab.scene.model_options import MODEL_ENGINE
-from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.run_setup import actuated_limbs, make_setup
+from contactlab.scene.resolution import ResolvedRun, steps_of
+from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
-from contactlab.scene.setting_values import Settings
+from contactlab.scene.setting_values import Settings, as_number
 from contactlab.schema.check_report import TaskKind
-from contactlab.schema.drive import Drive
-from contactlab.schema.evidence import EvidenceRecord
-from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.studies.check.check_results import DEFAULT_LIMITS, Limits
-from contactlab.studies.session import Values, read_settings
+from contactlab.schema.drive import Drive, drive_data
+from contactlab.studies.check.check_results import Limits
+from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
+from contactlab.studies.session import Session, Values
 
-_WALKING = 2
-"""Number of actuated limbs from which a free body is taken to walk."""
+NOMINAL_STORE, HOLD_STORE = "run", "hold"
+"""Names of the stores of the nominal run, that of the model as it is, and of one that holds."""
+
+_MOST_STEPS = 300_000
+"""Steps of a run that a check makes at most, beside the nominal one."""
+
+
+class TooLongError(SweepFileError):
+    """A run that a check would make takes too long, or too much memory."""
 
 
 def axis_value(name: str, value: object) -> object:
@@ -37,32 +39,36 @@ def axis_value(name: str, value: object) -> object:
     return value[0], value[2], value[3]
 
 
-@dataclass(frozen=True)
+@dataclass
 class CheckedModel:
-    """A model under check.
+    """A model under check, which runs it, or other scenes with its parameters.
 
     Attributes:
         reference: the model as requested, and as sweeps name their scene.
-        given: the settings as requested, `NAME=VALUE` each.
-        values: the same settings, by axis.
+        values: the settings as requested, by axis.
         duration: simulated time of its nominal run [s].
         drive: what drives it; the scene's own if None.
         kind_reason: why it is for that kind of task, in words.
+        brief: whether only the runs are made that measures with limits need.
     """
 
     reference: str
     scenes: SceneLoader
-    given: tuple[str, ...]
+    session: Session
     values: Mapping[str, object]
     duration: float
     drive: Drive | None
     limits: Limits
     kind: TaskKind
     kind_reason: str
+    brief: bool = False
+    _written: set[str] = field(default_factory=set[str])
 
-    def changed(self, settings: Values) -> "CheckedModel":
-        """Return the model with more settings."""
-        return replace(self, values={**self.values, **settings})
+    def trying(self, settings: Values, folder: str) -> "CheckedModel":
+        """Return the model with more settings, its brief runs in a folder below this one's."""
+        session = replace(self.session, folder=self.session.folder / folder)
+        values = {**self.values, **settings}
+        return replace(self, session=session, values=values, brief=True, _written=set())
 
     @cached_property
     def scene(self) -> Scene:
@@ -94,12 +100,6 @@ class CheckedModel:
         return max((float(body.mass[0]) for body in free), default=1.0)
 
     @property
-    def hold_window(self) -> tuple[float, float] | None:
-        """Start and end [s] of the hold that the scene declares; None without one."""
-        holding = self.base.holding
-        return None if holding is None else holding.window(self.resolved.initial)
-
-    @property
     def keyframe(self) -> str | None:
         """The keyframe that it starts from; None for the scene's initial state."""
         start = self.resolved.keyframe
@@ -110,102 +110,73 @@ class CheckedModel:
         """Every resolved setting."""
         return self.resolved.settings
 
-
-def open_model(
-    reference: str,
-    assign: Sequence[str],
-    kind: TaskKind | None = None,
-    *,
-    drive: Drive | None = None,
-    limits: Limits = DEFAULT_LIMITS,
-) -> CheckedModel:
-    """Open a model for its checks; what is None is derived from the model or its scene.
-
-    Each of `assign` is a `NAME=VALUE` for an axis of the scene, or for `duration`.
-
-    Raises:
-        SceneError: there is no such scene, or it does not compile.
-        SweepFileError: a setting is wrong; all that are, are named.
-    """
-    scenes = SceneLoader(Path())
-    scene = scenes.open(reference)
-    values, sweep = read_settings(scenes, reference, assign, ("duration",))
-    engine = find_engine(str(values.get("engine", MODEL_ENGINE)))
-    if not isinstance(engine, ChecksRuns):
-        raise SweepFileError(
-            f"--set engine: a check goes over its runs a second time, which the {engine.name} "
-            "engine cannot"
-        )
-    resolved = scene.resolve(values, 0, None)
-    if not 0 < resolved.timestep < math.inf:
-        raise SceneError(
-            f"{scene.source.model}: its timestep is {resolved.timestep:g} s; write one above 0 "
-            "there, or `--set timestep=`"
-        )
-    task, reason = _kind(scene.base(resolved.structure), kind)
-    return CheckedModel(
-        reference=reference,
-        scenes=scenes,
-        given=tuple(assign),
-        values=_settings(resolved, values),
-        duration=scene.duration if sweep.duration is None else sweep.duration,
-        drive="exercise" if drive is None and scene.source.manifest is None else drive,
-        limits=limits,
-        kind=task,
-        kind_reason=reason,
-    )
-
-
-def _settings(resolved: ResolvedRun, values: Values) -> dict[str, object]:
-    """Replace parts of settings, such as `solref.timeconst`, by the whole settings they change."""
-    settings = resolved.settings
-    whole: dict[str, object] = {}
-    for name, value in values.items():
-        changed = PARAMETERS[name].sets if name in PARAMETERS else name
-        whole[changed] = settings[changed] if name in PARAMETERS else value
-    return {name: axis_value(name, value) for name, value in whole.items()}
-
-
-def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
-    """Return the kind of task and why: locomotion for a free body with several actuated limbs."""
-    if asked is not None:
-        return asked, "as asked"
-    walking = {
-        name: count for name, count in actuated_limbs(base.model).items() if count >= _WALKING
-    }
-    if walking:
-        name, count = max(walking.items(), key=lambda each: each[1])
-        return "locomotion", f"'{name}' is free and has {count} actuated limbs"
-    return "manipulation", "no free body has several actuated limbs"
-
-
-@dataclass(frozen=True)
-class CheckRun:
-    """A run of the model and its evidence.
-
-    Attributes:
-        row: settings of this run, beyond those under check.
-        values: all settings of this run.
-        store: its store.
-        record: its record.
-    """
-
-    row: Values
-    values: Values
-    store: Store
-    record: EvidenceRecord
+    @cached_property
+    def nominal(self) -> CheckRun:
+        """The run of the model as it is, with every check of its trace."""
+        checks = "none" if self.brief else "all"
+        return self.run(NOMINAL_STORE, "The model as it is", [{}], checks=checks)[0]
 
     @cached_property
-    def trace(self) -> StoredTrace:
-        """Its trace."""
-        return self.store.trace(self.record)
+    def standing(self) -> CheckRun:
+        """The run that a hold is judged by: under an exercise, one that keeps the start posture."""
+        if self.scene.drive.drive != "exercise":
+            return self.nominal
+        text = "The model as it is, keeping its posture"
+        return self.run(HOLD_STORE, text, [{}], drive="hold", checks="none")[0]
 
-    @property
-    def has_trace(self) -> bool:
-        """Whether it has a trace, however short."""
-        return self.record.trace is not None
+    @cached_property
+    def holding(self) -> Holding:
+        """What that run holds, and what stands in it."""
+        return holding_of(self.standing)
 
-    @property
-    def is_complete(self) -> bool:
-        """Whether it was simulated to its end, without an engine warning."""
-        return self.record.status == "ok" and not self.record.warnings
+    def fits(self, timestep: float, seconds: float, scene: str | None = None) -> bool:
+        """Say whether a run of a duration [s] at a timestep [s] is short enough to be made."""
+        steps = steps_of(seconds, timestep)
+        model = self.scenes.open(scene or self.reference).base({}).model
+        return steps <= _MOST_STEPS and bytes_of_run(model, steps) <= RUN_BYTES
+
+    def run(
+        self,
+        name: str,
+        description: str,
+        rows: Sequence[Values],
+        *,
+        scene: str | None = None,
+        duration: float | None = None,
+        drive: Drive | None = None,
+        **keys: object,
+    ) -> list[CheckRun]:
+        """Run the model with more settings, a run each row, or another scene with just these.
+
+        Duration [s] and drive are the model's unless given; `keys` are more of a sweep file.
+
+        Raises:
+            TooLongError: a run takes too many steps, or too much memory.
+        """
+        seconds = self.duration if duration is None else duration
+        drive = drive or (self.drive if scene is None else None)
+        whole = [dict(row) if scene else {**self.values, **row} for row in rows]
+        for step in (as_number(row["timestep"]) for row in whole if "timestep" in row):
+            bounded = self.brief or name != NOMINAL_STORE
+            if bounded and not self.fits(step, seconds, scene):
+                steps = steps_of(seconds, step)
+                raise TooLongError(f"a run of {seconds:g} s would take {steps:,} steps")
+        sweep = {
+            "version": 1,
+            "scene": scene or self.reference,
+            "description": description,
+            "axes": {axis: [value] for axis, value in whole[0].items()},
+            "include": whole[1:],
+            "trace": "all",
+            "duration": seconds,
+            **({} if drive is None else {"drive": drive_data(drive)}),
+            **keys,
+        }
+        store = self.session.run_derived(name, sweep, self.scenes)
+        self._written.add(name)
+        driven = self.scenes.driven(scene or self.reference, drive)
+        return [CheckRun(driven, driven.resolve(row, 0, seconds), store) for row in whole]
+
+    def stores(self, *names: str) -> tuple[str, ...]:
+        """Return which of these stores were written."""
+        return tuple(name for name in names if name in self._written)

@@ -5,8 +5,7 @@ from collections.abc import Iterator, Sequence
 
 from contactlab.scene.written_inertia import InertiaFault
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import check_result, informative, not_applicable
-from contactlab.studies.check.check_runner import CheckRunner
+from contactlab.studies.check.check_results import check_result, informative
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.free_motion_runs import (
     BEST,
@@ -27,35 +26,29 @@ _IMPOSSIBLE = ("not_positive", "triangle", "balanced")
 """Faults of an inertia itself; the others compare it with shapes, which are simplified."""
 
 
-def check_free_motion(runner: CheckRunner) -> CheckResult:
+def check_free_motion(checked: CheckedModel) -> CheckResult:
     """Run the model with nothing but springs and inertia, and compare the energy of each tree.
 
     A drift is the change of a tree's energy per its peak kinetic energy and time. The gain is that
     of the model with its own damping.
     """
-    checked = runner.checked
     faults = inertias(checked)
     impossible = [_impossible(each) for each in faults if each.kind in _IMPOSSIBLE]
     notes = [f"body '{each.body}': {each.reason}" for each in faults]
     if reason := why_not_applicable(checked):
-        if impossible:
-            return check_result(NAME, _ASKS, impossible, notes=[reason, *notes])
-        return not_applicable(NAME, _ASKS, reason, notes=notes)
-    motions = free_motions(runner, NAME)
-    nominal, stores = motions[0], runner.stores(NAME)
-    if nominal.tried.is_complete and not nominal.budgets:
+        return check_result(NAME, _ASKS, impossible, [reason, *notes])
+    free, kept = free_motions(checked, NAME)
+    stores = checked.stores(NAME)
+    if free[0].tried.is_complete and not free[0].budgets:
         reason = "nothing moves: no joint can be set in motion"
-        return not_applicable(NAME, _ASKS, reason, notes=notes, stores=stores)
-    free = [each for each in motions if not each.damped]
-    kept = next((each for each in motions if each.damped), nominal)
+        return check_result(NAME, _ASKS, [], [reason, *notes], stores)
     measures = [
         *_drifts(checked, free),
-        *_gains(checked, nominal, kept),
+        *_gains(checked, free[0], kept),
         *_orders(free),
         *impossible,
     ]
-    notes.insert(0, switched_off(checked))
-    return check_result(NAME, _ASKS, measures, notes=notes, stores=stores)
+    return check_result(NAME, _ASKS, measures, [switched_off(checked), *notes], stores)
 
 
 def inertias(checked: CheckedModel) -> list[InertiaFault]:
@@ -122,14 +115,14 @@ def _orders(free: Sequence[FreeMotionRun]) -> Iterator[Measure]:
             yield informative("convergence_order", convergence_order(*traces), "1", integrator)
 
 
-def steadier(runner: CheckRunner, result: CheckResult) -> Iterator[Values]:
+def steadier(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield integrators and timesteps, the cheapest first, but those that are known to miss.
 
     No integrator mends an inertia that no body can have.
     """
     drifts = [each for each in result.measures if each.name == "energy_drift"]
     limit = next((each.limit for each in drifts if each.limit is not None), math.inf)
-    own, timestep = str(runner.checked.settings["integrator"]), runner.checked.resolved.timestep
+    own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
     if any(each.name.startswith("inertia") for each in result.measures):
         return
     for integrator, share in ((own, 2), (BEST, 1), (own, 4), (BEST, 2)):

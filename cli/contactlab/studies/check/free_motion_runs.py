@@ -2,8 +2,9 @@
 
 import copy
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import mujoco
@@ -11,10 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.setting_values import as_number
 from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.studies.check.check_runner import CheckRunner
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun
+from contactlab.studies.check.check_runs import CheckRun
+from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values
 
 
@@ -200,24 +200,37 @@ def motion_name(integrator: str, timestep: float) -> str:
 
 @dataclass(frozen=True)
 class FreeMotionRun:
-    """A run of the model in free motion.
-
-    Attributes:
-        timestep: length of a step [s].
-        damped: whether the model's damping was on.
-        budgets: the energy budget of each tree that moves, by its name; none if it is incomplete.
-    """
+    """A run of the model in free motion, with the model's own damping or without any."""
 
     tried: CheckRun
-    integrator: str
-    timestep: float
     damped: bool
-    budgets: Mapping[str, EnergyBudget] = field(default_factory=dict[str, EnergyBudget])
+
+    @property
+    def integrator(self) -> str:
+        """Its integrator."""
+        return str(self.tried.resolved.settings["integrator"])
 
     @property
     def name(self) -> str:
         """The integrator and the timestep, as text."""
-        return motion_name(self.integrator, self.timestep)
+        return motion_name(self.integrator, self.tried.resolved.timestep)
+
+    @cached_property
+    def budgets(self) -> dict[str, EnergyBudget]:
+        """The energy budget of each tree that moves, by its name; none if it is incomplete."""
+        if not self.tried.is_complete:
+            return {}
+        model, trace = self.tried.model, self.tried.trace
+        trees = trees_of(model)
+        rows = np.unique(np.linspace(0, len(trace.qpos) - 1, _STATES).astype(int))
+        energies = tree_energies(model, trees, trace.qpos[rows], trace.qvel[rows])
+        damping = np.array(model.dof_damping, dtype=np.float64) * self.damped
+        budgets: dict[str, EnergyBudget] = {}
+        for tree, kinetic, potential in zip(trees, *energies, strict=True):
+            budget = energy_budget(trace, damping * tree.dofs, kinetic, potential)
+            if budget.peak > _STILL * tree.mass:
+                budgets[tree.name] = budget
+        return budgets
 
 
 def why_not_applicable(checked: CheckedModel) -> str:
@@ -237,39 +250,36 @@ def floats(checked: CheckedModel) -> bool:
     return any(tree.floats for tree in trees_of(checked.prepared.model))
 
 
-def free_motions(runner: CheckRunner, store: str) -> list[FreeMotionRun]:
+def free_motions(checked: CheckedModel, store: str) -> tuple[list[FreeMotionRun], FreeMotionRun]:
     """Run the free motion with the model's integrator and RK4, at three timesteps each.
 
-    The first run has the model's settings; the last, if the model has damping, keeps that on. A
-    brief runner makes these two only.
+    Returns:
+        The runs, of which the first has the model's settings, as all have of a brief model; and one
+        that keeps the model's damping, the first if there is none.
     """
-    checked = runner.checked
     own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
     motions = [
         (integrator, timestep * share)
         for integrator in dict.fromkeys((own, BEST))
         for share in _SHARES
-        if share == 1 or runner.fits(timestep * share, SECONDS)
+        if share == 1 or checked.fits(timestep * share, SECONDS)
     ]
     free = free_settings(checked)
     rows: list[Values] = [
         {**free, "integrator": integrator, "timestep": step}
-        for integrator, step in (motions[:1] if runner.brief else motions)
+        for integrator, step in (motions[:1] if checked.brief else motions)
     ]
-    undamped = len(rows)
-    if is_damped(checked):
-        kept = {name: value for name, value in free.items() if name not in {*_MEDIUM, "damper"}}
-        rows.append({**kept, "integrator": own, "timestep": timestep})
-    runs = runner.run(
-        store,
-        "Free motion: contacts, limits and all that gives or takes energy are off",
-        rows,
-        duration=SECONDS,
-        checks="none",
-        timeout=_TIMEOUT,
-        drive="none",
+    damped = is_damped(checked)
+    if damped:
+        off = {name: value for name, value in free.items() if name not in {*_MEDIUM, "damper"}}
+        rows.append({**off, "integrator": own, "timestep": timestep})
+    text = "Free motion: contacts, limits and all that gives or takes energy are off"
+    runs = checked.run(
+        store, text, rows, duration=SECONDS, checks="none", timeout=_TIMEOUT, drive="none"
     )
-    return [_motion(checked, each, damped=row >= undamped) for row, each in enumerate(runs)]
+    kept = FreeMotionRun(runs.pop(), damped=True) if damped else None
+    undamped = [FreeMotionRun(each, damped=False) for each in runs]
+    return undamped, kept or undamped[0]
 
 
 def is_damped(checked: CheckedModel) -> bool:
@@ -286,32 +296,6 @@ def is_accounted(checked: CheckedModel) -> bool:
     curved = getattr(model, "dof_dampingpoly", np.zeros(1))
     fluid = any(checked.settings[name] for name in _MEDIUM)
     return not (fluid or model.tendon_damping.any() or np.any(curved))
-
-
-def _motion(checked: CheckedModel, tried: CheckRun, *, damped: bool) -> FreeMotionRun:
-    settings = tried.record.settings
-    return FreeMotionRun(
-        tried=tried,
-        integrator=str(settings["integrator"]),
-        timestep=as_number(settings["timestep"]),
-        damped=damped,
-        budgets=dict(_budgets(checked, tried, damped=damped)) if tried.is_complete else {},
-    )
-
-
-def _budgets(
-    checked: CheckedModel, tried: CheckRun, *, damped: bool
-) -> Iterator[tuple[str, EnergyBudget]]:
-    """Yield the budget of each tree that moves: the others have nothing to keep."""
-    model, trace = checked.changed(tried.row).prepared.model, tried.trace
-    trees = trees_of(model)
-    rows = np.unique(np.linspace(0, len(trace.qpos) - 1, _STATES).astype(int))
-    energies = tree_energies(model, trees, trace.qpos[rows], trace.qvel[rows])
-    for tree, kinetic, potential in zip(trees, *energies, strict=True):
-        damping = np.array(model.dof_damping, dtype=np.float64) * tree.dofs * damped
-        budget = energy_budget(trace, damping, kinetic, potential)
-        if budget.peak > _STILL * tree.mass:
-            yield tree.name, budget
 
 
 def free_settings(checked: CheckedModel) -> dict[str, object]:

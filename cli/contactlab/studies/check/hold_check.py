@@ -5,10 +5,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_results import Limits, check_result, informative, not_applicable
-from contactlab.studies.check.check_runner import HOLD_STORE, NOMINAL_STORE, CheckRunner
-from contactlab.studies.check.checked_model import CheckRun
-from contactlab.studies.check.held_pairs import HeldPair, Holding
+from contactlab.studies.check.check_results import Limits, check_result, informative
+from contactlab.studies.check.check_runs import CheckRun, HeldPair, Holding
+from contactlab.studies.check.checked_model import HOLD_STORE, NOMINAL_STORE, CheckedModel
 from contactlab.studies.session import Values
 
 NAME = "hold"
@@ -22,24 +21,24 @@ _BANDS = ((5e-3, "broken"), (3e-3, "exploited"), (1e-3, "a compromise"))
 _ASKS = "what is held or stands stays: below 5 mode switches a second, 1 mm deep, 0.1 mm of slip"
 
 
-def check_hold(runner: CheckRunner) -> CheckResult:
+def check_hold(checked: CheckedModel) -> CheckResult:
     """Measure the pairs that are held or stand in the window of a hold."""
-    limits, runs = runner.checked.limits, (runner.nominal, runner.standing)
+    limits, runs = checked.limits, (checked.nominal, checked.standing)
     incomplete = next((run for run in runs if not run.is_complete), None)
-    stores = runner.stores(NOMINAL_STORE, HOLD_STORE)
+    stores = checked.stores(NOMINAL_STORE, HOLD_STORE)
     if incomplete:
         lost = incomplete.record.steps_asked - incomplete.record.steps
         notes = [f"the run is not complete: {incomplete.record.status_reason}"]
         measures = [limits.measure("steps_lost", max(lost, 1))]
-        return check_result(NAME, _ASKS, measures, notes=notes, stores=stores)
-    holding = runner.holding
+        return check_result(NAME, _ASKS, measures, notes, stores)
+    holding = checked.holding
     measures = [each for pair in holding.held for each in _measures(pair, holding, limits)]
     if holding.declared:
-        measures += _declared(runner.standing, limits)
+        measures += _declared(checked.standing, limits)
     if not measures:
-        return not_applicable(NAME, _ASKS, nothing_held(holding), stores=stores)
+        return check_result(NAME, _ASKS, [], [nothing_held(holding)], stores)
     notes = [f"measured from {holding.window[0]:g} to {holding.window[1]:g} s", *_bands(holding)]
-    return check_result(NAME, _ASKS, measures, notes=notes, stores=stores)
+    return check_result(NAME, _ASKS, measures, notes, stores)
 
 
 def _measures(held: HeldPair, holding: Holding, limits: Limits) -> list[Measure]:
@@ -80,12 +79,18 @@ def nothing_held(holding: Holding) -> str:
     )
 
 
-def hold_remedies(runner: CheckRunner, measure: str) -> Iterator[Values]:
-    """Yield changes to try against a measure that misses its limit, the cheapest first."""
-    if measure == "mode_switches":
-        yield HARD
-    if measure in {"mode_switches", "steps_lost"}:
-        yield from ({"timestep": runner.checked.resolved.timestep * share} for share in _SHARES)
-    if measure in {"slip", "penetration_mean"}:
-        yield FIRM
-        yield FIRMEST
+def shorter_steps(checked: CheckedModel, _: CheckResult) -> Iterator[Values]:
+    """Yield shares of the timestep, against an engine that stops."""
+    yield from ({"timestep": checked.resolved.timestep * share} for share in _SHARES)
+
+
+def harder(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
+    """Yield changes against chatter, the cheapest first."""
+    yield HARD
+    yield from shorter_steps(checked, result)
+
+
+def firmer(_: CheckedModel, __: CheckResult) -> Iterator[Values]:
+    """Yield changes against slip and depth, the cheapest first."""
+    yield FIRM
+    yield FIRMEST

@@ -1,29 +1,41 @@
 """All checks of a model."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from pathlib import Path
 
 from contactlab.comparison.policies import apply_acceptances, stale_acceptances
-from contactlab.errors import SweepFileError, did_you_mean
+from contactlab.engines import ChecksRuns, find_engine
+from contactlab.errors import SceneError, SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
+from contactlab.run.sweep_request import SceneLoader
+from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.parameters import PARAMETERS
+from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_setup import actuated_limbs
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import Drive
 from contactlab.schema.judged_check import AcceptedCheck
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_page import page
-from contactlab.studies.check.check_results import LIMITS, Limits, findings_of, not_applicable
-from contactlab.studies.check.check_runner import CheckRunner, TooLongError
-from contactlab.studies.check.checked_model import open_model
-from contactlab.studies.check.contact_margin_check import check_contact_margin
-from contactlab.studies.check.flat_contact_check import check_flat_contact
+from contactlab.studies.check.check_results import LIMITS, Limits, check_result, findings_of
+from contactlab.studies.check.checked_model import (
+    NOMINAL_STORE,
+    CheckedModel,
+    TooLongError,
+    axis_value,
+)
+from contactlab.studies.check.contact_checks import check_contact_margin, check_flat_contact
 from contactlab.studies.check.free_motion_check import check_free_motion
 from contactlab.studies.check.hold_check import check_hold
 from contactlab.studies.check.remedies import Check, find_remedies
 from contactlab.studies.check.repeat_check import check_repeat, reference_of
 from contactlab.studies.check.timestep_check import check_timestep
-from contactlab.studies.session import Session
+from contactlab.studies.session import Session, Values, read_settings
 
 REPORT, PAGE, REFERENCE = "check.json", "check.md", "reference.json"
 _CHECKS: Mapping[CheckName, Check] = {
@@ -35,6 +47,9 @@ _CHECKS: Mapping[CheckName, Check] = {
     "shells": check_contact_margin,
 }
 _KNOWN = {*LIMITS, "inertia_not_positive", "inertia_triangle", "inertia_balanced"}
+_WALKING = 2
+"""Number of actuated limbs from which a free body is taken to walk."""
+
 _ORDER = ("failed", "warned", "noted", "skipped", "passed")
 
 
@@ -76,20 +91,13 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
     checks: dict[CheckName, Check] = {name: _CHECKS[name] for name in _chosen(request.only)}
     # Raises an error for what no check can find, before anything is run.
     _judged([], request.accepted)
-    checked = open_model(
-        request.model,
-        request.assign,
-        request.kind,
-        drive=request.drive,
-        limits=Limits(request.limits),
-    )
+    checked = open_model(request, session)
     session.claim("check", request.model)
-    runner = CheckRunner(checked, session)
-    results = [_result(name, check, runner) for name, check in checks.items()]
+    results = [_result(name, check, checked) for name, check in checks.items()]
     findings = _judged(results, request.accepted)
     failing = [each.name for each in findings if each.outcome in {"failed", "warned"}]
     aims = failing if request.remedies else []
-    remedies, notes = find_remedies(checks, runner, results, aims)
+    remedies, notes = find_remedies(checks, checked, results, aims)
     stale = (
         f"'{each.check}' is accepted ({each.reason}), but does not fail: remove it"
         for each in stale_acceptances(findings, request.accepted)
@@ -98,7 +106,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         model=request.model,
         scene=checked.scene.name,
         scene_hash=checked.scene.hash,
-        overrides=checked.given,
+        overrides=tuple(request.assign),
         keyframe=checked.keyframe,
         drive=checked.scene.drive.drive,
         kind=checked.kind,
@@ -110,10 +118,68 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         checks=tuple(results),
         findings=tuple(findings),
         remedies=remedies,
-        notes=(*stale, *notes, *_not_exercised(runner)),
+        notes=(*stale, *notes, *_not_exercised(checked)),
     )
-    session.write(_files(report, runner))
+    session.write(_files(report, checked))
     return report
+
+
+def open_model(request: CheckRequest, session: Session) -> CheckedModel:
+    """Open a model for its checks; what the request leaves open depends on it, or on its scene.
+
+    Raises:
+        SceneError: there is no such scene, or it does not compile.
+        SweepFileError: a setting is wrong; all that are, are named.
+    """
+    scenes, reference = SceneLoader(Path()), request.model
+    scene = scenes.open(reference)
+    values, sweep = read_settings(scenes, reference, request.assign, ("duration",))
+    engine = find_engine(str(values.get("engine", MODEL_ENGINE)))
+    if not isinstance(engine, ChecksRuns):
+        raise SweepFileError(
+            f"--set engine: a check goes over its runs a second time, which the {engine.name} "
+            "engine cannot"
+        )
+    resolved = scene.resolve(values, 0, None)
+    if not 0 < resolved.timestep < math.inf:
+        raise SceneError(
+            f"{scene.source.model}: its timestep is {resolved.timestep:g} s; write one above 0 "
+            "there, or `--set timestep=`"
+        )
+    kind, reason = _kind(scene.base(resolved.structure), request.kind)
+    bare = request.drive is None and scene.source.manifest is None
+    return CheckedModel(
+        reference=reference,
+        scenes=scenes,
+        session=session,
+        values=_settings(resolved, values),
+        duration=scene.duration if sweep.duration is None else sweep.duration,
+        drive="exercise" if bare else request.drive,
+        limits=Limits(request.limits),
+        kind=kind,
+        kind_reason=reason,
+    )
+
+
+def _settings(resolved: ResolvedRun, values: Values) -> dict[str, object]:
+    """Replace parts of settings, such as `solref.timeconst`, by the whole settings they change."""
+    whole: dict[str, object] = {}
+    for name, value in values.items():
+        changed = PARAMETERS[name].sets if name in PARAMETERS else name
+        setting = resolved.settings[changed] if name in PARAMETERS else value
+        whole[changed] = axis_value(changed, setting)
+    return whole
+
+
+def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
+    """Return the kind of task and why: locomotion for a free body with several actuated limbs."""
+    if asked is not None:
+        return asked, "as asked"
+    limbs = actuated_limbs(base.model)
+    name = max(limbs, key=lambda each: limbs[each], default="")
+    if limbs.get(name, 0) >= _WALKING:
+        return "locomotion", f"'{name}' is free and has {limbs[name]} actuated limbs"
+    return "manipulation", "no free body has several actuated limbs"
 
 
 def _chosen(only: Sequence[str]) -> list[CheckName]:
@@ -124,19 +190,19 @@ def _chosen(only: Sequence[str]) -> list[CheckName]:
     return [name for name in _CHECKS if name in only or not only]
 
 
-def _not_exercised(runner: CheckRunner) -> Iterator[str]:
+def _not_exercised(checked: CheckedModel) -> Iterator[str]:
     """Yield which parts of the model its nominal run left alone: no check speaks of them."""
-    if runner.has_nominal:
-        exercised = Exercised.of([record_to_row(runner.nominal.record)])
+    if checked.stores(NOMINAL_STORE):
+        exercised = Exercised.of([record_to_row(checked.nominal.record)])
         if lack := exercised.lack(exercised.present):
             yield f"not exercised: {lack}"
 
 
-def _result(name: CheckName, check: Check, runner: CheckRunner) -> CheckResult:
+def _result(name: CheckName, check: Check, checked: CheckedModel) -> CheckResult:
     try:
-        return check(runner)
+        return check(checked)
     except TooLongError as error:
-        return not_applicable(name, "whether it can be run at all", str(error))
+        return check_result(name, "whether it can be run at all", [], [str(error)])
 
 
 def _judged(results: Sequence[CheckResult], accepted: Sequence[AcceptedCheck]) -> list[Finding]:
@@ -146,8 +212,8 @@ def _judged(results: Sequence[CheckResult], accepted: Sequence[AcceptedCheck]) -
     return sorted(judged, key=lambda each: _ORDER.index(each.outcome))
 
 
-def _files(report: CheckReport, runner: CheckRunner) -> dict[str, str]:
+def _files(report: CheckReport, checked: CheckedModel) -> dict[str, str]:
     files = {REPORT: report.model_dump_json(indent=2) + "\n", PAGE: page(report)}
-    if runner.has_nominal and runner.nominal.record.trajectory_hash is not None:
-        files[REFERENCE] = reference_of(runner.nominal).model_dump_json(indent=2) + "\n"
+    if checked.stores(NOMINAL_STORE) and checked.nominal.record.trajectory_hash is not None:
+        files[REFERENCE] = reference_of(checked.nominal).model_dump_json(indent=2) + "\n"
     return files

@@ -1,37 +1,43 @@
-"""Changes that help a model, each run on the model itself together with those before it."""
+"""Changes that help a model, each run on the model itself together with those before it.
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+What each changes in the model's file is tried by compiling a copy of the model with it.
+"""
 
-from contactlab.errors import ContactlabError, OutputError, StoppedError
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+
+from contactlab.errors import ContactlabError, OutputError, SceneError, StoppedError
+from contactlab.mjcf import CONTACT, OPTIONS, attributes, default_lines, option_lines
 from contactlab.run.evidence_record import as_written
+from contactlab.scene.compile_model import compile_model
+from contactlab.scene.contact_pairs import effective_parameters
+from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.setting_values import as_number
-from contactlab.schema.check_report import CheckName, CheckResult, Finding, Remedy
-from contactlab.studies.check.check_results import findings_of, settings_text
-from contactlab.studies.check.check_runner import CheckRunner
-from contactlab.studies.check.contact_margin_check import stiffer, touch_only
-from contactlab.studies.check.file_edits import edits_of
-from contactlab.studies.check.flat_contact_check import stiffer_rest
+from contactlab.schema.check_report import CheckName, CheckResult, Edit, Finding, Remedy
+from contactlab.studies.check.check_results import findings_of, mjcf_text, settings_text
+from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
 from contactlab.studies.check.free_motion_check import steadier
-from contactlab.studies.check.hold_check import hold_remedies
+from contactlab.studies.check.hold_check import firmer, harder, shorter_steps
 from contactlab.studies.check.timestep_check import shorter_timestep
 from contactlab.studies.session import Values
 
-Check = Callable[[CheckRunner], CheckResult]
-_Proposal = Callable[[CheckRunner, CheckResult], Iterator[Values]]
-
-
-def _hold(measure: str) -> _Proposal:
-    return lambda runner, _: hold_remedies(runner, measure)
+Check = Callable[[CheckedModel], CheckResult]
+_Proposal = Callable[[CheckedModel, CheckResult], Iterator[Values]]
 
 
 _PROPOSALS: Mapping[str, _Proposal] = {
-    **{name: _hold(name) for name in ("steps_lost", "mode_switches")},
+    "steps_lost": shorter_steps,
+    "mode_switches": harder,
     **dict.fromkeys(("timestep", "step_ratio", "travel"), shorter_timestep),
     **dict.fromkeys(("energy_gain", "energy_drift"), steadier),
     **dict.fromkeys(("penetration_steady", "penetration_growth"), stiffer_rest),
-    **{name: _hold(name) for name in ("slip", "penetration_mean")},
+    **dict.fromkeys(("slip", "penetration_mean"), firmer),
     "shell": touch_only,
     "softness": stiffer,
 }
@@ -48,13 +54,13 @@ class _Search:
     """A search for changes that help, each on top of those that were found.
 
     Attributes:
-        runner: runs the model as it is.
+        model: as it is.
         results: of each check, with the changes that were found.
         found: these changes, and the findings that each mends.
     """
 
     checks: Mapping[CheckName, Check]
-    runner: CheckRunner
+    model: CheckedModel
     results: dict[CheckName, CheckResult]
     found: list[tuple[Values, tuple[str, ...]]] = field(
         default_factory=list[tuple[Values, tuple[str, ...]]]
@@ -77,7 +83,7 @@ class _Search:
         finding = self.failing.get(name)
         if finding is None:
             return
-        now = self.runner.trying(self.settings, "remedies/now")
+        now = self.model.trying(self.settings, "remedies/now")
         tried: list[str] = []
         for proposal in _PROPOSALS[name](now, self.results[finding.check]):
             text = settings_text(proposal)
@@ -101,12 +107,12 @@ class _Search:
         """
         self.trials += 1
         settings = _merged(self.settings, proposal)
-        runner = self.runner.trying(settings, f"remedies/{self.trials}")
+        changed = self.model.trying(settings, f"remedies/{self.trials}")
         results: dict[CheckName, CheckResult] = {}
-        results[finding.check] = self.checks[finding.check](runner)
+        results[finding.check] = self.checks[finding.check](changed)
         if finding.name in (failing := _failing(results)):
             return failing[finding.name].message
-        results |= self._others(runner, proposal, finding.check)
+        results |= self._others(changed, proposal, finding.check)
         failing, before = _failing(results), self.failing
         lost = [
             name
@@ -120,14 +126,14 @@ class _Search:
         return None
 
     def _others(
-        self, runner: CheckRunner, proposal: Values, but: CheckName
+        self, checked: CheckedModel, proposal: Values, but: CheckName
     ) -> Iterator[tuple[CheckName, CheckResult]]:
         """Yield the results of all other checks, those as they were that nothing changes."""
         for name, check in self.checks.items():
             moves = name != "free_motion" or _MOVES_FREELY & proposal.keys()
             if name != but:
                 same = name == "repeat" or not moves
-                yield name, self.results[name] if same else check(runner)
+                yield name, self.results[name] if same else check(checked)
 
     def _keep(self, settings: Values, proposal: Values, mended: tuple[str, ...]) -> None:
         """Add a change; earlier ones that concern the same setting become part of it."""
@@ -154,38 +160,118 @@ def _merged(settings: Values, proposal: Values) -> dict[str, object]:
 
 def find_remedies(
     checks: Mapping[CheckName, Check],
-    runner: CheckRunner,
+    checked: CheckedModel,
     results: Sequence[CheckResult],
     aims: Sequence[str],
 ) -> tuple[tuple[Remedy, ...], list[str]]:
     """Return changes that mend findings of these names, and notes of what does not help."""
-    search = _Search(checks, runner, {each.name: each for each in results})
+    search = _Search(checks, checked, {each.name: each for each in results})
     for name in _PROPOSALS:
         if name in aims:
             search.mend(name)
-    times = _times(runner, [settings for settings, _ in search.found]) if search.found else []
-    return tuple(map(partial(_remedy, runner), search.found, times)), search.notes
-
-
-def _remedy(
-    runner: CheckRunner, found: tuple[Values, tuple[str, ...]], time: float | None
-) -> Remedy:
-    settings, mends = found
-    return Remedy(
-        settings={name: as_written(value) for name, value in settings.items()},
-        mends=mends,
-        time=time,
-        edits=edits_of(runner.checked.changed(settings), settings),
+    times = _times(checked, [settings for settings, _ in search.found]) if search.found else []
+    remedies = tuple(
+        Remedy(
+            settings={name: as_written(value) for name, value in settings.items()},
+            mends=mends,
+            time=time,
+            edits=tuple(edits_of(checked.trying(settings, "remedies"), settings)),
+        )
+        for (settings, mends), time in zip(search.found, times, strict=True)
     )
+    return remedies, search.notes
 
 
-def _times(runner: CheckRunner, changes: Sequence[Values]) -> list[float | None]:
+def _times(checked: CheckedModel, changes: Sequence[Values]) -> list[float | None]:
     """Return the CPU time of stepping with each change and those before it, over that without."""
-    rows: list[Values] = [{"timestep": runner.checked.resolved.timestep}]
+    rows: list[Values] = [{"timestep": checked.resolved.timestep}]
     for settings in changes:
         rows.append({**rows[-1], **settings})
-    runs = runner.trying({}, "remedies").run(
+    runs = checked.trying({}, "remedies").run(
         "times", "What the remedies cost", rows, trace="none", timing={"rounds": _ROUNDS}
     )
     times = [each.record.timing and each.record.timing.time_min for each in runs]
     return [each / times[0] if each and times[0] else None for each in times[1:]]
+
+
+_START = re.compile(r"<mujoco\b[^>]*[^/]>|<mujoco>")
+_MOST_NAMED = 12
+
+
+def edits_of(checked: CheckedModel, settings: Values) -> Iterator[Edit]:
+    """Yield the changes of a model's file that make settings, options before contact parameters.
+
+    Lines are given only where a copy of the model with them compiles to the checked model, which
+    has the settings; else the elements to change are named.
+    """
+    texts = {name: mjcf_text(value) for name, value in settings.items()}
+    yield from _option_edits(checked, {name: texts[name] for name in OPTIONS if name in texts})
+    yield from _contact_edits(checked, {name: texts[name] for name in CONTACT if name in texts})
+
+
+def _option_edits(checked: CheckedModel, options: Mapping[str, str]) -> Iterator[Edit]:
+    if not options:
+        return
+    edit = Edit(where="before </mujoco>", lines=tuple(option_lines(options, {})))
+    model, expected = _compiled(checked.scene.source, edit), checked.prepared.model.opt
+    if model and all(_equal(getattr(model.opt, each), getattr(expected, each)) for each in options):
+        yield edit
+    else:
+        yield Edit(where="in the <option> element", lines=(attributes(options).strip(),))
+
+
+def _contact_edits(checked: CheckedModel, contact: Mapping[str, str]) -> Iterator[Edit]:
+    if not contact:
+        return
+    elements = ("geom", "pair") if checked.base.targets.explicit else ("geom",)
+    lines = tuple(default_lines(contact, elements))
+    for where in ("right after <mujoco>", "before </mujoco>"):
+        edit = Edit(where=where, lines=lines)
+        model = _compiled(checked.scene.source, edit)
+        if model and _reaches(checked, model, contact):
+            yield edit
+            return
+    yield Edit(where=_elements(checked), lines=(attributes(contact).strip(),))
+
+
+def _elements(checked: CheckedModel) -> str:
+    model, targets = checked.base.model, checked.base.targets
+    geoms = [f"'{model.geom(each).name}'" for each in targets.geoms]
+    named = ", ".join(geoms[:_MOST_NAMED])
+    more = f" and {len(geoms) - _MOST_NAMED} more" if len(geoms) > _MOST_NAMED else ""
+    pairs = f"the {len(targets.explicit)} <pair> elements" if targets.explicit else ""
+    of_geoms = f"each of the geoms {named}{more}" if geoms else ""
+    return "in " + " and ".join(filter(None, [of_geoms, pairs]))
+
+
+def _reaches(checked: CheckedModel, model: mujoco.MjModel, names: Iterable[str]) -> bool:
+    """Say whether a compiled model gives every monitored pair the parameters that were run."""
+    wanted = checked.prepared.pairs
+    found = {pair.name: effective_parameters(model, pair) for pair in checked.base.pairs}
+    return all(
+        _equal(getattr(found[pair], name), getattr(wanted[pair], name))
+        for pair in wanted
+        for name in names
+    )
+
+
+def _equal(some: object, other: object) -> bool:
+    return mjcf_text(some) == mjcf_text(other)
+
+
+def _compiled(source: SceneSource, edit: Edit) -> mujoco.MjModel | None:
+    """Return a copy of the model with lines added; None if it does not compile, or is no MJCF."""
+    text = source.model.read_text(encoding="utf-8")
+    start, end = _START.search(text), text.rfind("</mujoco>")
+    if start is None or end < 0 or source.model.suffix == ".urdf":
+        return None
+    place = start.end() if edit.where.startswith("right") else end
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        source.content.copy_to(Path(folder))
+        copied = replace(source, content=replace(source.content, root=Path(folder)))
+        added = "\n".join(["", *edit.lines, ""])
+        copied.model.write_text(text[:place] + added + text[place:], encoding="utf-8")
+        try:
+            return compile_model(copied, {}, lambda _: None)
+        except SceneError:
+            return None

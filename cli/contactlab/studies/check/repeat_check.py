@@ -4,9 +4,9 @@ from dataclasses import replace
 
 from contactlab.measure import METRICS
 from contactlab.schema.check_report import CheckResult, Reference
-from contactlab.studies.check.check_results import DEFAULT_LIMITS, check_result, not_applicable
-from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
-from contactlab.studies.check.checked_model import CheckRun
+from contactlab.studies.check.check_results import check_result
+from contactlab.studies.check.check_runs import CheckRun
+from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel
 
 NAME = "repeat"
 TOLERANCE = 0.05
@@ -15,25 +15,24 @@ TOLERANCE = 0.05
 _ASKS = "the same run in another process is the same bit for bit"
 
 
-def check_repeat(runner: CheckRunner) -> CheckResult:
+def check_repeat(checked: CheckedModel) -> CheckResult:
     """Run the model again in another process, and compare the trajectories."""
-    nominal = runner.nominal
+    nominal = checked.nominal
     if nominal.record.trajectory_hash is None:
         reason = f"the model could not be run: {nominal.record.status_reason}"
-        return not_applicable(NAME, _ASKS, reason, stores=runner.stores(NOMINAL_STORE))
-    other = replace(runner, session=replace(runner.session, workers=1))
+        return check_result(NAME, _ASKS, [], [reason], checked.stores(NOMINAL_STORE))
+    other = replace(checked, session=replace(checked.session, workers=1))
     again = other.run(NAME, "The model once more", [{}], checks="none")[0]
     unequal = nominal.record.trajectory_hash != again.record.trajectory_hash
     differing = {"in another process": float(unequal)}
     if (repeats := nominal.record.metrics.get("repeats")) is not None:
         differing["in the same process"] = 1.0 - repeats
     measures = [
-        DEFAULT_LIMITS.measure("trajectories_differ", value, where)
+        checked.limits.measure("trajectories_differ", value, where)
         for where, value in differing.items()
     ]
     note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
-    stores = runner.stores(NOMINAL_STORE, NAME)
-    return check_result(NAME, _ASKS, measures, notes=[note], stores=stores)
+    return check_result(NAME, _ASKS, measures, [note], checked.stores(NOMINAL_STORE, NAME))
 
 
 def reference_of(nominal: CheckRun) -> Reference:

@@ -9,10 +9,9 @@ from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.check_report import CheckResult, Measure, TaskKind
 from contactlab.studies.check.check_results import check_result, informative, utilization, violated
-from contactlab.studies.check.check_runner import NOMINAL_STORE, CheckRunner
-from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.check.check_runs import pair_speeds
+from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel
 from contactlab.studies.check.contact_sets import contact_sets, rounded_down
-from contactlab.studies.check.held_pairs import pair_speeds
 from contactlab.studies.session import Values
 
 NAME = "timestep"
@@ -22,17 +21,16 @@ LONGEST: dict[TaskKind, float] = {"manipulation": 2e-3, "locomotion": 4e-3}
 _ASKS = "the timestep suits the task, the thinnest geometry and the stiffest contact"
 
 
-def check_timestep(runner: CheckRunner) -> CheckResult:
+def check_timestep(checked: CheckedModel) -> CheckResult:
     """Compare the timestep with the kind of task, the thinnest geoms and the stiffest contact."""
-    checked, step = runner.checked, runner.checked.resolved.timestep
-    limit = LONGEST[checked.kind]
+    step, limit = checked.resolved.timestep, LONGEST[checked.kind]
     measures = [
         checked.limits.measure("timestep", step, checked.kind, limit=limit),
         *_ratios(checked),
-        *_travels(runner),
+        *_travels(checked),
     ]
     notes = list(_notes(checked))
-    return check_result(NAME, _ASKS, measures, notes=notes, stores=runner.stores(NOMINAL_STORE))
+    return check_result(NAME, _ASKS, measures, notes, checked.stores(NOMINAL_STORE))
 
 
 def _ratios(checked: CheckedModel) -> Iterator[Measure]:
@@ -46,13 +44,12 @@ def _ratios(checked: CheckedModel) -> Iterator[Measure]:
         yield checked.limits.measure("step_ratio", ratio, each.name)
 
 
-def _travels(runner: CheckRunner) -> Iterator[Measure]:
+def _travels(checked: CheckedModel) -> Iterator[Measure]:
     """Yield the travel of each pair's surfaces in a step, against half its thinnest geom."""
-    checked = runner.checked
     base, model = checked.base, checked.prepared.model
-    if not base.pairs or not runner.nominal.is_complete or not checked.resolved.flags["contact"]:
+    if not base.pairs or not checked.nominal.is_complete or not checked.resolved.flags["contact"]:
         return
-    trace, step = runner.nominal.trace, checked.resolved.timestep
+    trace, step = checked.nominal.trace, checked.resolved.timestep
     speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel, step=step)
     thickness = make_setup(base, None, [checked.resolved], [model], {}).thickness
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
@@ -64,15 +61,15 @@ def _travels(runner: CheckRunner) -> Iterator[Measure]:
     yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
 
 
-def shorter_timestep(runner: CheckRunner, result: CheckResult) -> Iterator[Values]:
+def shorter_timestep(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
     """Yield the longest timestep, to two digits, at which every limit holds."""
     failed = violated(result.measures)
-    timestep = runner.checked.resolved.timestep
+    timestep = checked.resolved.timestep
     longest = [timestep / utilization(each) for each in failed if each.name != "step_ratio"]
     ratios = [each.limit or 0.0 for each in failed if each.name == "step_ratio"]
     if ratios:
         # By solref as the model has it: raised time constants shrink with the timestep.
-        records = [each.record.solref for each in contact_sets(runner.checked)]
+        records = [each.record.solref for each in contact_sets(checked)]
         stiffness, _ = stiffness_damping(records)
         longest.append(min(ratios) / float(stiffness.max()) ** 0.5)
     if longest and min(longest) > 0:

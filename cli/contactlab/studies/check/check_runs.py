@@ -1,18 +1,52 @@
-"""The pairs that are held or stand in a time window of a run."""
+"""Runs of a model under check: their evidence, and the pairs that they hold."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import mujoco
 import numpy as np
 
 from contactlab.contact.trace_arrays import SLIDE, SLOT_WIDTH, Floats, PairTrace, Trace
-from contactlab.contact.trace_setup import HoldWindow, Setup
+from contactlab.contact.trace_setup import HoldWindow
 from contactlab.measure import assess
 from contactlab.scene.contact_pairs import MonitoredPair
+from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import make_setup
+from contactlab.scene.scene import Scene
+from contactlab.schema.evidence import EvidenceRecord
+from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.studies.check.checked_model import CheckedModel, CheckRun
+
+
+@dataclass(frozen=True)
+class CheckRun:
+    """A run of the model, or of another scene with its parameters, and its evidence."""
+
+    scene: Scene
+    resolved: ResolvedRun
+    store: Store
+
+    @cached_property
+    def record(self) -> EvidenceRecord:
+        """Its record."""
+        return self.store.record(self.scene.run_id(self.resolved))
+
+    @cached_property
+    def trace(self) -> StoredTrace:
+        """Its trace."""
+        return self.store.trace(self.record)
+
+    @cached_property
+    def model(self) -> mujoco.MjModel:
+        """Its model with the settings written."""
+        return self.scene.base(self.resolved.structure).prepare(self.resolved.edits()).model
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it was simulated to its end, without an engine warning."""
+        return self.record.status == "ok" and not self.record.warnings
+
 
 _BEARS = 0.5
 """Fraction of steps with force from which a pair counts as held; chattering pairs lose it."""
@@ -77,35 +111,25 @@ class Holding:
         return tuple(each for each in self.bearing if self.declared or each.holds)
 
 
-def holding_of(checked: CheckedModel, tried: CheckRun) -> Holding:
+def holding_of(tried: CheckRun) -> Holding:
     """Return what a run of the model holds: nothing if it is not complete."""
-    end, declared = tried.record.duration, checked.hold_window
+    hold, end = tried.scene.base(tried.resolved.structure).holding, tried.record.duration
+    declared = None if hold is None else hold.window(tried.resolved.initial)
     window = declared or (max(0.0, end - _WINDOW), end)
-    pairs = held_pairs(checked, tried, *window) if tried.is_complete else []
+    pairs = held_pairs(tried, *window) if tried.is_complete else ()
     bearing = tuple(each for each in pairs if each.share > 0)
     return Holding(window, declared is not None, bearing)
 
 
-def held_pairs(checked: CheckedModel, tried: CheckRun, start: float, stop: float) -> list[HeldPair]:
-    """Return every monitored pair between two times [s] of a run of the model."""
-    scene = checked.scene
-    resolved = scene.resolve(tried.values, 0, tried.record.duration)
-    base = scene.base(resolved.structure)
-    model = base.prepare(resolved.edits()).model
-    setup = make_setup(base, None, [resolved], [model], {})
-    steps = slice(*(round(time / resolved.timestep) for time in (start, stop)))
-    trace = tried.trace
+def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]:
+    """Yield every monitored pair between two times [s] of a run of the model."""
+    base, model, trace = tried.scene.base(tried.resolved.structure), tried.model, tried.trace
+    timestep = tried.resolved.timestep
+    setup = make_setup(base, None, [tried.resolved], [model], {})
+    steps = slice(*(round(time / timestep) for time in (start, stop)))
     speeds = pair_speeds(model, base.pairs, trace.qpos[steps], trace.qvel[steps], mean=True)
-    return list(_held(base.pairs, speeds, tried, steps, setup))
-
-
-def _held(
-    pairs: Sequence[MonitoredPair], speeds: Floats, tried: CheckRun, steps: slice, setup: Setup
-) -> Iterator[HeldPair]:
-    trace = tried.trace
-    seconds = (steps.stop - steps.start) * np.diff(trace.time[:2])
-    whole = HoldWindow(np.zeros(1), seconds)
-    for index, pair in enumerate(pairs):
+    whole = HoldWindow(np.zeros(1), (steps.stop - steps.start) * np.diff(trace.time[:2]))
+    for index, pair in enumerate(base.pairs):
         friction = tried.record.pairs[pair.name].friction
         slots = PairTrace(pair.name, slots_of(trace, pair, steps), np.array([friction]))
         alone = replace(
