@@ -21,9 +21,8 @@ import numpy as np
 import pyarrow as pa
 from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_store
 
-from contactlab.comparison.ci_output import as_junit, as_markdown
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_lines import as_text
+from contactlab.comparison.report_formats import as_junit, as_markdown, as_text
 from contactlab.measure import LABELS, METRICS
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.store.finished_store import Store

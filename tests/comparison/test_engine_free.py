@@ -11,9 +11,8 @@ import sys
 from pathlib import Path
 
 sys.modules["mujoco"] = None
-from contactlab.comparison.ci_output import as_junit, as_markdown
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_lines import as_text
+from contactlab.comparison.report_formats import as_junit, as_markdown, as_text
 
 report = compare(Path(sys.argv[1]), Path(sys.argv[2]))
 assert as_text(report) and as_markdown(report) and as_junit(report)

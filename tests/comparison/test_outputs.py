@@ -14,9 +14,8 @@ import xmlschema
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.comparison.ci_output import as_annotations, as_junit, as_markdown
 from contactlab.comparison.compare_stores import compare, unreadable_report
-from contactlab.comparison.report_lines import as_text
+from contactlab.comparison.report_formats import as_annotations, as_junit, as_markdown, as_text
 from contactlab.errors import StoreError
 from contactlab.printable import visible
 from contactlab.schema.compare_policy import ComparePolicy

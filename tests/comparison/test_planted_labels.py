@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_lines import as_text
+from contactlab.comparison.report_formats import as_text
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport
 

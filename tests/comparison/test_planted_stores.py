@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.report_lines import as_text
+from contactlab.comparison.report_formats import as_text
 from contactlab.errors import ContactlabError, PolicyError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport

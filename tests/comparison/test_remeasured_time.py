@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.remeasured_time import Remeasure, median_interval
-from contactlab.comparison.report_lines import as_text
+from contactlab.comparison.report_formats import as_text
 from contactlab.errors import PolicyError, StoreError
 from contactlab.run.stored_runs import timing_process
 from contactlab.schema.comparison_report import Check, ComparisonReport

@@ -172,15 +172,14 @@ def _print(report: "ComparisonReport", format_: ReportFormat, *, err: bool = Fal
 
 
 def _rendered(report: "ComparisonReport", format_: ReportFormat) -> str:
-    from contactlab.comparison import ci_output
-    from contactlab.comparison.report_lines import as_text
+    from contactlab.comparison.report_formats import as_annotations, as_junit, as_markdown, as_text
 
     renderers: dict[ReportFormat, Callable[[ComparisonReport], str]] = {
         "text": as_text,
         "json": lambda each: each.model_dump_json(indent=2) + "\n",
-        "markdown": ci_output.as_markdown,
-        "junit": ci_output.as_junit,
-        "github": ci_output.as_annotations,
+        "markdown": as_markdown,
+        "junit": as_junit,
+        "github": as_annotations,
     }
     return renderers[format_](report)
 

@@ -5,12 +5,10 @@ from collections.abc import Iterator, Sequence
 from datetime import date
 
 from contactlab.comparison.checks import NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
-from contactlab.comparison.label_checks import PairLabels, label_checks
 from contactlab.comparison.metric_checks import metric_checks
 from contactlab.comparison.opened_stores import (
     described,
     difference,
-    differences,
     open_both,
     sameness_checks,
     store_checks,
@@ -19,10 +17,12 @@ from contactlab.comparison.pairing import PairedStores, Pairing, pair_by_axes, p
 from contactlab.comparison.policies import apply_acceptances, check_names
 from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
 from contactlab.comparison.run_checks import (
+    PairLabels,
     bitwise_equal,
     expectation_checks,
     knife_edge,
     knife_edge_check,
+    label_checks,
     missing_runs_check,
     new_runs_check,
     recommendation_check,
@@ -111,10 +111,11 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
     before, after, policy = paired.baseline, paired.candidate, paired.policy
     gated = paired.without(knife_edge(paired) & policy.knife_edge.exclude)
     labels = PairLabels.of(gated)
+    sameness = list(sameness_checks(before, after, policy))
     checks = [
         _COMPARABLE.single(SAME, "both are sound"),
         *store_checks(before, after),
-        *sameness_checks(before, after, policy),
+        *(check for check, _ in sameness),
         missing_runs_check(paired),
         new_runs_check(paired),
         knife_edge_check(paired),
@@ -134,7 +135,7 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         candidate=described(after),
         match=policy.match,
         pairs=_counts(paired),
-        differences=tuple(differences(before, after, policy)),
+        differences=tuple(found for _, found in sameness if found),
         transitions=labels.transitions(),
         checks=tuple(checks),
         advice=tuple(_advice(checks, before, after)),

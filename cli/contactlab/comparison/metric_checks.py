@@ -88,34 +88,26 @@ class MetricPairs:
 
     Attributes:
         indices: (n,) which of all pairs.
-        exempt: (n,) pairs of which only one run may have a value; None if there are no such.
+        exempt: (n,) pairs of which only one run may have a value.
     """
 
     paired: PairedStores
-    unit: str
     indices: NDArray[np.intp]
     baseline: NumberColumn
     candidate: NumberColumn
-    exempt: NDArray[np.bool_] | None
+    exempt: NDArray[np.bool_]
 
     @classmethod
     def of(cls, paired: PairedStores, metric: MeasuredColumn) -> "MetricPairs":
         """Return the values of a metric in all pairs."""
-        baseline, candidate = paired.numbers(metric.name)
-        indices = np.arange(len(baseline.values))
-        exempt = paired.half_checked if metric.second_pass else None
-        return cls(paired, metric.unit, indices, baseline, candidate, exempt)
+        exempt = paired.half_checked & metric.second_pass
+        return cls(paired, np.arange(len(exempt)), *paired.numbers(metric.name), exempt)
 
     def at(self, indices: NDArray[np.intp]) -> "MetricPairs":
         """Return the values of some of the pairs."""
-        return MetricPairs(
-            self.paired,
-            self.unit,
-            self.indices[indices],
-            self.baseline.at(indices),
-            self.candidate.at(indices),
-            None if self.exempt is None else self.exempt[indices],
-        )
+        before, after = self.baseline.at(indices), self.candidate.at(indices)
+        rows, exempt = self.indices[indices], self.exempt[indices]
+        return MetricPairs(self.paired, rows, before, after, exempt)
 
     def check(self, subject: CheckSubject, rule: EffectiveRule) -> Check:
         """Return the check that these values make by a rule."""
@@ -136,7 +128,7 @@ class MetricPairs:
             statistic = aggregate(rule, before, after)
             verdict = judge(rule, *statistic)
             judged = np.concatenate([judged, verdict])
-            parts.insert(0, _format_statistic(rule, verdict, *statistic, self.unit))
+            parts.insert(0, _format_statistic(rule, verdict, *statistic, subject.unit))
         return subject.check(judged, "; ".join(parts), self._worst(rule, verdicts), runs=runs)
 
     def _worst(self, rule: EffectiveRule, verdicts: Verdicts) -> list[RunPair]:
@@ -179,16 +171,14 @@ def allowed_change(rule: EffectiveRule, baseline: Floats) -> Floats:
 
 
 def gap_verdicts(
-    baseline: NumberColumn, candidate: NumberColumn, exempt: NDArray[np.bool_] | None
+    baseline: NumberColumn, candidate: NumberColumn, exempt: NDArray[np.bool_]
 ) -> Verdicts:
     """Return the verdict on pairs (n,) with a value that is missing, new or not finite; else same.
 
     Of `exempt` pairs (n,) only one run may have a value.
     """
     verdicts = np.zeros(len(baseline.values), dtype=np.int8)
-    one = baseline.valid != candidate.valid
-    if exempt is not None:
-        one &= ~exempt
+    one = (baseline.valid != candidate.valid) & ~exempt
     verdicts[one & baseline.valid] = MISSING
     verdicts[one & candidate.valid] = CHANGED
     for each in (baseline, candidate):

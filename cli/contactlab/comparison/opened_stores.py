@@ -77,14 +77,12 @@ def _open(role: str, address: Address, *, thorough: bool) -> Store:
     return opened
 
 
-_TABLES: Mapping[str, Callable[[Store], Mapping[str, object]]] = {
-    "metric_versions": lambda each: each.manifest.sweep.metric_versions,
-    "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
-}
-_VALUES: Mapping[str, Callable[[Store], str]] = {
+_PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = {
     "sweep": lambda each: each.manifest.sweep.name,
     "scene": lambda each: each.manifest.sweep.scene,
     "scene_hash": lambda each: each.manifest.sweep.scene_hash,
+    "metric_versions": lambda each: each.manifest.sweep.metric_versions,
+    "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
     "engine": lambda each: described(each).engine,
     "contactlab": lambda each: each.manifest.provenance.contactlab,
     "python": lambda each: each.manifest.provenance.python,
@@ -93,14 +91,15 @@ _VALUES: Mapping[str, Callable[[Store], str]] = {
     "cpu_flags": lambda each: each.manifest.provenance.host.cpu_flags,
     "os": lambda each: each.manifest.provenance.host.os,
 }
+# Metrics and labels are checked one by one: those that have not changed stay comparable.
+_JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 
 
 def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
     """Return the two values of a property in which two stores differ; None if they do not."""
-    if what in _VALUES:
-        values = _VALUES[what](baseline), _VALUES[what](candidate)
-        return values if values[0] != values[1] else None
-    before, after = _TABLES[what](baseline), _TABLES[what](candidate)
+    before, after = (_PROPERTIES[what](each) for each in (baseline, candidate))
+    if isinstance(before, str) or isinstance(after, str):
+        return (str(before), str(after)) if before != after else None
     shared = what == "metric_versions"
     names = before.keys() & after.keys() if shared else before.keys() | after.keys()
     differing = sorted(name for name in names if before.get(name) != after.get(name))
@@ -109,41 +108,31 @@ def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, 
     return _format_table(before, differing), _format_table(after, differing)
 
 
-def differences(baseline: Store, candidate: Store, policy: ComparePolicy) -> Iterator[Difference]:
-    """Yield every property that differs, of those that the policy names."""
-    for what in _named(policy):
-        if values := difference(baseline, candidate, what):
-            yield Difference(
-                what=what,
-                baseline=values[0],
-                candidate=values[1],
-                required=_is_required(what, policy),
-            )
+def _format_table(table: Mapping[str, object], names: list[str]) -> str:
+    return ", ".join(f"{name} {table.get(name, 'by default')}" for name in names)
 
 
-def sameness_checks(baseline: Store, candidate: Store, policy: ComparePolicy) -> Iterator[Check]:
-    """Yield one check for each property that the policy names."""
-    for what in _named(policy):
-        # Metrics and labels are checked one by one: those that have not changed stay comparable.
-        is_gate = _is_required(what, policy) and what not in _TABLES
+def sameness_checks(
+    baseline: Store, candidate: Store, policy: ComparePolicy
+) -> Iterator[tuple[Check, Difference | None]]:
+    """Yield one check for each property that the policy names, and in what the stores differ."""
+    for what in dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)):
+        # A changed scene is what runs are matched by axes for.
+        changes_scene = what == "scene_hash" and policy.match == "axes"
+        required = what in policy.require.same and not changes_scene
+        is_gate = required and what not in _JUDGED_ONE_BY_ONE
         level = "gate" if is_gate else "warn"
         subject = CheckSubject(f"same {what}", "evidence", level, two_sided=True)
         values = difference(baseline, candidate, what)
         if values is None:
-            yield subject.single(SAME, "the same")
-        elif is_gate:
-            yield subject.skipped(f"must be the same, but is {values[0]}, now {values[1]}")
+            yield subject.single(SAME, "the same"), None
+            continue
+        old, new = values
+        found = Difference(what=what, baseline=old, candidate=new, required=required)
+        if is_gate:
+            yield subject.skipped(f"must be the same, but is {old}, now {new}"), found
         else:
-            yield subject.single(CHANGED, f"{values[0]}, now {values[1]}")
-
-
-def _named(policy: ComparePolicy) -> tuple[Sameness, ...]:
-    return tuple(dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)))
-
-
-def _is_required(what: Sameness, policy: ComparePolicy) -> bool:
-    # A changed scene is what runs are matched by axes for.
-    return what in policy.require.same and not (what == "scene_hash" and policy.match == "axes")
+            yield subject.single(CHANGED, f"{old}, now {new}"), found
 
 
 def store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
@@ -162,7 +151,3 @@ def store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
 def _warning(name: str, warning: str, fine: str) -> Check:
     subject = CheckSubject(name, "evidence", "warn", two_sided=True)
     return subject.single(CHANGED if warning else SAME, warning or fine)
-
-
-def _format_table(table: Mapping[str, object], names: list[str]) -> str:
-    return ", ".join(f"{name} {table.get(name, 'by default')}" for name in names)

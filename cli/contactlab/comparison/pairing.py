@@ -38,10 +38,6 @@ class Pairing(NamedTuple):
     missing: Rows
     new: Rows
 
-    def where(self, mask: NDArray[np.bool_]) -> "Pairing":
-        """Return some of the pairs."""
-        return self._replace(baseline=self.baseline[mask], candidate=self.candidate[mask])
-
 
 def pair_by_id(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal id: of the same scene content, settings, seed and duration."""
@@ -68,7 +64,7 @@ def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     runs = baseline.columns.runs
     keys = np.zeros(runs + candidate.columns.runs, dtype=np.int64)
     for name in (*sorted(names & other), "seed"):
-        codes = _codes(baseline, candidate, name)
+        codes, _ = _codes((baseline, candidate), name)
         keys = np.unique(keys * (codes.max() + 1) + codes, return_inverse=True)[1]
     _refuse_repeated(baseline, "baseline", keys[:runs])
     _refuse_repeated(candidate, "candidate", keys[runs:])
@@ -100,27 +96,27 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _varies(store: Store, name: str) -> bool:
-    codes = _codes(store, store, name)
+    codes, _ = _codes((store,), name)
     return bool((codes != codes[0]).any())
 
 
-def _codes(baseline: Store, candidate: Store, name: str) -> NDArray[np.int64]:
-    """Return a number for each run of both stores; equal numbers are equal values of the axis."""
-    stores = (baseline, candidate)
-    kinds = {each.columns.is_number(name) for each in stores}
+def _codes(stores: Sequence[Store], axis: str) -> tuple[NDArray[np.int64], Sequence[float | str]]:
+    """Return a code for each run of some stores, store by store, and the value of each code."""
+    kinds = {each.columns.is_number(axis) for each in stores}
     if len(kinds) > 1:
-        raise StoreError(f"runs cannot be matched: axis '{name}' is text in one store only")
+        raise StoreError(f"runs cannot be matched: axis '{axis}' is text in one store only")
     if kinds == {True}:
-        values = np.concatenate([rounded(each.columns.numbers(name).values) for each in stores])
-        return np.unique(values, return_inverse=True)[1]
+        values = np.concatenate([rounded(each.columns.numbers(axis).values) for each in stores])
+        distinct, codes = np.unique(values, return_inverse=True)
+        return codes, distinct.tolist()
     known: dict[str, int] = {}
     parts: list[NDArray[np.int64]] = []
     for each in stores:
-        codes, words = each.columns.strings(name)
+        codes, words = each.columns.strings(axis)
         numbers = [known.setdefault(word, len(known) + 1) for word in words]
         # Runs without a value have code -1, and so the last number.
         parts.append(np.array([*numbers, 0], dtype=np.int64)[codes])
-    return np.concatenate(parts)
+    return np.concatenate(parts), ["none", *known]
 
 
 def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
@@ -149,30 +145,22 @@ def groups(
     if not axes:
         yield "", np.ones(len(pairing.baseline), dtype=np.bool_)
         return
-    columns = [_column(baseline, name) for name in axes]
+    swept = baseline.columns.axis_names
+    for axis in axes:
+        if axis not in swept:
+            hint = did_you_mean(axis, swept) or f"; its axes are {', '.join(swept) or 'none'}"
+            raise PolicyError(
+                f"the policy groups by '{axis}', which is not an axis of the baseline{hint}"
+            )
+    columns = [_codes((baseline,), axis) for axis in axes]
     stacked = np.stack([codes for codes, _ in columns], axis=1)
     combinations, member = np.unique(stacked, axis=0, return_inverse=True)
     group = member.reshape(-1)[pairing.baseline]
     for number, combination in enumerate(combinations.tolist()):
-        values = [words[code] for code, (_, words) in zip(combination, columns, strict=True)]
-        name = ", ".join(f"{axis}={value}" for axis, value in zip(axes, values, strict=True))
+        values = [known[code] for code, (_, known) in zip(combination, columns, strict=True)]
+        texts = [f"{each:.9g}" if isinstance(each, float) else each for each in values]
+        name = ", ".join(f"{axis}={text}" for axis, text in zip(axes, texts, strict=True))
         yield name, group == number
-
-
-def _column(baseline: Store, axis: str) -> tuple[NDArray[np.int64], list[str]]:
-    """Return the code of each run's value of an axis, and the values as text."""
-    swept = baseline.columns.axis_names
-    if axis not in swept:
-        hint = did_you_mean(axis, swept) or f"; its axes are {', '.join(swept) or 'none'}"
-        raise PolicyError(
-            f"the policy groups by '{axis}', which is not an axis of the baseline{hint}"
-        )
-    if baseline.columns.is_number(axis):
-        values = rounded(baseline.columns.numbers(axis).values)
-        distinct, codes = np.unique(values, return_inverse=True)
-        return codes, [f"{value:.9g}" for value in distinct.tolist()]
-    codes, words = baseline.columns.strings(axis)
-    return codes, [*words, "none"]
 
 
 @dataclass(frozen=True)
@@ -194,7 +182,9 @@ class PairedStores:
         """Return the same without some of the pairs (n,)."""
         if not excluded.any():
             return self
-        return replace(self, pairing=self.pairing.where(~excluded))
+        kept, rows = ~excluded, self.pairing
+        rows = rows._replace(baseline=rows.baseline[kept], candidate=rows.candidate[kept])
+        return replace(self, pairing=rows)
 
     def numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""

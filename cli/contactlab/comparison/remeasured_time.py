@@ -22,17 +22,15 @@ _MOST_REPEATS = 200
 
 
 class RunTimer(Protocol):
-    """Times runs of one store."""
+    """Times runs of one store.
 
-    @property
-    def engine(self) -> str:
-        """The version of MuJoCo that steps its runs, after its name."""
-        ...
+    Attributes:
+        engine: the version of MuJoCo that steps its runs, after its name.
+        timed_engines: the names of the engines whose runs can be timed.
+    """
 
-    @property
-    def timed_engines(self) -> frozenset[str]:
-        """The names of the engines whose runs can be timed."""
-        ...
+    engine: str
+    timed_engines: frozenset[str]
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of the steps that were taken of a run, and of one of them [s]."""
