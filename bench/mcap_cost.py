@@ -29,7 +29,7 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.store.mcap.message_encoder import POINT_FIELDS
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
+from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 
 STEPS = 1500
 TIMESTEP = 0.002
@@ -152,10 +152,10 @@ def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     """Print what one run costs each way."""
     trace, series = case
     ours, theirs = folder / f"{name}.mcap", folder / f"{name}.json.mcap"
-    summary = write_trace(ours, trace, 0, series, EXTRAS)
+    content, counts = encode_trace(trace, 0, series, EXTRAS)
     rounds = [
         (
-            cpu(lambda: write_trace(ours, trace, 0, series, EXTRAS)),
+            cpu(lambda: ours.write_bytes(encode_trace(trace, 0, series, EXTRAS)[0])),
             cpu(lambda: write_json(theirs, trace, series)),
             cpu(lambda: read_trace(ours)),
         )
@@ -163,9 +163,9 @@ def compare(name: str, case: Case, repeats: int, folder: Path) -> None:
     ]
     write, loop, read = (median(column) for column in zip(*rounds, strict=True))
     points = sum(int(pair.touching.sum()) for pair in trace.pairs)
-    count = sum(summary.messages.values())
-    share = summary.size / theirs.stat().st_size
-    print(f"{name}: {count} messages, {points} contact points, {summary.size / 1e3:.0f} kB")
+    count = sum(counts.values())
+    share = len(content) / theirs.stat().st_size
+    print(f"{name}: {count} messages, {points} contact points, {len(content) / 1e3:.0f} kB")
     print(f"  ours       {write:8.2f} ms  {write / count * 1e3:6.2f} us a message")
     print(f"  mcap, JSON {loop:8.2f} ms  {loop / count * 1e3:6.2f} us a message")
     print(f"  ratio      {loop / write:8.1f} x   {share:.2f} of the size; read in {read:.2f} ms")

@@ -5,6 +5,7 @@ hashes of the files that changed; 2 has it state the counts and the digest of th
 """
 
 import hashlib
+import itertools
 import json
 import random
 import shutil
@@ -12,12 +13,14 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
-from contactlab.store.mcap import trace_writer
-from contactlab.store.mcap.trace_reader import ChannelMessages
+from contactlab.store.mcap.trace_writer import copy_trace
 from contactlab.store.runs_table import count_outcomes, rows_digest
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
@@ -314,25 +317,22 @@ def _plan_hash(store: Path) -> str:
 
 
 def _write_changed(path: Path, chance: random.Random) -> int:
-    """Write a trace again with one byte of one message changed; return where."""
+    """Write a trace again with one bit of one message changed; return where in the message."""
+    with path.open("rb") as file:
+        count = sum(1 for _ in make_reader(file).iter_messages())
+    add, which, numbers = Writer.add_message, chance.randrange(count), itertools.count()
     places: list[int] = []
-    read = trace_writer.channel_messages
 
-    def changed(data: bytes, summary: Any) -> dict[int, ChannelMessages]:
-        messages = read(data, summary)
-        channel = chance.choice([each for each in messages.values() if len(each.offsets)])
-        which = chance.randrange(len(channel.offsets))
-        start, size = int(channel.offsets[which]), int(channel.sizes[which])
-        stream = channel.data.copy()
-        places.append(chance.randrange(start + trace_writer.HEADER_SIZE, start + size))
-        stream[places[0]] ^= 1 << chance.randrange(8)
-        return {key: ChannelMessages(stream, each.offsets) for key, each in messages.items()}
+    def changed(writer: Writer, channel: int, time: int, data: bytes, *others: int) -> None:
+        if next(numbers) == which:
+            places.append(chance.randrange(len(data)))
+            bent = bytearray(data)
+            bent[places[0]] ^= 1 << chance.randrange(8)
+            data = bytes(bent)
+        add(writer, channel, time, data, *others)
 
-    trace_writer.channel_messages = changed
-    try:
-        trace_writer.copy_trace(path, path, [])
-    finally:
-        trace_writer.channel_messages = read
+    with patch.object(Writer, "add_message", changed):
+        copy_trace(path, path, [])
     return places[0]
 
 

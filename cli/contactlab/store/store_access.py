@@ -1,5 +1,6 @@
 """Access to a store: the backend of its address, and what workers need."""
 
+import hashlib
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -43,11 +44,10 @@ class TraceSink:
     ) -> TraceFile:
         """Store the trace of a run; it is in the store when this returns; see `encode_trace`."""
         name = _trace_name(run_id)
-        encoded = encode_trace(trace, row, series, extras)
-        self._backend.put(name, encoded.content)
-        return TraceFile(
-            file=name, sha256=encoded.sha256, bytes=encoded.size, messages=dict(encoded.messages)
-        )
+        content, messages = encode_trace(trace, row, series, extras)
+        self._backend.put(name, content)
+        sha256 = hashlib.sha256(content).hexdigest()
+        return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
 
     def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
         """Store what a policy did to (nu) named actuators, unless it is there; return its hash."""

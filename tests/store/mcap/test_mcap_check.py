@@ -12,11 +12,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.opcode import Opcode
 from mcap.writer import CompressionType, IndexType, Writer
+from tests.written_traces import write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.store.mcap import file_parts
 from contactlab.store.mcap.mcap_check import check_trace
-from contactlab.store.mcap.trace_writer import TraceExtras, write_trace
+from contactlab.store.mcap.trace_writer import TraceExtras
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]
 

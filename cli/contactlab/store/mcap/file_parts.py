@@ -7,8 +7,8 @@ Source of the file's structure and of the record layouts: https://mcap.dev/spec
 import struct
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import pairwise
+from dataclasses import dataclass, replace
+from itertools import accumulate, pairwise
 
 import numpy as np
 from mcap.data_stream import RecordBuilder
@@ -47,60 +47,41 @@ LIBRARY = "contactlab"
 _CRC_SIZE = 4
 # Six of these in every file: by the library they would take a tenth of the time of a tiny run.
 _SUMMARY_OFFSET = struct.Struct("<BQBQQ")
+_SUMMARY = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
 
 
 @dataclass(frozen=True)
-class FilePrefix:
-    """The start of a file up to its metadata, which the runs of one scene share.
+class FileStart:
+    """The start of a file, up to its metadata, which the runs of one scene share, or with it.
 
     Attributes:
         crc: CRC-32 of its bytes.
         topics: topics of the channels 1, 2, ...
-        schemas: Schema records, for the summary.
-        channels: Channel records, likewise.
-        attachment: AttachmentIndex record, likewise.
+        schemas: how many there are.
+        summary: the records by which the summary repeats it, by their kind.
     """
 
     data: bytes
     crc: int
     topics: tuple[str, ...]
-    schema_count: int
-    schemas: bytes
-    channels: bytes
-    attachment: bytes
+    schemas: int
+    summary: Mapping[Opcode, bytes]
 
 
-@dataclass(frozen=True)
-class FileHead:
-    """The start of a file up to its first chunk.
-
-    Attributes:
-        metadata: the Metadata record.
-        metadata_index: its MetadataIndex record, for the summary.
-    """
-
-    prefix: FilePrefix
-    metadata: bytes
-    metadata_index: bytes
-
-    @property
-    def data(self) -> bytes:
-        """The bytes."""
-        return self.prefix.data + self.metadata
-
-    @property
-    def crc(self) -> int:
-        """Their CRC-32."""
-        return zlib.crc32(self.metadata, self.prefix.crc)
-
-
-def file_prefix(
+def file_start(
     schemas: Sequence[Schema], channels: Sequence[Channel], attachment: Attachment
-) -> FilePrefix:
-    """Return the start of a file; channels are numbered from 1."""
-    schema_records, channel_records = _encoded(*schemas), _encoded(*channels)
+) -> FileStart:
+    """Return the start of a file without metadata; channels are numbered from 1."""
+    repeated = {Opcode.SCHEMA: _encoded(*schemas), Opcode.CHANNEL: _encoded(*channels)}
     header = _encoded(Header(profile="", library=LIBRARY))
-    before = MCAP0_MAGIC + header + schema_records + channel_records
+    before = MCAP0_MAGIC + header + b"".join(repeated.values())
     attached = _encoded(attachment)
     index = AttachmentIndex(
         offset=len(before),
@@ -111,78 +92,19 @@ def file_prefix(
         name=attachment.name,
         media_type=attachment.media_type,
     )
-    return FilePrefix(
-        data=before + attached,
-        crc=zlib.crc32(before + attached),
-        topics=tuple(channel.topic for channel in channels),
-        schema_count=len(schemas),
-        schemas=schema_records,
-        channels=channel_records,
-        attachment=_encoded(index),
-    )
+    data = before + attached
+    topics = tuple(channel.topic for channel in channels)
+    summary = {**repeated, Opcode.ATTACHMENT_INDEX: _encoded(index)}
+    return FileStart(data, zlib.crc32(data), topics, len(schemas), summary)
 
 
-def file_head(prefix: FilePrefix, name: str, entries: Mapping[str, str]) -> FileHead:
+def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> FileStart:
     """Return the start of a file with its metadata."""
     metadata = _encoded(Metadata(name, dict(entries)))
-    index = MetadataIndex(offset=len(prefix.data), length=len(metadata), name=name)
-    return FileHead(prefix, metadata, _encoded(index))
-
-
-def file_tail(
-    head: FileHead, chunks: Sequence[ChunkIndex], message_counts: Sequence[int], crc: int
-) -> bytes:
-    """Return the end of a file: the data section's end, the summary, the footer.
-
-    Args:
-        head: the start of the file.
-        chunks: index of each chunk; there is at least one.
-        message_counts: number of messages of the channels 1, 2, ...
-        crc: CRC-32 of all bytes before it.
-    """
-    prefix = head.prefix
-    statistics = Statistics(
-        attachment_count=1,
-        channel_count=len(message_counts),
-        channel_message_counts=dict(enumerate(message_counts, start=1)),
-        chunk_count=len(chunks),
-        message_count=sum(message_counts),
-        message_end_time=chunks[-1].message_end_time,
-        message_start_time=chunks[0].message_start_time,
-        metadata_count=1,
-        schema_count=prefix.schema_count,
-    )
-    groups = {
-        Opcode.SCHEMA: prefix.schemas,
-        Opcode.CHANNEL: prefix.channels,
-        Opcode.STATISTICS: _encoded(statistics),
-        Opcode.CHUNK_INDEX: _encoded(*chunks),
-        Opcode.ATTACHMENT_INDEX: prefix.attachment,
-        Opcode.METADATA_INDEX: head.metadata_index,
-    }
-    data_end = _encoded(DataEnd(crc))
-    position = start = _chunk_end(chunks[-1]) + len(data_end)
-    offsets = b""
-    for opcode, group in groups.items():
-        offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, opcode, position, len(group))
-        position += len(group)
-    summary = b"".join(groups.values()) + offsets
-    # The summary's CRC covers the footer's own first fields too.
-    footer = _encoded(Footer(start, position, 0))[:-_CRC_SIZE]
-    summary_crc = zlib.crc32(footer, zlib.crc32(summary)).to_bytes(_CRC_SIZE, "little")
-    return data_end + summary + footer + summary_crc + MCAP0_MAGIC
-
-
-def _chunk_end(chunk: ChunkIndex) -> int:
-    """Return the offset in the file at which a chunk's last message index ends."""
-    return chunk.chunk_start_offset + chunk.chunk_length + chunk.message_index_length
-
-
-def _encoded(*records: McapRecord) -> bytes:
-    builder = RecordBuilder()
-    for record in records:
-        record.write(builder)
-    return builder.end()
+    index = MetadataIndex(offset=len(start.data), length=len(metadata), name=name)
+    summary = {**start.summary, Opcode.METADATA_INDEX: _encoded(index)}
+    crc = zlib.crc32(metadata, start.crc)
+    return replace(start, data=start.data + metadata, crc=crc, summary=summary)
 
 
 @dataclass(frozen=True)
@@ -220,19 +142,13 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     offsets = ends.reshape(sizes.shape) - sizes
     data = SCRATCH.take("stream", int(ends[-1]))
     for group in groups:
-        records = overlapping(data, group.layout.size)
-        records[offsets[group.span, group.channel - 1]] = _records(group, times)
+        size = group.layout.size
+        items = group.layout.fill(SCRATCH.take("records", len(group.rows) * size))
+        items["channel"] = group.channel
+        items["log_time"] = items["publish_time"] = times[group.span]
+        group.fill(items)
+        overlapping(data, size)[offsets[group.span, group.channel - 1]] = items.view(f"V{size}")
     return MessageStream(data, offsets, sizes, times)
-
-
-def _records(group: MessageGroup, times: Times) -> NDArray[np.void]:
-    size = group.layout.size
-    memory = SCRATCH.take("records", len(group.rows) * size)
-    items = group.layout.fill(memory)
-    items["channel"] = group.channel
-    items["log_time"] = items["publish_time"] = times[group.span]
-    group.fill(items)
-    return items.view(f"V{size}")
 
 
 def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
@@ -240,54 +156,54 @@ def overlapping(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
     return np.ndarray((max(len(data) - size + 1, 0),), f"V{size}", data, strides=(1,))
 
 
-def chunk_records(stream: MessageStream, position: int) -> Iterator[tuple[list[bytes], ChunkIndex]]:
-    """Yield each chunk and its message indexes as bytes, and its index for the summary.
-
-    The first chunk is at a position in the file.
-    """
-    for start, stop in pairwise(stream.cuts()):
-        rows = slice(start, stop)
-        chunk, compressed_size, size = _chunk(stream, rows)
-        indexes = dict(_message_indexes(stream, rows))
-        chunk_length = sum(map(len, chunk))
-        end, offsets = position + chunk_length, dict[int, int]()
-        for channel, index in indexes.items():
-            offsets[channel] = end
-            end += len(index)
-        yield (
-            [*chunk, *indexes.values()],
-            ChunkIndex(
-                chunk_length=chunk_length,
-                chunk_start_offset=position,
-                compression=_COMPRESSION,
-                compressed_size=compressed_size,
-                message_end_time=int(stream.times[stop - 1]),
-                message_index_length=end - position - chunk_length,
-                message_index_offsets=offsets,
-                message_start_time=int(stream.times[start]),
-                uncompressed_size=size,
-            ),
-        )
-        position = end
+def encode_file(start: FileStart, stream: MessageStream) -> tuple[bytes, Mapping[str, int]]:
+    """Return a file, and the number of its messages by topic."""
+    parts, crc, position = [start.data], start.crc, len(start.data)
+    chunks: list[ChunkIndex] = []
+    for rows in pairwise(stream.cuts()):
+        chunk, index = _chunk(stream, slice(*rows), position)
+        parts += chunk
+        chunks.append(index)
+        position += index.chunk_length + index.message_index_length
+    for part in parts[1:]:
+        crc = zlib.crc32(part, crc)
+    counts = np.count_nonzero(stream.sizes, axis=0).tolist()
+    parts.append(_file_tail(start, chunks, counts, position, crc))
+    return b"".join(parts), dict(zip(start.topics, counts, strict=True))
 
 
-def _chunk(stream: MessageStream, rows: slice) -> tuple[list[bytes], int, int]:
-    """Return a Chunk record in two parts, its compressed size and its own."""
-    ends = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
-    content = stream.data[stream.offsets[rows.start, 0] : ends].data
+def _chunk(stream: MessageStream, rows: slice, position: int) -> tuple[list[bytes], ChunkIndex]:
+    """Return a chunk at a position in the file with its message indexes, and its own index."""
+    stop = stream.offsets[rows.stop, 0] if rows.stop < len(stream.times) else len(stream.data)
+    content = stream.data[stream.offsets[rows.start, 0] : stop].data
     compressed = SCRATCH.compressor.compress(content)
+    first, last = int(stream.times[rows.start]), int(stream.times[rows.stop - 1])
+    length = CHUNK_HEAD.size + len(compressed)
     head = CHUNK_HEAD.pack(
         Opcode.CHUNK,
-        CHUNK_HEAD.size - _FRAME_SIZE + len(compressed),
-        int(stream.times[rows.start]),
-        int(stream.times[rows.stop - 1]),
+        length - _FRAME_SIZE,
+        first,
+        last,
         len(content),
         _NO_CRC,
         len(_COMPRESSION),
         _COMPRESSION.encode(),
         len(compressed),
     )
-    return [head, compressed], len(compressed), len(content)
+    indexes = dict(_message_indexes(stream, rows))
+    ends = [*accumulate(map(len, indexes.values()), initial=position + length)]
+    index = ChunkIndex(
+        chunk_length=length,
+        chunk_start_offset=position,
+        compression=_COMPRESSION,
+        compressed_size=len(compressed),
+        message_end_time=last,
+        message_index_length=ends[-1] - ends[0],
+        message_index_offsets=dict(zip(indexes, ends, strict=False)),
+        message_start_time=first,
+        uncompressed_size=len(content),
+    )
+    return [head, compressed, *indexes.values()], index
 
 
 def _message_indexes(stream: MessageStream, rows: slice) -> Iterator[tuple[int, bytes]]:
@@ -304,3 +220,47 @@ def _message_indexes(stream: MessageStream, rows: slice) -> Iterator[tuple[int, 
             channel = column + 1
             head = INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + length, channel, length)
             yield channel, head + entries.tobytes()
+
+
+def _file_tail(
+    start: FileStart, chunks: Sequence[ChunkIndex], counts: Sequence[int], position: int, crc: int
+) -> bytes:
+    """Return the end of a file: the data section's end, the summary, the footer.
+
+    Args:
+        start: the start of the file.
+        chunks: index of each chunk; there is at least one.
+        counts: number of messages of the channels 1, 2, ...
+        position: length of all before it.
+        crc: CRC-32 of all before it.
+    """
+    statistics = Statistics(
+        attachment_count=1,
+        channel_count=len(counts),
+        channel_message_counts=dict(enumerate(counts, start=1)),
+        chunk_count=len(chunks),
+        message_count=sum(counts),
+        message_end_time=chunks[-1].message_end_time,
+        message_start_time=chunks[0].message_start_time,
+        metadata_count=1,
+        schema_count=start.schemas,
+    )
+    found = {Opcode.STATISTICS: _encoded(statistics), Opcode.CHUNK_INDEX: _encoded(*chunks)}
+    groups, data_end = {**start.summary, **found}, _encoded(DataEnd(crc))
+    summary_start = position + len(data_end)
+    summary = offsets = b""
+    for kind in _SUMMARY:
+        group = summary_start + len(summary), len(groups[kind])
+        offsets += _SUMMARY_OFFSET.pack(Opcode.SUMMARY_OFFSET, 17, kind, *group)
+        summary += groups[kind]
+    footer = Footer(summary_start, summary_start + len(summary), 0)
+    # The summary's CRC covers the footer's own first fields too.
+    end = summary + offsets + _encoded(footer)[:-_CRC_SIZE]
+    return data_end + end + zlib.crc32(end).to_bytes(_CRC_SIZE, "little") + MCAP0_MAGIC
+
+
+def _encoded(*records: McapRecord) -> bytes:
+    builder = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    return builder.end()

@@ -29,7 +29,6 @@ from contactlab.store.mcap.trace_messages import (
     MessageLayout,
     contacts_record,
     last_state_record,
-    message_record,
     state_record,
 )
 
@@ -222,10 +221,3 @@ def _fill_points(slots: Floats, items: Items) -> None:
     items["found"] = slots[:, 0, FOUND]
     points = items["points"]
     points.view(_point_blocks(points.dtype))[:] = single.view(_slot_blocks())[..., 0]
-
-
-def single_message_group(channel: int, row: int, content: bytes) -> MessageGroup:
-    """Return a group of one message, already encoded."""
-    return MessageGroup(
-        channel, np.array([row]), message_record(MessageLayout(content)), lambda _: None
-    )
