@@ -29,7 +29,7 @@ from contactlab.run.ray_node import NodeRequirements
 from contactlab.run.ray_worker import pack_bundle
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
-from contactlab.store.backend_protocol import TRACES
+from contactlab.store.store_files import TRACES
 
 MAX_LOSSES = 3
 """How often a job may lose its node before it is taken to be the cause."""

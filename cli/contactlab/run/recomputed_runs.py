@@ -17,8 +17,8 @@ from contactlab.run.tasks import PlannedRun, Task
 from contactlab.run.worker import Worker
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.store.backend_protocol import SCENES
 from contactlab.store.finished_store import Store
+from contactlab.store.store_files import SCENES
 
 _OUTCOME = ("status", "steps", "trajectory_hash", "label", "labels", "label_steps", "knife_edge")
 

@@ -56,6 +56,15 @@ def write_error(path: object, error: OSError) -> OutputError:
     return OutputError(f"cannot write {path}: {reason}; {remedy}")
 
 
+@contextmanager
+def write_errors(path: object) -> Generator[None]:
+    """Turn errors of the system into one that names a path that cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise write_error(path, error) from error
+
+
 def sha256_of(path: Path) -> str:
     """Return the SHA-256 of a file, in hex."""
     with path.open("rb") as file:

@@ -9,13 +9,12 @@ from pathlib import Path
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_filesystem, write_error
-from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, TRACES
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import rows_digest, write_compact_table
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
-from contactlab.store.store_files import check_tree
+from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, TRACES, check_tree
 from contactlab.store.store_manifest import document_json
 from contactlab.store.verify_store import verify
 

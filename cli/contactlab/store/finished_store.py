@@ -17,8 +17,8 @@ from contactlab.errors import StoreError, did_you_mean, optional
 from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.atomic_files import sha256_of
-from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
 from contactlab.store.controls_file import read_controls
+from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.run_columns import RunColumns
@@ -31,7 +31,7 @@ from contactlab.store.runs_table import (
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
-from contactlab.store.store_files import check_tree, stored_file
+from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, check_tree, stored_file
 from contactlab.store.store_manifest import parse_manifest
 from contactlab.store.table_layout import row_to_record
 

@@ -1,10 +1,11 @@
-"""A store in a local folder."""
+"""What a store needs of the place it lies in, and such a place: a local folder."""
 
 import fcntl
 import shutil
 from collections.abc import Collection, Generator, Iterable, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
 
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
@@ -14,22 +15,19 @@ from contactlab.store.atomic_files import (
     atomic_write,
     sha256_of,
     sync_filesystem,
-    write_error,
+    write_errors,
 )
-from contactlab.store.backend_protocol import (
+from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
     JOURNAL,
     LOCK,
     MANIFEST,
+    MOST_TRACE,
     NOTES,
     SCENES,
     TABLE,
     TRACES,
-    WriteSession,
-)
-from contactlab.store.store_files import (
-    MOST_TRACE,
     check_tree,
     read_stored,
     stored_file,
@@ -37,12 +35,18 @@ from contactlab.store.store_files import (
 )
 from contactlab.store.store_manifest import document_json
 
+if TYPE_CHECKING:
+    from contactlab.store.object_backend import ObjectBackend, ObjectSession
+
 _FILES = (MANIFEST, IDENTITY, TABLE, JOURNAL, NOTES)
 _OWN = {SCENES, TRACES, CONTROLS, LOCK, *_FILES}
 
 
 class FolderBackend:
-    """See `Backend`."""
+    """A store in a local folder. File names are relative to it, with slashes.
+
+    Methods raise the class of error that `backend_at` was given, or OutputError on writing.
+    """
 
     def __init__(self, folder: Path, error: type[ContactlabError]) -> None:
         self.address = folder
@@ -65,29 +69,28 @@ class FolderBackend:
         path = self.address / name
         # Remembered: asking the system for each file takes longer.
         if path.parent not in self._made:
-            try:
+            with write_errors(path):
                 path.parent.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise write_error(path, error) from error
             self._made.add(path.parent)
         with atomic_write(path) as temporary:
             temporary.write_bytes(data)
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete files; missing ones are no error."""
-        for name in names:
-            try:
-                (self.address / name).unlink(missing_ok=True)
-            except OSError as error:
-                raise write_error(self.address / name, error) from error
+        for path in (self.address / name for name in names):
+            with write_errors(path):
+                path.unlink(missing_ok=True)
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
-        """Return the store's own folder."""
+        """Return a local folder with a manifest and the files that it names, except missing ones.
+
+        It exists until the process ends.
+        """
         del manifest, names
         return self.address
 
     def local_folder(self, name: str) -> Path:
-        """Return one of the store's folders."""
+        """Return a local folder with all files of one of the store's folders, likewise."""
         return self.address / name
 
     def trace_size(self, name: str) -> int | None:
@@ -103,7 +106,7 @@ class FolderBackend:
         return self._relative((self.address / TRACES).rglob("*.mcap"))
 
     def trace_files(self, names: Iterable[str]) -> Generator[Path | None]:
-        """Yield the file of each trace; None if it is missing."""
+        """Yield a local file for each trace, valid until the next one; None if it is missing."""
         for name in names:
             yield stored_file(self.address, name, MOST_TRACE)
 
@@ -113,9 +116,18 @@ class FolderBackend:
         temporary = self.address.rglob("*" + TEMPORARY_SUFFIX)
         return self._relative([*(path for path in journals if path.exists()), *temporary])
 
+    def foreign_names(self) -> list[str]:
+        """Return the names of what does not belong to a store, sorted."""
+        own = _OWN | {name + TEMPORARY_SUFFIX for name in _OWN}
+        return sorted(self.top_names() - own)
+
     @contextmanager
     def write_session(self) -> Generator["FolderSession"]:
-        """Hold the store's lock, which the system releases when the process ends."""
+        """Hold the store's lock, which the system releases when the process ends.
+
+        Raises:
+            OutputError: another sweep holds it.
+        """
         self.address.mkdir(parents=True, exist_ok=True)
         for name in _OWN:
             for each in (name, name + TEMPORARY_SUFFIX):
@@ -132,18 +144,16 @@ class FolderBackend:
         return [path.relative_to(self.address).as_posix() for path in sorted(paths)]
 
 
-class FolderSession(WriteSession):
-    """See `WriteSession`; the local folder is the store itself."""
+class FolderSession:
+    """A store that is locked for writing.
+
+    Journal, notes, table and scene are made in a local folder, here the store itself.
+    """
 
     def __init__(self, backend: FolderBackend) -> None:
         self.folder = backend.address
         self._backend = backend
         self._commit: GroupCommit | None = None
-
-    def foreign_names(self) -> list[str]:
-        """Return the names of what does not belong to a store, sorted."""
-        own = _OWN | {name + TEMPORARY_SUFFIX for name in _OWN}
-        return sorted(self._backend.top_names() - own)
 
     def clear(self) -> None:
         """Remove the whole store."""
@@ -154,25 +164,36 @@ class FolderSession(WriteSession):
             shutil.rmtree(self.folder / name, ignore_errors=True)
 
     def begin(self, identity: SweepIdentity) -> None:
-        """Write the identity, which makes the folder a store."""
+        """Make a new store of the local folder's scene and the identity, which comes last."""
         (self.folder / TRACES).mkdir(exist_ok=True)
         with atomic_write(self.folder / IDENTITY) as temporary:
             temporary.write_text(document_json(identity), encoding="utf-8")
 
+    def fetch_journal(self) -> None:
+        """Have the rows and notes of an unfinished store in the local folder."""
+        self.remove_temporaries()
+
+    def replace_journal(self) -> None:
+        """Make the local journal the store's, without the rows that it lacks."""
+
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
-        """Have the lines on the disk within a second, with all that was written before them."""
+        """Have lines that were appended to a local file on the disk within a second."""
         del name, lines
         self._commit = self._commit or GroupCommit(self.folder)
         self._commit.changed()
 
     def flush(self) -> None:
-        """Have all lines on the disk."""
+        """Wait until all lines are stored."""
         commit, self._commit = self._commit, None
         if commit is not None:
             commit.close()
 
+    def table(self) -> Path:
+        """Return a local file with the table of a finished store."""
+        return self.folder / TABLE
+
     def publish(self, manifest: StoreManifest) -> StoreManifest:
-        """Write the manifest once everything else is on the disk."""
+        """Store the table and, last, the manifest; return the manifest that the store now has."""
         sync_filesystem(self.folder)
         with atomic_write(self.folder / MANIFEST, durable=True) as temporary:
             temporary.write_text(document_json(manifest), encoding="utf-8")
@@ -180,12 +201,12 @@ class FolderSession(WriteSession):
         return manifest
 
     def unpublish(self) -> None:
-        """Remove the manifest; the journal is on the disk."""
+        """Make a finished store an unfinished one with the rows of the local journal."""
         self._backend.delete([MANIFEST])
         sync_filesystem(self.folder)
 
     def remove_journal(self) -> None:
-        """Remove journal and notes."""
+        """Remove the rows and notes of a finished store."""
         self._backend.delete([JOURNAL, NOTES, JOURNAL + TEMPORARY_SUFFIX])
 
     def remove_temporaries(self) -> None:
@@ -193,3 +214,7 @@ class FolderSession(WriteSession):
         self._backend.delete(name + TEMPORARY_SUFFIX for name in _FILES)
         for leftover in (self.folder / TRACES).rglob("*" + TEMPORARY_SUFFIX):
             leftover.unlink()
+
+
+Backend: TypeAlias = "FolderBackend | ObjectBackend"
+WriteSession: TypeAlias = "FolderSession | ObjectSession"

@@ -19,7 +19,9 @@ from tempfile import TemporaryDirectory, mkdtemp
 from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
-from contactlab.store.backend_protocol import (
+from contactlab.store.object_client import ObjectClient
+from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
     JOURNAL,
@@ -29,10 +31,7 @@ from contactlab.store.backend_protocol import (
     SCENES,
     TABLE,
     TRACES,
-    WriteSession,
 )
-from contactlab.store.object_client import ObjectClient
-from contactlab.store.store_address import ObjectAddress
 from contactlab.store.store_lease import StoreLease, hold_lease
 from contactlab.store.store_manifest import check_same_sweep, document_json, parse_manifest
 
@@ -54,7 +53,7 @@ _fetched: dict[ObjectAddress, tuple[bytes, Path]] = {}
 
 
 class ObjectBackend:
-    """See `Backend`."""
+    """See `FolderBackend`."""
 
     def __init__(self, address: ObjectAddress, error: type[ContactlabError]) -> None:
         self.address = address
@@ -100,7 +99,7 @@ class ObjectBackend:
         return self._trace_sizes.get(name)
 
     def holds_trace(self, name: str, size: int, sha256: str) -> bool:
-        """Return whether there is a trace of this size."""
+        """Return whether there is a trace of this size: it was stored whole, with checksums."""
         del sha256
         return self.trace_size(name) == size
 
@@ -133,6 +132,10 @@ class ObjectBackend:
         """Return the names of batches that an interrupted sweep left, sorted."""
         return sorted(name for each in _BATCHES.values() for name, _ in self.client.sizes(each))
 
+    def foreign_names(self) -> list[str]:
+        """Return the names of what does not belong to a store, sorted."""
+        return sorted(self.top_names() - _OWN)
+
     @contextmanager
     def write_session(self) -> Generator["ObjectSession"]:
         """Hold the store's lease."""
@@ -150,20 +153,17 @@ def _take_first(coming: deque[Future[Path | None]]) -> Iterator[Path | None]:
         path.unlink()
 
 
-class ObjectSession(WriteSession):
-    """See `WriteSession`."""
+class ObjectSession:
+    """See `FolderSession`; the local folder is a temporary one."""
 
     def __init__(self, client: ObjectClient, lease: StoreLease, folder: Path) -> None:
         self.folder = folder
         self._client = client
         self._lease = lease
-        self._queue = UploadQueue(client)
+        self._pool = ThreadPoolExecutor(_UPLOADS, thread_name_prefix="uploads")
+        self._uploads: deque[Future[None]] = deque()
         self._batches: list[str] = []
         self._lines = 0
-
-    def foreign_names(self) -> list[str]:
-        """Return the names of what does not belong to a store, sorted."""
-        return sorted(self._client.top_names() - _OWN)
 
     def clear(self) -> None:
         """Remove all objects but the lock."""
@@ -199,17 +199,31 @@ class ObjectSession(WriteSession):
             self._client.delete(self._batches)
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
-        """Upload lines in the background, as a batch of their own."""
+        """Upload lines in the background, as a batch of their own; waits while many are queued."""
         self._lease.check()
-        self._queue.put(_BATCHES[name], b"".join(lines))
+        self._await_uploads(_MAX_QUEUED)
+        batch = _new_batch(name)
+        self._uploads.append(self._pool.submit(self._client.put, batch, b"".join(lines)))
 
     def flush(self) -> None:
         """Wait until all lines are uploaded."""
-        self._queue.close()
+        self._await_uploads(0)
+        self._pool.shutdown()
 
-    def fetch_table(self) -> None:
+    def _await_uploads(self, most: int) -> None:
+        """Wait until at most so many uploads are unfinished; after an error, begin no other."""
+        try:
+            while self._uploads and (len(self._uploads) > most or self._uploads[0].done()):
+                self._uploads.popleft().result()
+        except BaseException:
+            self._uploads.clear()
+            self._pool.shutdown(cancel_futures=True)
+            raise
+
+    def table(self) -> Path:
         """Fetch the table."""
         self._client.fetch(TABLE, self.folder / TABLE)
+        return self.folder / TABLE
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table, then the manifest, unless another sweep has published meanwhile."""
@@ -240,9 +254,11 @@ class ObjectSession(WriteSession):
         for folder in _BATCHES.values():
             self._client.delete([name for name, _ in self._client.sizes(folder)])
 
+    def remove_temporaries(self) -> None:
+        """Do nothing: an object is stored whole."""
+
     def _put_journal(self) -> None:
-        name = f"{_BATCHES[JOURNAL]}/{uuid.uuid4().hex}.jsonl"
-        self._client.put(name, self.folder / JOURNAL)
+        self._client.put(_new_batch(JOURNAL), self.folder / JOURNAL)
 
     def _join_batches(self, target: str) -> list[str]:
         names = [name for name, _ in self._client.sizes(_BATCHES[target])]
@@ -261,48 +277,9 @@ class ObjectSession(WriteSession):
         return names
 
 
-class UploadQueue:
-    """Uploads small objects in the background, a limited number at a time.
-
-    Methods raise an OutputError if one cannot be stored; those still queued are cancelled.
-    """
-
-    def __init__(self, client: ObjectClient) -> None:
-        self._client = client
-        self._pool = ThreadPoolExecutor(_UPLOADS, thread_name_prefix="uploads")
-        self._queued: deque[Future[None]] = deque()
-        self._author = uuid.uuid4().hex
-        self._count = 0
-
-    def put(self, folder: str, data: bytes) -> None:
-        """Upload an object of a new name into a folder; waits while too many are queued."""
-        name = f"{folder}/{self._author}-{self._count:08d}.jsonl"
-        self._count += 1
-        with self._cancelling():
-            while self._queued and (len(self._queued) >= _MAX_QUEUED or self._queued[0].done()):
-                self._queued.popleft().result()
-        self._queued.append(self._pool.submit(self._create, name, data))
-
-    def close(self) -> None:
-        """Wait until all objects are stored, and end."""
-        with self._cancelling():
-            while self._queued:
-                self._queued.popleft().result()
-        self._pool.shutdown()
-
-    @contextmanager
-    def _cancelling(self) -> Generator[None]:
-        """Cancel what has not begun yet if there is an error."""
-        try:
-            yield
-        except BaseException:
-            self._queued.clear()
-            self._pool.shutdown(cancel_futures=True)
-            raise
-
-    def _create(self, name: str, data: bytes) -> None:
-        if self._client.create(name, data) is None:
-            raise OutputError(f"{self._client.address / name} exists already, with other content")
+def _new_batch(name: str) -> str:
+    """Return an object's name that no other has, for lines of a local file."""
+    return f"{_BATCHES[name]}/{uuid.uuid4().hex}.jsonl"
 
 
 def _safe_name(name: str, address: ObjectAddress) -> str:

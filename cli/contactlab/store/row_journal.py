@@ -20,10 +20,11 @@ from pydantic_core import from_json
 
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord, Status, SweepIdentity
-from contactlab.store.atomic_files import atomic_write, write_error
-from contactlab.store.backend_protocol import JOURNAL, NOTES, Backend
+from contactlab.store.atomic_files import atomic_write
 from contactlab.store.controls_file import has_controls
+from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.mcap_check import trace_problems
+from contactlab.store.store_files import JOURNAL, NOTES
 from contactlab.store.table_layout import row_to_record
 
 FAILED_STATUSES = frozenset({"crashed", "error", "timeout"})
@@ -67,29 +68,6 @@ def parsed(line: bytes) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ValueError("is not a JSON object")
     return cast("dict[str, Any]", content)
-
-
-class Journal:
-    """Appends lines to a journal, or to the notes beside it; an OutputError says that it cannot."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._file = path.open("ab")
-
-    def append(self, lines: Iterable[bytes]) -> None:
-        """Append sealed lines, and hand them to the operating system."""
-        try:
-            self._file.write(b"".join(lines))
-            self._file.flush()
-        except OSError as error:
-            raise write_error(self._path, error) from error
-
-    def close(self) -> None:
-        """Close the file; safe to call when the disk is full."""
-        try:
-            self._file.close()
-        except OSError as error:
-            raise write_error(self._path, error) from error
 
 
 @dataclass(frozen=True)

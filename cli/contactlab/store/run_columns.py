@@ -13,10 +13,9 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
-from contactlab.store.backend_protocol import TABLE
 from contactlab.store.runs_table import shared_fields, table_errors, texts_of
 from contactlab.store.store_address import Address
-from contactlab.store.store_files import stored_file
+from contactlab.store.store_files import TABLE, stored_file
 
 _MAX_CATEGORIES = 64
 """A bit each in a 64-bit mask."""

@@ -7,11 +7,11 @@ from pathlib import Path
 from contactlab.contact.trace_arrays import PairSeries, RecordedControls, Trace
 from contactlab.errors import ContactlabError, OutputError, optional
 from contactlab.schema.evidence import TraceFile
-from contactlab.store.backend_protocol import SCENES, TRACES, Backend
 from contactlab.store.controls_file import controls_name, encode_controls
-from contactlab.store.folder_backend import FolderBackend
+from contactlab.store.folder_backend import Backend, FolderBackend
 from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 from contactlab.store.store_address import Address
+from contactlab.store.store_files import SCENES, TRACES
 
 
 def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
@@ -70,7 +70,7 @@ def local_scene(store: Address, folder: Path) -> Path:
     Raises:
         OutputError: the store cannot be reached, or has no such scene.
     """
-    if folder.is_dir() or isinstance(store, Path):
+    if folder.is_dir():
         return folder
     return backend_at(store, OutputError).local_folder(SCENES) / folder.name
 

@@ -1,4 +1,4 @@
-"""The way to the files of a store, which may come from a stranger.
+"""The files of a store, which may come from a stranger: their names, and the way to them.
 
 Names are relative and lead nowhere else; below the store's folder, which may itself be a link,
 only folders and regular files are used, up to a size that no honest store reaches.
@@ -10,6 +10,16 @@ from pathlib import Path
 
 from contactlab.errors import StoreError
 from contactlab.schema.strict_model import is_inner_name
+
+MANIFEST = "manifest.json"
+IDENTITY = "sweep.json"
+TABLE = "runs.parquet"
+JOURNAL = "journal.jsonl"
+NOTES = "notes.jsonl"
+SCENES = "scenes"
+TRACES = "traces"
+CONTROLS = "controls"
+LOCK = ".lock"
 
 MOST_DOCUMENT = 64 << 20
 """Bytes of a file that is read at once: identity, manifest, lock."""

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from contactlab.errors import ContactlabError, OutputError
-from contactlab.store.backend_protocol import LOCK
+from contactlab.store.store_files import LOCK
 
 if TYPE_CHECKING:
     from obstore import UpdateVersion

@@ -7,8 +7,8 @@ from pydantic_core import from_json
 
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import STORE_VERSION, StoreManifest, SweepIdentity
-from contactlab.store.backend_protocol import IDENTITY, MANIFEST
 from contactlab.store.store_address import Address
+from contactlab.store.store_files import IDENTITY, MANIFEST
 
 _Document = TypeVar("_Document", bound=BaseModel)
 

@@ -5,7 +5,7 @@ Rows go to a journal as runs finish; the table follows at the end, and the manif
 
 import shutil
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,21 +14,11 @@ from typing import Any, Protocol
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import Provenance, StoreManifest, SweepIdentity
-from contactlab.store.atomic_files import hashes_below, sha256_of, write_error
-from contactlab.store.backend_protocol import (
-    IDENTITY,
-    JOURNAL,
-    MANIFEST,
-    NOTES,
-    SCENES,
-    TABLE,
-    Backend,
-    WriteSession,
-)
+from contactlab.store.atomic_files import hashes_below, sha256_of, write_error, write_errors
+from contactlab.store.folder_backend import Backend, WriteSession
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
     IsPlanned,
-    Journal,
     Mended,
     ResumedRows,
     Row,
@@ -49,6 +39,7 @@ from contactlab.store.runs_table import (
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
+from contactlab.store.store_files import IDENTITY, JOURNAL, MANIFEST, NOTES, SCENES, TABLE
 from contactlab.store.store_manifest import check_same_sweep, parse_identity, parse_manifest
 from contactlab.store.table_layout import Column
 from contactlab.store.verify_store import verify
@@ -79,8 +70,7 @@ class StoreWriter:
         self.done, self.unsealed = mended.runs, mended.unsealed
         self.started = _now()
         self._session = session
-        self._journal = Journal(self.path / JOURNAL)
-        self._notes: Journal | None = None
+        self._files = {JOURNAL: (self.path / JOURNAL).open("ab")}
 
     @property
     def scene_folder(self) -> Path:
@@ -89,16 +79,19 @@ class StoreWriter:
 
     def append(self, rows: Sequence[bytes]) -> None:
         """Add finished runs, each a row as JSON; their traces must be stored already."""
-        self._add(self._journal, JOURNAL, rows)
+        self._add(JOURNAL, rows)
 
     def note(self, notes: Sequence[bytes]) -> None:
         """Keep results of a later pass, each as JSON, in case of an interruption."""
-        self._notes = self._notes or Journal(self.path / NOTES)
-        self._add(self._notes, NOTES, notes)
+        self._add(NOTES, notes)
 
-    def _add(self, journal: Journal, name: str, rows: Sequence[bytes]) -> None:
+    def _add(self, name: str, rows: Sequence[bytes]) -> None:
         lines = [sealed(row) for row in rows]
-        journal.append(lines)
+        with write_errors(self.path / name):
+            if name not in self._files:
+                self._files[name] = (self.path / name).open("ab")
+            self._files[name].writelines(lines)
+            self._files[name].flush()
         self._session.add_lines(name, lines)
 
     def notes(self) -> Iterator[dict[str, Any]]:
@@ -137,11 +130,12 @@ class StoreWriter:
 
     def close(self) -> None:
         """Leave the store as it is, resumable, once all rows are stored."""
-        with ExitStack() as closing:
-            closing.callback(self._session.flush)
-            closing.callback(self._journal.close)
-            if self._notes is not None:
-                closing.callback(self._notes.close)
+        try:
+            for name, file in self._files.items():
+                with write_errors(self.path / name):
+                    file.close()
+        finally:
+            self._session.flush()
 
     def _manifest(self, provenance: Provenance) -> StoreManifest:
         scenes = sorted(path for path in (self.path / SCENES).rglob("*") if path.is_file())
@@ -189,18 +183,17 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
     try:
         with backend.write_session() as session:
             if fresh:
-                _refuse_foreign(backend, session, "not removed")
+                _refuse_foreign(backend, "not removed")
                 session.clear()
             manifest = _find_manifest(backend, identity, repair=repair)
             if manifest is not None:
                 check_same_sweep(address, manifest.sweep, identity)
                 session.remove_journal()
-                is_reopened = (repair and _reopen_damaged(session, manifest, address)) or (
-                    retry_failed and _reopen_failed(session, manifest)
-                )
-                if not is_reopened:
+                kept = _rows_to_keep(session, manifest, address, repair, retry_failed)
+                if kept is None:
                     yield manifest
                     return
+                _reopen(session, manifest, kept)
             folders = {identity.scene_hash: scene, **beside}
             rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)
             writer = StoreWriter(session, identity, _prepare(backend, session, folders, rows))
@@ -242,10 +235,9 @@ def _prepare(
     identity, address = rows.identity, backend.address
     stored = backend.read(IDENTITY)
     if stored is None:
-        _refuse_foreign(backend, session, "choose another place with -o")
+        _refuse_foreign(backend, "choose another place with -o")
     elif not rows.repair:
         check_same_sweep(address, parse_identity(stored, address), identity)
-    session.remove_temporaries()
     session.fetch_journal()
     journal = session.folder / JOURNAL
     has_lines = journal.is_file() and journal.stat().st_size > 0
@@ -293,29 +285,18 @@ def _resume(backend: Backend, session: WriteSession, rows: ResumedRows) -> Mende
     return mended
 
 
-def _reopen_failed(session: WriteSession, manifest: StoreManifest) -> bool:
-    """Make a finished store with failed runs an unfinished one; return whether it has any."""
-    session.fetch_table()
-    table = session.folder / TABLE
-    statuses = read_table(table, ["status"])["status"].unique().to_pylist()
-    if FAILED_STATUSES.isdisjoint(statuses):
-        return False
-    _reopen(session, manifest, iterate_rows(table))
-    return True
-
-
-def _reopen_damaged(session: WriteSession, manifest: StoreManifest, address: Address) -> bool:
-    """Make a damaged finished store an unfinished one; return whether it is damaged.
-
-    Of a table that is not as it was written, no row can be told to be sound.
-    """
-    if not verify(address):
-        return False
-    session.fetch_table()
-    table = session.folder / TABLE
-    is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)
-    _reopen(session, manifest, iterate_rows(table) if is_sound else ())
-    return True
+def _rows_to_keep(
+    session: WriteSession, manifest: StoreManifest, address: Address, repair: bool, retry: bool
+) -> Iterable[Row] | None:
+    """Return the rows of a finished store with damaged or failed runs; None if it has none."""
+    if repair and verify(address):
+        # Of a table that is not as it was written, no row can be told to be sound.
+        table = session.table()
+        is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)
+        return iterate_rows(table) if is_sound else ()
+    if retry and not FAILED_STATUSES.isdisjoint(manifest.statuses):
+        return iterate_rows(session.table())
+    return None
 
 
 def _reopen(session: WriteSession, manifest: StoreManifest, rows: Iterable[Row]) -> None:
@@ -332,8 +313,8 @@ def _reopen(session: WriteSession, manifest: StoreManifest, rows: Iterable[Row])
     session.unpublish()
 
 
-def _refuse_foreign(backend: Backend, session: WriteSession, remedy: str) -> None:
-    if foreign := session.foreign_names():
+def _refuse_foreign(backend: Backend, remedy: str) -> None:
+    if foreign := backend.foreign_names():
         names = ", ".join(foreign[:3])
         raise OutputError(f"{backend.address} holds other files ({names}); {remedy}")
 

@@ -11,9 +11,9 @@ import pyarrow.parquet as pq
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
 from contactlab.store.atomic_files import sha256_of
-from contactlab.store.backend_protocol import IDENTITY, MANIFEST, SCENES, TABLE, Backend
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
+from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.mcap_check import trace_problems
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
@@ -25,7 +25,7 @@ from contactlab.store.runs_table import (
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
-from contactlab.store.store_files import stored_file
+from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, stored_file
 from contactlab.store.store_manifest import parse_identity
 from contactlab.store.table_layout import row_to_record
 
