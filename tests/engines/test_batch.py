@@ -67,13 +67,13 @@ FIELDS: dict[str, Any] = {
     "eq_active0[grip]": 0,
 }
 SWITCHES = [flag for flag in FLAGS if flag not in PARAMETERS]
-CHOICES = [(name, word) for name, each in PARAMETERS.items() for word in each.axis.choices]
+CHOICES = [(name, word) for name, each in PARAMETERS.items() for word in each.choices]
 
 
 def test_every_parameter_is_tried() -> None:
     assert OTHER.keys() == PARAMETERS.keys()
     for name, value in OTHER.items():
-        assert PARAMETERS[name].axis.parse(value) == value
+        assert PARAMETERS[name].parse(value) == value
 
 
 @pytest.mark.parametrize("name", PARAMETERS)

@@ -171,7 +171,7 @@ def test_a_nudged_copy_is_driven_alike(make_scene: Make) -> None:
     scene = driven(make_scene, "{turn.ctrl: {at: [0, 0.1], to: [0, 1]}}")
     runs = [scene.resolve({}, seed, None) for seed in (0, 1)]
     starts = scene.starts(runs)
-    copies = scene.initial.nudged(starts, runs)
+    copies = scene.nudged(starts, runs)
     assert not np.array_equal(copies.qpos, starts.qpos)
     assert pickle.dumps(copies[1:]) == pickle.dumps(starts[1:])
 

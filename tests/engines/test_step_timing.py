@@ -9,7 +9,7 @@ import pytest
 from contactlab.engines import Buffers, Segments, Work, mujoco_batch, roll_out
 from contactlab.engines.engine import SEGMENTS
 from contactlab.engines.single_run import count_work, time_segments, time_steps
-from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.scene.scene import Scene
 
 STEPS = 100
 
@@ -21,8 +21,8 @@ class Timed:
         self.run = scene.resolve({"integrator": integrator}, 1, None)
         self.start = scene.starts([self.run])
         self.recorded = scene.prepare(self.run, self.start).model
-        compiled = compile_without_sensors(scene, self.run)
-        self.model = prepare_without_sensors(scene, self.run, self.start, compiled)
+        compiled = scene.compile_without_sensors(self.run)
+        self.model = scene.prepare(self.run, self.start, compiled).model
         work = count_work(self.model, self.start, STEPS)
         assert work is not None
         self.work: Work = work

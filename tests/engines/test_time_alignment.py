@@ -12,7 +12,7 @@ from contactlab.engines import make_trace
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 
-INTEGRATORS = PARAMETERS["integrator"].axis.choices
+INTEGRATORS = PARAMETERS["integrator"].choices
 # RK4 takes four stages a step, and its sensors hold the first.
 SINGLE_STAGE = tuple(name for name in INTEGRATORS if name != "RK4")
 BOX = """

@@ -21,7 +21,7 @@ from contactlab.run.planned_runs import JOB_BYTES, MAX_RUNS, RunIndex, pack_jobs
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.run.tasks import PlannedRun
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.scene import InitialStateMaker, Scene
+from contactlab.scene.scene import Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
 SCENES = SceneLoader(None)
@@ -173,13 +173,13 @@ def test_jobs_are_handed_out_as_they_are_asked_for(large: tuple[Plan, Scene]) ->
 def checked(monkeypatch: pytest.MonkeyPatch) -> list[ResolvedRun]:
     """What is checked of a scene whose runs depend on time."""
     seen: list[ResolvedRun] = []
-    check = InitialStateMaker.check
+    check = Scene.check_start
 
-    def watched(self: InitialStateMaker, run: ResolvedRun) -> None:
+    def watched(self: Scene, run: ResolvedRun) -> None:
         seen.append(run)
         check(self, run)
 
-    monkeypatch.setattr(InitialStateMaker, "check", watched)
+    monkeypatch.setattr(Scene, "check_start", watched)
     return seen
 
 

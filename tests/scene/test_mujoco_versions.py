@@ -34,7 +34,7 @@ def ask(text: str, *assign: str, partly: bool = False) -> SweepRequest:
 
 def test_the_table_agrees_with_the_installed_engine() -> None:
     for each in NEW_FEATURES:
-        words = PARAMETERS[each.axis].axis.choices if each.axis in PARAMETERS else FLAGS
+        words = PARAMETERS[each.axis].choices if each.axis in PARAMETERS else FLAGS
         there = (each.axis if isinstance(each.value, bool) else each.value) in words
         assert there == (why_unsupported(each.axis, each.value) is None), each
 

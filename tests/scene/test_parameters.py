@@ -97,17 +97,17 @@ def test_friction_parts_stand_for_both_directions() -> None:
 
 @pytest.mark.parametrize("name", OPTION_NAMES)
 def test_an_option_is_the_attribute_of_that_name(name: str) -> None:
-    texts = [*PARAMETERS[name].axis.choices] or ["1 2 3" if name == "gravity" else "3"]
+    texts = [*PARAMETERS[name].choices] or ["1 2 3" if name == "gravity" else "3"]
     for text in texts:
         inner = f"<option {name}='{text}'/>"
         wanted = mujoco.MjModel.from_xml_string(f"<mujoco>{inner}</mujoco>")
-        value = PARAMETERS[name].axis.parse(text)
+        value = PARAMETERS[name].parse(text)
         model = SLIDE.base({}).prepare(SLIDE.resolve({name: value}, 0, None).edits()).model
         assert np.array_equal(getattr(model.opt, name), getattr(wanted.opt, name))
 
 
 def test_gravity_as_a_magnitude_points_down() -> None:
-    for value in (PARAMETERS["gravity"].axis.parse("3.7"), PARAMETERS["gravity"].axis.parse(3.7)):
+    for value in (PARAMETERS["gravity"].parse("3.7"), PARAMETERS["gravity"].parse(3.7)):
         run = BALL.resolve({"gravity": value}, 0, None)
         assert run.settings["gravity"] == (0.0, 0.0, -3.7)
         model = BALL.base({}).prepare(run.edits()).model
@@ -159,7 +159,7 @@ def test_what_recording_needs_is_on_whatever_the_model_says(make_scene: Any) -> 
 )  # fmt: skip
 def test_illegal_values_say_what_to_write(name: str, value: Any) -> None:
     with pytest.raises(ValueError, match="write"):
-        PARAMETERS[name].axis.parse(value)
+        PARAMETERS[name].parse(value)
 
 
 def test_every_axis_says_what_it_is() -> None:
@@ -171,7 +171,7 @@ def test_every_axis_says_what_it_is() -> None:
             assert axis.name == name
             assert axis.description
             assert all(scene.catalogue.find(other) for other in axis.conflicts)
-    assert PARAMETERS["gravity"].axis == BALL.catalogue.find("gravity")
+    assert PARAMETERS["gravity"] == BALL.catalogue.find("gravity")
 
 
 def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:

@@ -14,6 +14,7 @@ from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_options import non_default
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun, other_effects
+from contactlab.scene.row_resolution import RowResolver
 from contactlab.scene.scene import Scene
 
 Draw = Callable[[st.SearchStrategy[Any]], Any]
@@ -122,7 +123,7 @@ def test_rows_are_what_their_runs_are(
 ) -> None:
     monkeypatch.setattr("contactlab.scene.row_resolution._MAX_CACHED", most)
     scene, found = sweep
-    together = scene.rows(duration)
+    together = RowResolver(scene, duration)
     # Twice: the second time all that can be remembered is.
     for values in (*found, *found):
         row = together.row(values)
@@ -140,7 +141,7 @@ def test_rows_are_what_their_runs_are(
 
 
 def test_zeros_of_either_sign_are_two_values() -> None:
-    together = SCENES["ball_drop"].rows(None)
+    together = RowResolver(SCENES["ball_drop"], None)
     ids = [together.row({"drop_height": zero}).run_ids([0]) for zero in (0.0, -0.0, 0.0)]
     assert ids[0] == ids[2] != ids[1]
 
@@ -149,6 +150,6 @@ def test_all_parts_are_remembered_but_no_more_than_so_many(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("contactlab.scene.row_resolution._MAX_CACHED", 3)
-    together = SCENES["ball_drop"].rows(None)
+    together = RowResolver(SCENES["ball_drop"], None)
     groups = {together.row({"drop_height": float(height)}).group for height in range(1, 10)}
     assert [len(each.known) for group in groups for each in group.settings] == [3]

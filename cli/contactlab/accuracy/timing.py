@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import SEGMENTS, Segments, TimesSteps, Watch, Work, engine_of
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import Timing
 from contactlab.schema.sweep_schema import TimingRequest
 
@@ -39,10 +39,10 @@ def work_of_runs(scene: Scene, runs: Sequence[PlannedModel], watch: Watch) -> It
     The runs are of one structure and engine; `watch` is called before steps, to start their time
     limit. The models are those that are timed, so that the states fit them.
     """
-    compiled = compile_without_sensors(scene, runs[0].resolved)
+    compiled = scene.compile_without_sensors(runs[0].resolved)
     engine = _timing_engine(runs[0].resolved)
     for run in runs:
-        model = prepare_without_sensors(scene, run.resolved, run.start, compiled)
+        model = scene.prepare(run.resolved, run.start, compiled).model
         work = engine.count_work(model, run.start, run.resolved.steps, watch)
         states = base64.b64encode(work.states.astype("<f8").tobytes()).decode() if work else ""
         yield {**work._asdict(), "states": states} if work else {}
@@ -138,7 +138,7 @@ class InterleavedTimer:
         start = self.scene.starts([resolved])
         if run_id in self.controls:
             start = start.acted_on([self.controls[run_id]])
-        model = prepare_without_sensors(self.scene, resolved, start, self._model(resolved)[0])
+        model = self.scene.prepare(resolved, start, self._model(resolved)[0]).model
         return Segments(model, start, work.places, work.states, work.steps)
 
     def _model(self, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
@@ -153,7 +153,7 @@ class InterleavedTimer:
 def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
     # MuJoCo compiles meshes on threads of its own, which a thread's clock does not see.
     begin = time.process_time()
-    compiled = compile_without_sensors(scene, resolved)
+    compiled = scene.compile_without_sensors(resolved)
     return compiled, time.process_time() - begin
 
 

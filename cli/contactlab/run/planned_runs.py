@@ -21,7 +21,7 @@ from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun
-from contactlab.scene.row_resolution import ResolvedRow, RowGroup
+from contactlab.scene.row_resolution import ResolvedRow, RowGroup, RowResolver
 from contactlab.scene.scene import Scene, stored_drive
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
@@ -66,7 +66,7 @@ class RunIndex:
             SweepFileError: a run would record more than 1 GiB.
         """
         self._plan = plan
-        self._rows = scene.rows(plan.sweep.duration)
+        self._rows = RowResolver(scene, plan.sweep.duration)
         self.firsts: dict[RowGroup, Mapping[str, object]] = {}
         ids = bytearray()
         check = _Check(scene)
@@ -147,13 +147,13 @@ class _Check:
             raise SceneError(why)
         if row.group.first.drive not in ("none", "hold"):
             key = (*row.start, row.timestep)
-        elif self._scene.initial.is_timed:
+        elif self._scene.is_timed:
             key = row.start
         else:
             return
         if key in self._checked:
             return
-        self._scene.initial.check(row.resolved(0))
+        self._scene.check_start(row.resolved(0))
         if len(self._checked) < _MAX_CHECKED:
             self._checked.add(key)
 

@@ -37,7 +37,7 @@ from contactlab.scene.initial_states import QPOS0, InitialStates
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.scene import Scene, compile_without_sensors, prepare_without_sensors
+from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 
@@ -255,8 +255,8 @@ def timed_run(store: Store, run: str) -> TimedRun:
     if not isinstance(engine, TimesSteps):
         raise ContactlabError(f"run {run}: the {resolved.engine} engine does not time its steps")
     start = PreparedRuns.of(scene, resolved).repeating([store.controls(record)]).starts
-    compiled = compile_without_sensors(scene, resolved)
-    model = prepare_without_sensors(scene, resolved, start, compiled)
+    compiled = scene.compile_without_sensors(resolved)
+    model = scene.prepare(resolved, start, compiled).model
     work = engine.count_work(model, start, resolved.steps)
     if work is None:
         raise ContactlabError(f"run {run} does not complete")

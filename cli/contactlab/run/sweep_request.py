@@ -1,7 +1,8 @@
 """From a sweep file to a request: its plan, its scene, and what may be named in it."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 
 from contactlab.engines import ENGINES
@@ -12,7 +13,6 @@ from contactlab.plan.overrides import Overrides
 from contactlab.plan.starter import SceneAsWritten, starter
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
-from contactlab.scene.axis_catalogue import LenientCatalogue
 from contactlab.scene.mujoco_versions import why_unsupported
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive, drive_text
@@ -80,8 +80,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     """
     options = overrides or Overrides()
     scenes = SceneLoader(folder, drive, bare=bare)
-    vocabulary = _lenient(scenes.vocabulary) if partly else scenes.vocabulary
-    read = read_sweep(source, vocabulary, options)
+    read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
     plan, reasons = _supported(plan)
     return SweepRequest(
@@ -108,16 +107,6 @@ def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
         *limit,
         *driven,
     )
-
-
-def _lenient(vocabulary: Callable[[str], Vocabulary]) -> Callable[[str], Vocabulary]:
-    """Return vocabularies that also have what other versions of the engine support."""
-
-    def with_other_versions(reference: str) -> Vocabulary:
-        own = vocabulary(reference)
-        return replace(own, axes=LenientCatalogue(own.axes))
-
-    return with_other_versions
 
 
 def _supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
@@ -206,10 +195,11 @@ class SceneLoader:
         located = sweep.model_copy(update={"drive": drive})
         return scene.with_effects(effects_base(sweep.effects)), replace(read.plan, sweep=located)
 
-    def vocabulary(self, reference: str) -> Vocabulary:
-        """Return every name that a sweep of the scene may use."""
-        scene = self._undriven(reference)
-        return Vocabulary(scene.catalogue, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
+    def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
+        """Return every name that a sweep of the scene may use, or also of newer versions."""
+        axes = self._undriven(reference).catalogue
+        axes = axes.lenient() if lenient else axes
+        return Vocabulary(axes, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
 
 
 def _check_names(scene: Scene) -> None:

@@ -213,7 +213,7 @@ class Worker:
         if not self._task.sweep.knife_edge:
             return {}
         resolved = [plan.resolved for plan in plans]
-        nudged = self._scene.initial.nudged(starts.rows(range(len(plans))), resolved)
+        nudged = self._scene.nudged(starts.rows(range(len(plans))), resolved)
         _, groups = self._measure(plans, nudged, self._twin_buffers, self._grace_period())
         return {
             place: group.assessment.labels[row][0].label

@@ -1,10 +1,11 @@
 """Every axis that one scene offers."""
 
+import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-from contactlab.errors import SceneError
+from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
@@ -13,14 +14,14 @@ from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import field_axis
 from contactlab.scene.model_options import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import (
-    accepting_unsupported,
-    missing_flag_axis,
-    refusing_unsupported,
+    in_this_version,
+    missing_flags,
 )
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue
-from contactlab.schema.vocabulary import AxisSpec, Catalogue
+from contactlab.schema.sweep_schema import switches
+from contactlab.schema.vocabulary import AxisSpec
 
 
 class EngineTraits(Protocol):
@@ -50,52 +51,64 @@ class SceneCatalogue:
         self, base: CompiledScene, manifest: SceneManifest | None, engines: Engines
     ) -> None:
         self._model = base.model
-        axes = _axes(base, manifest, engines)
-        self._axes = {axis.name: refusing_unsupported(axis) for axis in axes}
+        self._axes = {axis.name: axis for axis in _axes(base, manifest, engines)}
+        self._lenient = False
 
     @property
     def names(self) -> Sequence[str]:
         """Names to list and to suggest."""
         return tuple(self._axes)
 
+    def lenient(self) -> "SceneCatalogue":
+        """Return one that also accepts what only newer versions of MuJoCo have."""
+        catalogue = copy.copy(self)
+        catalogue._lenient = True
+        return catalogue
+
     def find(self, name: str) -> AxisSpec | None:
         """Return the axis of this name, or None."""
         try:
-            known = self._axes.get(name) or DRIVE_AXES.get(name) or missing_flag_axis(name)
-            return known or field_axis(self._model, name)
+            listed = self._axes.get(name) or DRIVE_AXES.get(name)
+            axis = listed or _missing_flag(name) or field_axis(self._model, name)
         except ValueError:
             return None
+        return axis and in_this_version(axis, lenient=self._lenient)
+
+    def switched(self, manifest: SceneManifest | None) -> dict[str, object]:
+        """Return the effects that a scene switches itself, by name.
+
+        Raises:
+            SceneError: there is no such effect, or it cannot be switched that way.
+        """
+        switched: dict[str, object] = {}
+        for name, value in switches(manifest.effects if manifest else {}).items():
+            axis = self.find(name) if name in EFFECTS else None
+            if axis is None:
+                raise SceneError(f"effects: no effect '{name}'{did_you_mean(name, EFFECTS)}")
+            try:
+                switched[name] = axis.parse(value)
+            except ValueError as error:
+                raise SceneError(f"effects: {name}: {error}") from error
+        return switched
 
 
-class LenientCatalogue:
-    """The axes of a catalogue, which also accept values that only newer versions of MuJoCo have."""
-
-    def __init__(self, own: Catalogue) -> None:
-        self._own = own
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Names to list and to suggest."""
-        return self._own.names
-
-    def find(self, name: str) -> AxisSpec | None:
-        """Return the axis of this name, or None."""
-        axis = self._own.find(name)
-        return axis and accepting_unsupported(axis)
+def _missing_flag(name: str) -> AxisSpec | None:
+    """Return the axis of a flag that this version lacks, which only accepts the default."""
+    text = "effect of newer versions of MuJoCo"
+    return AxisSpec(name, "", text, switch) if name in missing_flags() else None
 
 
 def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines) -> list[AxisSpec]:
-    axes = [
-        parameter.axis
-        for parameter in PARAMETERS.values()
-        if parameter.sets not in CONTACT or base.pairs
+    axes: list[AxisSpec] = [
+        each for each in PARAMETERS.values() if each.sets not in CONTACT or base.pairs
     ]
-    axes.append(_engine_axis(engines))
+    names = tuple(engines) or (MODEL_ENGINE,)
+    summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
+    text = f"what simulates the run: {', or '.join(summaries)}"
+    axes.append(AxisSpec("engine", "", text, choice(names), names))
     if base.targets.subject is not None:
-        body = base.model.body(base.targets.subject).name
-        axes.append(
-            AxisSpec("mass", "kg", f"mass of '{body}'; its inertia scales with it", number(above=0))
-        )
+        text = f"mass of '{base.model.body(base.targets.subject).name}'; its inertia scales with it"
+        axes.append(AxisSpec("mass", "kg", text, number(above=0)))
     axes += [
         AxisSpec(name, "", f"effect: {effect.what}", switch)
         for name, effect in EFFECTS.items()
@@ -104,33 +117,19 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     if starts := keyframe_names(base.model):
         words = (*starts, QPOS0)
         axes.append(AxisSpec("keyframe", "", "keyframe to start from", choice(words), words))
-    own = _own_axes(manifest) if manifest else []
-    if base.model.njnt and "joint_speed" not in {axis.name for axis in own}:
+    own = [*manifest.initial.items(), *manifest.structure.items()] if manifest else []
+    if base.model.njnt and "joint_speed" not in dict(own):
         text = "speed of every joint at the start, either way by seed"
         axes.append(AxisSpec("joint_speed", "rad/s", text, number(least=0)))
     taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
-    for name in (axis.name for axis in own):
+    for name, _ in own:
         if name in taken:
             raise SceneError(f"'{name}' is the name of another axis; rename it")
         taken.add(name)
-    return own + axes
+    return [AxisSpec(name, each.unit, each.description, _parser(each)) for name, each in own] + axes
 
 
-def _engine_axis(engines: Engines) -> AxisSpec:
-    names = tuple(engines) or (MODEL_ENGINE,)
-    summaries = [engine.summary for engine in engines.values()] or ["MuJoCo"]
-    text = f"what simulates the run: {', or '.join(summaries)}"
-    return AxisSpec("engine", "", text, choice(names), names)
-
-
-def _own_axes(manifest: SceneManifest) -> list[AxisSpec]:
-    return [
-        AxisSpec(name, entry.unit, entry.description, _own_parser(entry))
-        for name, entry in (*manifest.initial.items(), *manifest.structure.items())
-    ]
-
-
-def _own_parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:
+def _parser(entry: InitialValue | StructureValue) -> Callable[[object], object]:
     if isinstance(entry, InitialValue):
         return number()
     if entry.integer:

@@ -101,7 +101,7 @@ def _parser(model: mujoco.MjModel, name: str) -> Callable[[object], object]:
     array, index = _locate(model, name)
     width = int(np.size(array[index]))
     condim = re.match(r"(geom_condim|pair_dim)\b", name)
-    one = PARAMETERS["condim"].axis.parse if condim else _element_parser(array.dtype)
+    one = PARAMETERS["condim"].parse if condim else _element_parser(array.dtype)
 
     def parse(value: object) -> object:
         parts = value.split() if isinstance(value, str) else value

@@ -4,7 +4,6 @@ Tried on every release from 3.3.0 to 4.0.0: each has what its enums name.
 """
 
 import ctypes
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -67,50 +66,35 @@ def missing_flags() -> frozenset[str]:
 
 def why_unsupported(axis: str, value: object) -> str | None:
     """Return why this version lacks a value of an axis; None if it is not known to."""
-    for each in _unsupported():
-        if each.axis == axis and _same(each.value, value):
-            words = isinstance(each.value, str)
-            what = f"{axis} '{each.value}'" if words else f"flag '{axis}'"
-            return (
-                f"MuJoCo {VERSION} has no {what}, which came with {each.version}; "
-                f"leave it out, or run with --mujoco {each.version}"
-            )
-    return None
-
-
-def missing_flag_axis(axis: str) -> AxisSpec | None:
-    """Return the axis of a flag that this version lacks, which only accepts the default."""
-    if axis not in missing_flags():
+    lacking = _lacking(axis, value)
+    if lacking is None:
         return None
-    return refusing_unsupported(AxisSpec(axis, "", "effect of newer versions of MuJoCo", switch))
+    what = f"{axis} '{lacking.value}'" if isinstance(lacking.value, str) else f"flag '{axis}'"
+    return (
+        f"MuJoCo {VERSION} has no {what}, which came with {lacking.version}; "
+        f"leave it out, or run with --mujoco {lacking.version}"
+    )
 
 
-def refusing_unsupported(axis: AxisSpec) -> AxisSpec:
-    """Return an axis that refuses what this version lacks, naming the version that has it."""
+def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
+    """Return an axis that refuses what this version lacks, naming the version that has it.
 
-    def refuse(value: object) -> object:
-        if why := why_unsupported(axis.name, value):
-            raise ValueError(why)
-        return axis.parse(value)
+    A lenient one accepts it, for plans that then drop it.
+    """
 
-    return _with(axis, refuse)
+    def parse(value: object) -> object:
+        lacking = _lacking(axis.name, value)
+        if lacking and not lenient:
+            raise ValueError(why_unsupported(axis.name, value))
+        return lacking.value if lacking else axis.parse(value)
 
-
-def accepting_unsupported(axis: AxisSpec) -> AxisSpec:
-    """Return an axis that also accepts what this version lacks, for plans that then drop it."""
-
-    def accept(value: object) -> object:
-        for each in _unsupported():
-            if each.axis == axis.name and _same(each.value, value):
-                return each.value
-        return axis.parse(value)
-
-    return _with(axis, accept)
-
-
-def _with(axis: AxisSpec, parse: Callable[[object], object]) -> AxisSpec:
     concerned = any(each.axis == axis.name for each in _unsupported())
     return replace(axis, parse=parse) if concerned else axis
+
+
+def _lacking(axis: str, value: object) -> NewFeature | None:
+    known = (each for each in _unsupported() if each.axis == axis)
+    return next((each for each in known if _same(each.value, value)), None)
 
 
 def _unsupported() -> list[NewFeature]:

@@ -15,6 +15,7 @@ from contactlab.mjcf import attribute_of
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.setting_values import (
+    Parser,
     Settings,
     as_number,
     as_vector,
@@ -30,21 +31,15 @@ Update = Callable[[Settings, object], None]
 
 
 @dataclass(frozen=True)
-class Parameter:
+class Parameter(AxisSpec):
     """An axis, and how its parsed value updates the settings; None sets a setting as a whole."""
 
-    axis: AxisSpec
     update: Update | None = None
-
-    @property
-    def name(self) -> str:
-        """The axis' name."""
-        return self.axis.name
 
     @property
     def sets(self) -> str:
         """The setting that it changes, which is an attribute of MJCF."""
-        return attribute_of(self.axis.name)
+        return attribute_of(self.name)
 
     def write(self, settings: Settings, value: object) -> None:
         """Write a parsed value into the settings, other settings of its kind kept."""
@@ -169,14 +164,27 @@ def _friction_mistake(value: tuple[float, ...]) -> str | None:
     return None if min(value) >= 0 else "write friction coefficients of at least 0"
 
 
-def _split(names: tuple[str, ...], value: object) -> dict[str, float]:
-    return dict(zip(names, as_vector(value), strict=True))
-
-
 def _split_solref(value: object) -> dict[str, float]:
     """Name the parts of a solref by its form; the other form's are absent."""
     first, second = as_vector(value)
-    return {_TC: first, _DR: second} if first > 0 else {_K: -first, _B: -second}
+    if first > 0:
+        return dict(zip(_STANDARD, (first, second), strict=True))
+    return dict(zip(_DIRECT, (-first, -second), strict=True))
+
+
+def _word(name: str, description: str) -> Parameter:
+    return Parameter(name, "", description, choice(WORDS[name]), WORDS[name])
+
+
+def _part(name: str, unit: str, description: str, parse: Parser, *places: int) -> Parameter:
+    """Return the parameter of one number of a setting, which stands in some places."""
+    return Parameter(
+        name, unit, description, parse, update=_set_places(attribute_of(name), *places)
+    )
+
+
+def _split_by(parts: tuple[str, ...]) -> Callable[[object], dict[str, float]]:
+    return lambda value: dict(zip(parts, as_vector(value), strict=True))
 
 
 _set_standard = partial(_set_places, "solref", form=_standard_form)
@@ -184,103 +192,94 @@ _set_direct = partial(_set_places, "solref", form=_direct_form, sign=-1.0)
 _POSITIVE = number(above=0)
 _NOT_NEGATIVE = number(least=0)
 _SHARE = number(above=0, most=0.9999)
-_SOLREF_PARTS = ("solref.timeconst", "solref.dampratio", "solref.stiffness", "solref.damping")
-_SOLIMP_PARTS = tuple(f"solimp.{part}" for part in ("dmin", "dmax", "width", "midpoint", "power"))
-_FRICTION_PARTS = ("friction.slide", "friction.torsion", "friction.roll")
-_TC, _DR, _K, _B = _SOLREF_PARTS
-_E = "restitution"
-_RESTITUTION = "restitution: sets the damping that produces it at the contact's natural frequency"
+_STANDARD, _DIRECT = (
+    ("solref.timeconst", "solref.dampratio"),
+    ("solref.stiffness", "solref.damping"),
+)
+_SOLIMP = tuple(f"solimp.{part}" for part in ("dmin", "dmax", "width", "midpoint", "power"))
+_FRICTION = ("friction.slide", "friction.torsion", "friction.roll")
 
-
-def _word(name: str, description: str) -> AxisSpec:
-    return AxisSpec(name, "", description, choice(WORDS[name]), WORDS[name])
-
-
-_OPTION_AXES = [
-    AxisSpec("timestep", "s", "length of a step", _POSITIVE),
+# The order is that of application: a restitution keeps the stiffness set before it.
+for each in (
+    Parameter("timestep", "s", "length of a step", _POSITIVE),
     _word("integrator", "integrator"),
     _word("cone", "friction cone"),
     _word("solver", "constraint solver"),
     _word("jacobian", "constraint Jacobian"),
-    AxisSpec("iterations", "1", "most solver iterations", integer(1)),
-    AxisSpec("tolerance", "1", "solver tolerance", _NOT_NEGATIVE),
-    AxisSpec("ls_iterations", "1", "most line-search iterations", integer(1)),
-    AxisSpec("ls_tolerance", "1", "line-search tolerance", _NOT_NEGATIVE),
-    AxisSpec("noslip_iterations", "1", "most noslip iterations", integer(0)),
-    AxisSpec("noslip_tolerance", "1", "noslip tolerance", _NOT_NEGATIVE),
-    AxisSpec("ccd_iterations", "1", "most iterations of convex collision detection", integer(1)),
-    AxisSpec("ccd_tolerance", "m", "tolerance of convex collision detection", _NOT_NEGATIVE),
-    AxisSpec("impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE)),
-    AxisSpec("density", "kg/m^3", "density of the medium", _NOT_NEGATIVE),
-    AxisSpec("viscosity", "Pa s", "viscosity of the medium", _NOT_NEGATIVE),
-]
-_GRAVITY = AxisSpec(
-    "gravity", "m/s^2", "magnitude downwards, or vector", or_off(0.0, _parse_gravity)
-)
-_SOLREF = AxisSpec(
-    "solref",
-    "s 1",
-    "contact reference: time constant and damping ratio, or -stiffness and -damping",
-    numbers(2, "timeconst dampratio", _solref_mistake),
-    conflicts=(*_SOLREF_PARTS, _E),
-    parts=_SOLREF_PARTS,
-    split=_split_solref,
-)
-_SOLIMP = AxisSpec(
-    "solimp",
-    "1",
-    "contact impedance",
-    _parse_solimp,
-    conflicts=_SOLIMP_PARTS,
-    parts=_SOLIMP_PARTS,
-    split=partial(_split, _SOLIMP_PARTS),
-)
-_SOLIMP_AXES = [
-    AxisSpec(_SOLIMP_PARTS[0], "1", "impedance at zero depth", _SHARE),
-    AxisSpec(_SOLIMP_PARTS[1], "1", "impedance at full depth", _SHARE),
-    AxisSpec(_SOLIMP_PARTS[2], "m", "depth of full impedance", _POSITIVE),
-    AxisSpec(_SOLIMP_PARTS[3], "1", "midpoint of the impedance curve", _SHARE),
-    AxisSpec(_SOLIMP_PARTS[4], "1", "power of the impedance curve", number(least=1)),
-]
-_FRICTION = AxisSpec(
-    "friction",
-    "1 m m",
-    "sliding, torsional and rolling friction",
-    numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
-    conflicts=_FRICTION_PARTS,
-    parts=_FRICTION_PARTS,
-    split=partial(_split, _FRICTION_PARTS),
-)
-_FRICTION_AXES = [
-    (AxisSpec(_FRICTION_PARTS[0], "1", "sliding friction", _NOT_NEGATIVE), (0, 1)),
-    (AxisSpec(_FRICTION_PARTS[1], "m", "torsional friction", _NOT_NEGATIVE), (2,)),
-    (AxisSpec(_FRICTION_PARTS[2], "m", "rolling friction", _NOT_NEGATIVE), (3, 4)),
-]
-_GAP = "distance beyond the margin within which contacts exist but exert no force"
-_OTHER_AXES = [
-    AxisSpec("condim", "1", "contact dimensions: 1, 3, 4 or 6", _parse_condim),
-    AxisSpec("margin", "m", "distance at which contact begins", _NOT_NEGATIVE),
-    AxisSpec("gap", "m", _GAP, _NOT_NEGATIVE),
-]
-
-# The order is that of application: a restitution keeps the stiffness set before it.
-for each in (
-    *map(Parameter, _OPTION_AXES),
-    Parameter(_GRAVITY, _set_gravity),
-    Parameter(_SOLREF),
-    Parameter(AxisSpec(_TC, "s", "time constant", _POSITIVE, (), (_K, _B)), _set_standard(0)),
-    Parameter(AxisSpec(_DR, "1", "damping ratio", _POSITIVE, (), (_K, _B)), _set_standard(1)),
-    Parameter(AxisSpec(_K, "1/s^2", "stiffness K", _POSITIVE), _set_direct(0)),
-    Parameter(AxisSpec(_B, "1/s", "damping B", _NOT_NEGATIVE), _set_direct(1)),
+    Parameter("iterations", "1", "most solver iterations", integer(1)),
+    Parameter("tolerance", "1", "solver tolerance", _NOT_NEGATIVE),
+    Parameter("ls_iterations", "1", "most line-search iterations", integer(1)),
+    Parameter("ls_tolerance", "1", "line-search tolerance", _NOT_NEGATIVE),
+    Parameter("noslip_iterations", "1", "most noslip iterations", integer(0)),
+    Parameter("noslip_tolerance", "1", "noslip tolerance", _NOT_NEGATIVE),
+    Parameter("ccd_iterations", "1", "most iterations of convex collision detection", integer(1)),
+    Parameter("ccd_tolerance", "m", "tolerance of convex collision detection", _NOT_NEGATIVE),
+    Parameter("impratio", "1", "ratio of frictional to normal impedance", or_off(1.0, _POSITIVE)),
+    Parameter("density", "kg/m^3", "density of the medium", _NOT_NEGATIVE),
+    Parameter("viscosity", "Pa s", "viscosity of the medium", _NOT_NEGATIVE),
     Parameter(
-        AxisSpec(_E, "1", _RESTITUTION, number(above=0, most=1.0), (), (_TC, _DR, _B)),
-        _set_restitution,
+        "gravity",
+        "m/s^2",
+        "magnitude downwards, or vector",
+        or_off(0.0, _parse_gravity),
+        update=_set_gravity,
     ),
-    Parameter(_SOLIMP),
-    *(Parameter(axis, _set_places("solimp", i)) for i, axis in enumerate(_SOLIMP_AXES)),
-    Parameter(_FRICTION, _set_friction),
-    *(Parameter(axis, _set_places("friction", *places)) for axis, places in _FRICTION_AXES),
-    *map(Parameter, _OTHER_AXES),
+    Parameter(
+        "solref",
+        "s 1",
+        "contact reference: time constant and damping ratio, or -stiffness and -damping",
+        numbers(2, "timeconst dampratio", _solref_mistake),
+        conflicts=(*_STANDARD, *_DIRECT, "restitution"),
+        parts=(*_STANDARD, *_DIRECT),
+        split=_split_solref,
+    ),
+    Parameter(_STANDARD[0], "s", "time constant", _POSITIVE, (), _DIRECT, update=_set_standard(0)),
+    Parameter(_STANDARD[1], "1", "damping ratio", _POSITIVE, (), _DIRECT, update=_set_standard(1)),
+    Parameter(_DIRECT[0], "1/s^2", "stiffness K", _POSITIVE, update=_set_direct(0)),
+    Parameter(_DIRECT[1], "1/s", "damping B", _NOT_NEGATIVE, update=_set_direct(1)),
+    Parameter(
+        "restitution",
+        "1",
+        "restitution: sets the damping that produces it at the contact's natural frequency",
+        number(above=0, most=1.0),
+        conflicts=(*_STANDARD, _DIRECT[1]),
+        update=_set_restitution,
+    ),
+    Parameter(
+        "solimp",
+        "1",
+        "contact impedance",
+        _parse_solimp,
+        conflicts=_SOLIMP,
+        parts=_SOLIMP,
+        split=_split_by(_SOLIMP),
+    ),
+    _part("solimp.dmin", "1", "impedance at zero depth", _SHARE, 0),
+    _part("solimp.dmax", "1", "impedance at full depth", _SHARE, 1),
+    _part("solimp.width", "m", "depth of full impedance", _POSITIVE, 2),
+    _part("solimp.midpoint", "1", "midpoint of the impedance curve", _SHARE, 3),
+    _part("solimp.power", "1", "power of the impedance curve", number(least=1), 4),
+    Parameter(
+        "friction",
+        "1 m m",
+        "sliding, torsional and rolling friction",
+        numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
+        conflicts=_FRICTION,
+        parts=_FRICTION,
+        split=_split_by(_FRICTION),
+        update=_set_friction,
+    ),
+    _part("friction.slide", "1", "sliding friction", _NOT_NEGATIVE, 0, 1),
+    _part("friction.torsion", "m", "torsional friction", _NOT_NEGATIVE, 2),
+    _part("friction.roll", "m", "rolling friction", _NOT_NEGATIVE, 3, 4),
+    Parameter("condim", "1", "contact dimensions: 1, 3, 4 or 6", _parse_condim),
+    Parameter("margin", "m", "distance at which contact begins", _NOT_NEGATIVE),
+    Parameter(
+        "gap",
+        "m",
+        "distance beyond the margin within which contacts exist but exert no force",
+        _NOT_NEGATIVE,
+    ),
 ):
     PARAMETERS.add(each)
 _RANK = {name: rank for rank, name in enumerate(PARAMETERS)}

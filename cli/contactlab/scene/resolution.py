@@ -6,31 +6,22 @@
 import hashlib
 import json
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any, cast
 
-from contactlab.errors import SceneError, did_you_mean
-from contactlab.scene.axis_catalogue import Engines, SceneCatalogue
-from contactlab.scene.compiled_scene import CompiledScene, full_structure
-from contactlab.scene.drive.located_drive import DRIVE_AXES, drive_settings, with_values
+from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.effects.effect import EffectRequest
-from contactlab.scene.effects.effect_choice import left_uncompiled
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import is_as_written
 from contactlab.scene.model_names import is_address
 from contactlab.scene.model_options import FLAGS, non_default
-from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import Settings, as_number
-from contactlab.schema.drive import Drive, PolicyDrive, drive_identity
-from contactlab.schema.scene_manifest import SceneManifest
-from contactlab.schema.sweep_schema import switches
-
-BARE_DURATION = 2.0
-"""How long runs of a model without a manifest take, unless its drive has a duration [s]."""
+from contactlab.schema.drive import Drive, drive_identity
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,99 +119,6 @@ def write_axis(settings: Settings, axis: str, value: object) -> bool:
     else:
         settings[axis] = value
     return True
-
-
-@dataclass(frozen=True)
-class RunResolver:
-    """Resolves the runs of a scene.
-
-    Attributes:
-        switched: effects that the scene switches itself.
-        unsupported: flags that this version of MuJoCo lacks.
-        auto: whether what provably changes nothing is left out unless a sweep asks for it.
-        drive: what drives the runs, but for the values of axes.
-        bare_duration: duration of a scene without a manifest [s].
-    """
-
-    manifest: SceneManifest | None
-    compiled: Callable[[Mapping[str, object]], CompiledScene]
-    switched: Mapping[str, object]
-    unsupported: frozenset[str]
-    engines: Engines
-    auto: bool
-    drive: Drive = "none"
-    bare_duration: float = BARE_DURATION
-
-    @property
-    def duration(self) -> float:
-        """The scene's own duration [s]."""
-        return self.manifest.duration if self.manifest else self.bare_duration
-
-    def resolve(
-        self, values: Mapping[str, object], seed: int, duration: float | None
-    ) -> ResolvedRun:
-        """Return everything that decides a run, from canonical values of axes by name.
-
-        Its duration [s] is the scene's own if none is given.
-        """
-        # A version that lacks a flag behaves as with the default, the only value that is accepted.
-        given = {**self.switched, **values}
-        given = {name: value for name, value in given.items() if name not in self.unsupported}
-        structure, initial = full_structure(self.manifest, given), self._initial(given)
-        base = self.compiled(structure)
-        drive = with_values(self.drive, {name: given[name] for name in given if name in DRIVE_AXES})
-        settings, flags = Settings(base.settings | drive_settings(drive)), dict(base.flags)
-        changed: set[str] = set()
-        requested: dict[str, bool] = {}
-        other = structure.keys() | initial.keys() | DRIVE_AXES.keys()
-        axes = [name for name in given if name not in other]
-        for axis in application_order(axes):
-            if axis in EFFECTS and axis not in PARAMETERS:
-                requested[axis] = bool(given[axis])
-                if axis in FLAGS:
-                    flags[axis] = requested[axis]
-            written = write_axis(settings, axis, given[axis])
-            changed.update(settings_of(axis) if written else {axis})
-        engine = self.engines.get(settings.word("engine"))
-        if isinstance(drive, PolicyDrive):
-            # It may look at what no metric reads.
-            requested.setdefault("sensor", True)
-        auto = self.auto and (engine is None or engine.omits_unused_effects)
-        request = EffectRequest(requested, frozenset(changed), auto)
-        return ResolvedRun(
-            structure=structure,
-            settings=settings,
-            changed=frozenset(changed),
-            flags=flags,
-            initial=initial,
-            seed=seed,
-            duration=self.duration if duration is None else duration,
-            effect_request=request,
-            without=left_uncompiled(base.facts, request),
-            drive=drive,
-        )
-
-    def _initial(self, values: Mapping[str, object]) -> dict[str, float]:
-        entries = self.manifest.initial if self.manifest else {}
-        return {name: as_number(values.get(name, entry.default)) for name, entry in entries.items()}
-
-
-def switched_by(manifest: SceneManifest | None, catalogue: SceneCatalogue) -> dict[str, object]:
-    """Return the effects that a scene switches itself, by name.
-
-    Raises:
-        SceneError: there is no such effect, or it cannot be switched that way.
-    """
-    switched: dict[str, object] = {}
-    for name, value in switches(manifest.effects if manifest else {}).items():
-        axis = catalogue.find(name) if name in EFFECTS else None
-        if axis is None:
-            raise SceneError(f"effects: no effect '{name}'{did_you_mean(name, EFFECTS)}")
-        try:
-            switched[name] = axis.parse(value)
-        except ValueError as error:
-            raise SceneError(f"effects: {name}: {error}") from error
-    return switched
 
 
 ID_BYTES = 8

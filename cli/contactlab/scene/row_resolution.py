@@ -16,12 +16,12 @@ from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolution import (
     ResolvedRun,
     RunIdentity,
-    RunResolver,
     id_entry,
     settings_of,
     steps_of,
     write_axis,
 )
+from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings, as_number
 
 # Values of a setting that are cached; a sampled axis has another one in each row.
@@ -83,7 +83,7 @@ class _Setting:
 
     name: str
     initial: bool
-    axes: tuple[str, ...]
+    axes: Sequence[str]
     pick: Callable[[Values], object]
     known: dict[object, Part]
 
@@ -92,51 +92,44 @@ class _Setting:
         key = self.pick(values)
         part = self.known.get(key)
         if part is None:
-            value = self._value(base, values)
-            part = Part(value, id_entry(base, self.name, value))
+            settings = Settings(base.settings)
+            for axis in self.axes:
+                write_axis(settings, axis, values[axis])
+            part = Part(settings[self.name], id_entry(base, self.name, settings[self.name]))
             # 0.0 and -0.0 are equal keys, but different values.
             if len(self.known) < _MAX_CACHED and not _has_zero(key):
                 self.known[key] = part
         return part
-
-    def _value(self, base: CompiledScene, values: Values) -> object:
-        if self.initial:
-            return as_number(values[self.name])
-        settings = Settings(base.settings)
-        for axis in self.axes:
-            write_axis(settings, axis, values[axis])
-        return settings[self.name]
 
 
 class RowGroup:
     """Rows that differ only in plain settings and initial values, those that axes decide.
 
     Attributes:
+        first: the first of them, resolved.
         settings: what varies, in the order of their names.
         places: the index of each.
         starting: the indices of those that decide the initial state.
     """
 
     def __init__(
-        self,
-        resolver: RunResolver,
-        scene: str,
-        first: ResolvedRun,
-        deciding: Mapping[str, Sequence[str]],
+        self, scene: Scene, values: Values, grouping: Sequence[str], duration: float | None
     ) -> None:
-        self.first = first
-        self._base = base = resolver.compiled(first.structure)
+        self.first = first = scene.resolve(values, 0, duration)
+        self._base = scene.base(first.structure)
+        deciding: dict[str, list[str]] = {}
+        for axis in application_order(values):
+            for name in () if axis in DRIVE_AXES else settings_of(axis):
+                deciding.setdefault(name, []).append(axis)
+        varying = sorted(name for name, axes in deciding.items() if not set(axes) <= set(grouping))
         self.settings = tuple(
-            _Setting(name, name in first.initial, tuple(axes), itemgetter(*axes), {})
-            for name, axes in sorted(deciding.items())
+            _Setting(name, name in first.initial, axes, itemgetter(*axes), {})
+            for name, axes in ((name, deciding[name]) for name in varying)
         )
-        self.places = {setting.name: place for place, setting in enumerate(self.settings)}
-        self.starting = [
-            place
-            for place, setting in enumerate(self.settings)
-            if setting.initial or setting.name in {"keyframe", "joint_speed"}
-        ]
-        self.identity = RunIdentity(base, first, scene, deciding)
+        self.places = {name: place for place, name in enumerate(varying)}
+        starting = {*first.initial, "keyframe", "joint_speed"}
+        self.starting = [place for place, name in enumerate(varying) if name in starting]
+        self.identity = RunIdentity(self._base, first, scene.hash, varying)
 
     def row(self, values: Values) -> ResolvedRow:
         """Return a row of this group, resolved."""
@@ -146,8 +139,7 @@ class RowGroup:
 class RowResolver:
     """Resolves the rows of one sweep, which last a duration [s] or as long as the scene says."""
 
-    def __init__(self, resolver: RunResolver, scene: str, duration: float | None) -> None:
-        self._resolver = resolver
+    def __init__(self, scene: Scene, duration: float | None) -> None:
         self._scene = scene
         self._duration = duration
         self._grouping: dict[tuple[str, ...], Sequence[str]] = {}
@@ -155,8 +147,8 @@ class RowResolver:
 
     def row(self, values: Values) -> ResolvedRow:
         """Return the row of canonical axis values, resolved."""
-        if self._resolver.switched:
-            values = {**self._resolver.switched, **values}
+        if self._scene.switched:
+            values = {**self._scene.switched, **values}
         names = tuple(values)
         grouping = self._grouping.get(names)
         if grouping is None:
@@ -164,28 +156,15 @@ class RowResolver:
         key = (names, *[repr(values[name]) for name in grouping])
         group = self._groups.get(key)
         if group is None:
-            group = self._groups[key] = self._group(values, grouping)
+            group = RowGroup(self._scene, values, grouping, self._duration)
+            self._groups[key] = group
         return group.row(values)
 
     def _is_grouping(self, name: str) -> bool:
         """Return whether an axis writes more than a setting or an initial value."""
-        if name in PARAMETERS:
-            return False
-        manifest = self._resolver.manifest
-        own = {"engine", *self._resolver.unsupported, *(manifest.structure if manifest else ())}
-        return name in EFFECTS or name in DRIVE_AXES or name in own
-
-    def _group(self, values: Values, grouping: Sequence[str]) -> RowGroup:
-        first = self._resolver.resolve(values, 0, self._duration)
-        deciding: dict[str, list[str]] = {}
-        varying: set[str] = set()
-        for axis in application_order(values):
-            for name in () if axis in DRIVE_AXES else settings_of(axis):
-                deciding.setdefault(name, []).append(axis)
-                if axis not in grouping:
-                    varying.add(name)
-        deciding = {name: deciding[name] for name in varying}
-        return RowGroup(self._resolver, self._scene, first, deciding)
+        manifest = self._scene.source.manifest
+        own = {"engine", *self._scene.lacking, *(manifest.structure if manifest else ())}
+        return name not in PARAMETERS and (name in EFFECTS or name in DRIVE_AXES or name in own)
 
 
 def _has_zero(value: object) -> bool:

@@ -22,11 +22,18 @@ from contactlab.scene.compiled_scene import (
     full_structure,
 )
 from contactlab.scene.drive.driving import Driving, is_driven
-from contactlab.scene.drive.hold import Servos
-from contactlab.scene.drive.located_drive import LocatedDrive, locate
+from contactlab.scene.drive.located_drive import (
+    DRIVE_AXES,
+    LocatedDrive,
+    drive_settings,
+    locate,
+    with_values,
+)
 from contactlab.scene.drive.recorded import DriveTable, TableReader
 from contactlab.scene.drive.signals import exercise_duration
-from contactlab.scene.effects.effect_choice import is_straight, remove
+from contactlab.scene.effects.effect import EffectRequest
+from contactlab.scene.effects.effect_choice import is_straight, left_uncompiled, remove
+from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
@@ -34,23 +41,31 @@ from contactlab.scene.initial_states import (
     joint_directions,
     nudged_states,
 )
+from contactlab.scene.model_options import FLAGS
 from contactlab.scene.mujoco_versions import missing_flags
-from contactlab.scene.resolution import (
-    BARE_DURATION,
-    ResolvedRun,
-    RunIdentity,
-    RunResolver,
-    switched_by,
-)
-from contactlab.scene.row_resolution import RowResolver
+from contactlab.scene.parameters import PARAMETERS, application_order
+from contactlab.scene.resolution import ResolvedRun, RunIdentity, settings_of, write_axis
 from contactlab.scene.scene_source import SceneSource, find_scene
+from contactlab.scene.setting_values import Settings, as_number
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_identity
 
+BARE_DURATION = 2.0
+"""How long runs of a model without a manifest take, unless its drive has a duration [s]."""
 _NO_ENGINES: Engines = MappingProxyType({})
 
 
 class Scene:
-    """A scene with its axes, what drives it but for their values, and what was compiled so far."""
+    """A scene with its axes, what drives it but for their values, and what was compiled so far.
+
+    Attributes:
+        source: its files.
+        catalogue: its axes.
+        switched: effects that it switches itself.
+        lacking: flags that this version of MuJoCo lacks.
+        auto: whether what provably changes nothing is left out unless a sweep asks for it.
+        drive: what drives its runs, but for the values of axes.
+        duration: how long its runs take unless a sweep says otherwise [s].
+    """
 
     def __init__(
         self, source: SceneSource, engines: Engines = _NO_ENGINES, tables: TableReader | None = None
@@ -62,17 +77,18 @@ class Scene:
         Raises:
             SceneError: it does not compile, or its manifest does not fit the model.
         """
-        self.source = source
-        self._tables = tables
+        self.source, self._engines, self._tables = source, engines, tables
         self._compiled: dict[tuple[str, frozenset[str]], CompiledScene] = {}
+        self._rules: dict[str, InitialStateRule] = {}
+        self._driving: dict[tuple[str, Drive], Driving] = {}
         manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
             self.catalogue = SceneCatalogue(base, manifest, engines)
-            switched = switched_by(manifest, self.catalogue)
+            self.switched = self.catalogue.switched(manifest)
             written = locate(manifest.drive if manifest else "none", source.path.parent)
+        self.lacking = missing_flags()
         # A bare model is taken as it is written.
-        auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
-        self.resolver = RunResolver(manifest, self.base, switched, missing_flags(), engines, auto)
+        self.auto = manifest is not None and manifest.effects.get("base", "auto") == "auto"
         self._drive_by(written)
         self.starts([self.resolve({}, 0, None)])
 
@@ -101,11 +117,6 @@ class Scene:
         """Hash of the scene's files."""
         return self.source.content.hash
 
-    @property
-    def duration(self) -> float:
-        """The scene's own duration [s]."""
-        return self.resolver.duration
-
     def with_effects(self, rest: str | None) -> "Scene":
         """Return the scene with another rule for effects that are not requested by name.
 
@@ -113,10 +124,8 @@ class Scene:
             rest: `auto` leaves out what provably changes nothing, `all` nothing; None for the
                 scene's own rule.
         """
-        if rest is None or (rest == "auto") == self.resolver.auto:
-            return self
         scene = copy.copy(self)
-        scene.resolver = replace(self.resolver, auto=rest == "auto")
+        scene.auto = self.auto if rest is None else rest == "auto"
         return scene
 
     def with_drive(self, drive: Drive | None, folder: Path) -> "Scene":
@@ -132,28 +141,26 @@ class Scene:
         return scene
 
     def _drive_by(self, drive: LocatedDrive) -> None:
-        if isinstance(drive.drive, PolicyDrive) and not self.base({}).model.nu:
+        asked, model, manifest = drive.drive, self.base({}).model, self.source.manifest
+        if isinstance(asked, PolicyDrive) and not model.nu:
             raise SceneError(
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
-        asked = drive.drive
-        if asked == "hold" and not self.base({}).model.nu:
-            drive = LocatedDrive("none")
-        table = None
-        if isinstance(drive.drive, FileDrive):
-            if self._tables is None:
-                raise SceneError(f"{drive.drive.file}: tables of controls cannot be read here")
-            table = DriveTable(drive.files[0].name, self._tables(drive.files[0]))
-        duration = table.end if table and table.end else BARE_DURATION
-        if drive.drive == "exercise":
-            duration = exercise_duration(self.base({}).model)
-        self.drive = drive
-        self.resolver = replace(self.resolver, drive=drive.drive, bare_duration=duration)
-        self.initial = InitialStateMaker(self, table)
+        self.drive = LocatedDrive("none") if asked == "hold" and not model.nu else drive
+        self._table = self._read_table(drive) if isinstance(asked, FileDrive) else None
+        end = exercise_duration(model) if asked == "exercise" else self._table and self._table.end
+        self.duration = manifest.duration if manifest else end or BARE_DURATION
         with self.source.named_in_errors():
-            unheld = self.initial.unheld(replace(self.resolve({}, 0, None), drive=asked))
+            run = replace(self.resolve({}, 0, None), drive=asked)
+            unheld = self._driving_of(run).unheld(run) if is_driven(asked) else ""
         if unheld:
             warn_once(self.source, f"not held: {unheld}", UnheldWarning)
+
+    def _read_table(self, drive: LocatedDrive) -> DriveTable:
+        (file,) = drive.files
+        if self._tables is None:
+            raise SceneError(f"{file.name}: tables of controls cannot be read here")
+        return DriveTable(file.name, self._tables(file))
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()
@@ -172,12 +179,48 @@ class Scene:
     def resolve(
         self, values: Mapping[str, object], seed: int, duration: float | None
     ) -> ResolvedRun:
-        """Return everything that decides a run; see `RunResolver.resolve`."""
-        return self.resolver.resolve(values, seed, duration)
+        """Return everything that decides a run, from canonical values of axes by name.
 
-    def rows(self, duration: float | None) -> RowResolver:
-        """Return a resolver of rows of a duration [s], or the scene's; faster than `resolve`."""
-        return RowResolver(self.resolver, self.hash, duration)
+        Its duration [s] is the scene's own if none is given.
+        """
+        # A version that lacks a flag behaves as with the default, the only value that is accepted.
+        given = {**self.switched, **values}
+        given = {name: value for name, value in given.items() if name not in self.lacking}
+        manifest = self.source.manifest
+        structure, entries = full_structure(manifest, given), manifest.initial if manifest else {}
+        initial = {name: as_number(given.get(name, each.default)) for name, each in entries.items()}
+        base = self.base(structure)
+        driving = {name: given[name] for name in given if name in DRIVE_AXES}
+        drive = with_values(self.drive.drive, driving)
+        settings, flags = Settings(base.settings | drive_settings(drive)), dict(base.flags)
+        changed: set[str] = set()
+        requested: dict[str, bool] = {}
+        other = structure.keys() | initial.keys() | DRIVE_AXES.keys()
+        for axis in application_order(name for name in given if name not in other):
+            if axis in EFFECTS and axis not in PARAMETERS:
+                requested[axis] = bool(given[axis])
+                if axis in FLAGS:
+                    flags[axis] = requested[axis]
+            written = write_axis(settings, axis, given[axis])
+            changed.update(settings_of(axis) if written else {axis})
+        engine = self._engines.get(settings.word("engine"))
+        if isinstance(drive, PolicyDrive):
+            # It may look at what no metric reads.
+            requested.setdefault("sensor", True)
+        auto = self.auto and (engine is None or engine.omits_unused_effects)
+        request = EffectRequest(requested, frozenset(changed), auto)
+        return ResolvedRun(
+            structure=structure,
+            settings=settings,
+            changed=frozenset(changed),
+            flags=flags,
+            initial=initial,
+            seed=seed,
+            duration=self.duration if duration is None else duration,
+            effect_request=request,
+            without=left_uncompiled(base.facts, request),
+            drive=drive,
+        )
 
     def run_id(self, run: ResolvedRun) -> str:
         """Return a hash of scene content, settings, seed and duration, but not of the engine.
@@ -188,75 +231,27 @@ class Scene:
         return identity.digests([], [run.seed]).hex()
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return the initial states of runs of one structure."""
-        starts = self.initial.states(runs)
-        if not isinstance(self.drive.drive, PolicyDrive):
-            return starts
-        # Driven, but nobody knows how: these are the controls until the policy acts.
-        return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
-
-    def prepare(self, run: ResolvedRun, start: InitialStates) -> PreparedModel:
-        """Return a run's model, given its start (n = 1), without effects that it does not need."""
-        servos = self.initial.servos(run)
-        return self.base_of(run).prepare(run.edits(), run.effect_request, start, servos)
-
-    def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
-        """Return a key that runs share if their models are the same."""
-        straight = is_straight(self.base_of(run).model, start)
-        drive = drive_identity(run.drive)
-        return json.dumps([run.structure, sorted(run.without), run.edits(), straight, drive])
-
-
-def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
-    """Return a stored scene with the drive of its sweep, if any, from the folder of the scenes."""
-    place = LocatedDrive("none" if drive is None else drive).hash or ""
-    return scene.with_drive(drive, folder / place)
-
-
-class InitialStateMaker:
-    """Makes the initial states of a scene's runs."""
-
-    def __init__(self, scene: Scene, table: DriveTable | None) -> None:
-        self._source = scene.source
-        self._base = scene.base
-        self._table = table
-        self._rules: dict[str, InitialStateRule] = {}
-        self._driving: dict[tuple[str, Drive], Driving] = {}
-
-    def states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the initial states of runs of one structure.
 
         Raises:
             SceneError: a run does not suit its drive.
         """
         groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
-        with self._source.named_in_errors():
-            starts = InitialStates.joined([self._states(group) for group in groups])
-        if not any(run.joint_speed for run in runs):
+        with self.source.named_in_errors():
+            starts = InitialStates.joined([self._starts(group) for group in groups])
+        if any(run.joint_speed for run in runs):
+            model = self.base(runs[0].structure).model
+            added = [run.joint_speed * joint_directions(model, run.seed) for run in runs]
+            starts = starts._replace(qvel=starts.qvel + added)
+        if not isinstance(self.drive.drive, PolicyDrive):
             return starts
-        model = self._base(runs[0].structure).model
-        added = [run.joint_speed * joint_directions(model, run.seed) for run in runs]
-        return starts._replace(qvel=starts.qvel + added)
+        # Driven, but nobody knows how: these are the controls until the policy acts.
+        return starts.acted_on([RecordedControls(np.zeros(1), row[None]) for row in starts.ctrl])
 
-    def _states(self, runs: Sequence[ResolvedRun]) -> InitialStates:
+    def _starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         if is_driven(runs[0].drive):
             return self._driving_of(runs[0]).starts(runs)
         return initial_states(self._rule(runs[0]), [(run.initial, run.seed) for run in runs])
-
-    def servos(self, run: ResolvedRun) -> Servos | None:
-        """Return the springs that a run's drive adds to actuators, if any."""
-        return self._driving_of(run).servos if is_driven(run.drive) else None
-
-    def unheld(self, run: ResolvedRun) -> str:
-        """Return what a run's drive should hold and does not; empty where it holds all."""
-        return self._driving_of(run).unheld(run) if is_driven(run.drive) else ""
-
-    def _driving_of(self, run: ResolvedRun) -> Driving:
-        key = json.dumps([run.structure, run.keyframe], sort_keys=True), run.drive
-        if key not in self._driving:
-            model = self._base(run.structure).model
-            self._driving[key] = Driving.of(model, run.drive, self._rule(run), self._table)
-        return self._driving[key]
 
     def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""
@@ -265,39 +260,62 @@ class InitialStateMaker:
     @property
     def is_timed(self) -> bool:
         """Whether the scene has anything that depends on time: control, or a hold."""
-        manifest = self._source.manifest
+        manifest = self.source.manifest
         return manifest is not None and bool(manifest.control or manifest.hold)
 
-    def check(self, run: ResolvedRun) -> None:
+    def check_start(self, run: ResolvedRun) -> None:
         """Compute what depends on time in a run, so that mistakes show before it starts.
 
         Raises:
             SceneError: times of its control decrease, the window of its hold is empty, or the run
                 does not suit its drive.
         """
-        self.states([run])
-        holding = self._base(run.structure).holding
-        with self._source.named_in_errors():
-            if holding is not None:
+        self.starts([run])
+        if holding := self.base(run.structure).holding:
+            with self.source.named_in_errors():
                 holding.window(run.initial)
 
+    def _driving_of(self, run: ResolvedRun) -> Driving:
+        key = self._start_key(run), run.drive
+        if key not in self._driving:
+            model = self.base(run.structure).model
+            self._driving[key] = Driving.of(model, run.drive, self._rule(run), self._table)
+        return self._driving[key]
+
     def _rule(self, run: ResolvedRun) -> InitialStateRule:
-        key = json.dumps([run.structure, run.keyframe], sort_keys=True)
+        key = self._start_key(run)
         if key not in self._rules:
-            model = self._base(run.structure).model
-            self._rules[key] = InitialStateRule.of(model, self._source.manifest, run.keyframe)
+            model = self.base(run.structure).model
+            self._rules[key] = InitialStateRule.of(model, self.source.manifest, run.keyframe)
         return self._rules[key]
 
+    def _start_key(self, run: ResolvedRun) -> str:
+        return json.dumps([run.structure, run.keyframe], sort_keys=True)
 
-def compile_without_sensors(scene: Scene, run: ResolvedRun) -> mujoco.MjModel:
-    """Compile the structure of a run without the sensors that record."""
-    return compile_model(scene.source, run.structure, lambda spec: remove(spec, run.without))
+    def prepare(
+        self, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel | None = None
+    ) -> PreparedModel:
+        """Return a run's model, given its start (n = 1), without effects that it does not need.
+
+        It is made of what `compile_without_sensors` returned, if that is given.
+        """
+        base = self.base_of(run)
+        base = base if compiled is None else replace(base, model=compiled)
+        servos = self._driving_of(run).servos if is_driven(run.drive) else None
+        return base.prepare(run.edits(), run.effect_request, start, servos)
+
+    def model_key(self, run: ResolvedRun, start: InitialStates) -> str:
+        """Return a key that runs share if their models are the same."""
+        straight = is_straight(self.base_of(run).model, start)
+        drive = drive_identity(run.drive)
+        return json.dumps([run.structure, sorted(run.without), run.edits(), straight, drive])
+
+    def compile_without_sensors(self, run: ResolvedRun) -> mujoco.MjModel:
+        """Compile the structure of a run without the sensors that record."""
+        return compile_model(self.source, run.structure, lambda spec: remove(spec, run.without))
 
 
-def prepare_without_sensors(
-    scene: Scene, run: ResolvedRun, start: InitialStates, compiled: mujoco.MjModel
-) -> mujoco.MjModel:
-    """Return a run's model, made of what `compile_without_sensors` returned."""
-    base = replace(scene.base_of(run), model=compiled)
-    servos = scene.initial.servos(run)
-    return base.prepare(run.edits(), run.effect_request, start, servos).model
+def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
+    """Return a stored scene with the drive of its sweep, if any, from the folder of the scenes."""
+    place = LocatedDrive("none" if drive is None else drive).hash or ""
+    return scene.with_drive(drive, folder / place)
