@@ -79,7 +79,7 @@ def _store_of(file: Path) -> Path:
 def resume(file: Path) -> None:
     """Go on with a sweep of which all runs are stored, and print what it takes as JSON."""
     times = [(time.time(), 0.0, 0)]
-    from contactlab.commands.show_command import print_summary  # noqa: PLC0415
+    from contactlab.commands.store_commands import print_summary  # noqa: PLC0415
     from contactlab.run.sweep_request import read_request  # noqa: PLC0415 - imports are measured
     from contactlab.run.sweep_runner import run_sweep  # noqa: PLC0415 - imports are measured
 

@@ -91,11 +91,13 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 def in_one_line(error: BaseException, caller: str) -> str:
     """Return an error of the user's code in one line, after the line of that code that raised it.
 
-    Args:
-        error: as it was caught.
-        caller: `__file__` of the module that called the code.
+    The caller is the `__file__` of the module that ran the code.
     """
-    frames = [each for each in traceback.extract_tb(error.__traceback__) if each.filename != caller]
+    frames = [
+        each
+        for each in traceback.extract_tb(error.__traceback__)
+        if each.filename != caller and "importlib" not in each.filename
+    ]
     lines = [each.lineno for each in frames if each.filename == frames[0].filename]
     where = f"line {lines[-1]} of {Path(frames[0].filename).name}: " if lines else ""
     text = " ".join(str(error).split())
@@ -104,14 +106,9 @@ def in_one_line(error: BaseException, caller: str) -> str:
 
 @contextmanager
 def optional(extra: str, purpose: str) -> Generator[None]:
-    """Turn a missing import within into an error that says how to install it.
+    """Turn a missing import into an OutputError that names the extra which installs it.
 
-    Args:
-        extra: the optional extra of this package that installs it.
-        purpose: what it is needed for.
-
-    Raises:
-        OutputError: something is not installed.
+    The purpose is what it is needed for.
     """
     try:
         yield

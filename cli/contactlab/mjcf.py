@@ -10,27 +10,17 @@ from xml.sax.saxutils import quoteattr
 
 Form = Literal["number", "integer", "vector", "word"]
 
+_FORMS: Mapping[Form, tuple[str, ...]] = {
+    "number": (
+        *("timestep", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance"),
+        *("impratio", "density", "viscosity"),
+    ),
+    "integer": ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
+    "vector": ("gravity", "wind"),
+    "word": ("integrator", "cone", "solver", "jacobian"),
+}
 OPTIONS: Mapping[str, Form] = MappingProxyType(
-    {
-        "timestep": "number",
-        "tolerance": "number",
-        "ls_tolerance": "number",
-        "noslip_tolerance": "number",
-        "ccd_tolerance": "number",
-        "impratio": "number",
-        "density": "number",
-        "viscosity": "number",
-        "iterations": "integer",
-        "ls_iterations": "integer",
-        "noslip_iterations": "integer",
-        "ccd_iterations": "integer",
-        "gravity": "vector",
-        "wind": "vector",
-        "integrator": "word",
-        "cone": "word",
-        "solver": "word",
-        "jacobian": "word",
-    }
+    {name: form for form, names in _FORMS.items() for name in names}
 )
 """Attributes of <option>, with the form of their values."""
 
@@ -54,12 +44,7 @@ def attribute_of(axis: str) -> str:
 
 
 def option_lines(options: Mapping[str, str], flags: Mapping[str, bool]) -> list[str]:
-    """Return the lines of an <option> element; none without options and flags.
-
-    Args:
-        options: attributes of <option>, as text.
-        flags: attributes of <flag>.
-    """
+    """Return the lines of an <option> with these attributes and flags; none without any."""
     if not flags:
         return [f"<option{attributes(options)}/>"] if options else []
     words = {name: "enable" if state else "disable" for name, state in flags.items()}
@@ -69,12 +54,9 @@ def option_lines(options: Mapping[str, str], flags: Mapping[str, bool]) -> list[
 def default_lines(
     contact: Mapping[str, str], elements: Iterable[str] = ("geom",), comment: str = ""
 ) -> list[str]:
-    """Return the lines of a <default> element; none without contact parameters.
+    """Return the lines of a <default> of these elements, each with the comment behind it.
 
-    Args:
-        contact: attributes of each element, as text.
-        elements: `geom`, `pair`, or both.
-        comment: a comment to put after each element.
+    There are none without contact parameters.
     """
     if not contact:
         return []

@@ -10,7 +10,6 @@ scene names one.
 
 import hashlib
 import sys
-import traceback
 from collections.abc import Generator, Iterable, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -19,7 +18,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 
-from contactlab.errors import PluginError
+from contactlab.errors import PluginError, in_one_line
 from contactlab.registry import REGISTRIES, Named, transaction
 
 GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", "engine")}
@@ -56,13 +55,7 @@ def loaded_plugins() -> tuple[Plugin, ...]:
 
 
 def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
-    """Load installed plug-ins, then files; what is loaded already is not loaded again.
-
-    Args:
-        files: Python files.
-
-    Returns:
-        All plug-ins that are loaded now.
+    """Load installed plug-ins, then files, once each; return all that are loaded now.
 
     Raises:
         PluginError: one cannot be loaded; nothing of it is left.
@@ -98,8 +91,7 @@ def _distributions() -> list[Distribution]:
 
 
 def _entry_points(distribution: Distribution) -> list[EntryPoint]:
-    points = distribution.entry_points
-    return sorted(each for each in points if each.group in GROUPS)
+    return sorted(each for each in distribution.entry_points if each.group in GROUPS)
 
 
 def _describe(distribution: Distribution) -> Plugin:
@@ -188,20 +180,8 @@ def _adding(name: str) -> Generator[None]:
     except PluginError as error:
         raise PluginError(f"plug-in {name}: {error}") from error
     except (Exception, SystemExit) as error:
-        raise PluginError(f"plug-in {name}: {_where(error)}{_what(error)}") from error
+        raise PluginError(f"plug-in {name}: {in_one_line(error, __file__)}") from error
 
 
 def _entries() -> int:
     return sum(len(REGISTRIES[kind]) for kind in GROUPS.values() if kind in REGISTRIES)
-
-
-def _where(error: BaseException) -> str:
-    """Return the line of the plug-in that raised an error; syntax errors say theirs."""
-    if isinstance(error, SyntaxError):
-        return ""
-    *_, last = traceback.extract_tb(error.__traceback__)
-    return f"line {last.lineno} of {Path(last.filename).name}: "
-
-
-def _what(error: BaseException) -> str:
-    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -1,6 +1,6 @@
 """Registries that this package fills, and that plug-ins may add to."""
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Generator
 from contextlib import contextmanager
 from typing import Any, Generic, Protocol, TypeVar, runtime_checkable
 
@@ -20,16 +20,12 @@ class Named(Protocol):
 Entry = TypeVar("Entry", bound=Named)
 
 
-class Registry(Mapping[str, Entry], Generic[Entry]):
-    """Entries of one kind by name, in the order in which they were added.
-
-    Args:
-        kind: what an entry is called in messages, such as "metric".
-    """
+class Registry(dict[str, Entry], Generic[Entry]):
+    """Entries of one kind, such as "metric", by name, in the order in which they were added."""
 
     def __init__(self, kind: str) -> None:
+        super().__init__()
         self.kind = kind
-        self._entries: dict[str, Entry] = {}
         REGISTRIES.setdefault(kind, self)
 
     def add(self, entry: Entry) -> Entry:
@@ -38,22 +34,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         Raises:
             PluginError: another entry has this name.
         """
-        if self._entries.setdefault(entry.name, entry) is not entry:
+        if self.setdefault(entry.name, entry) is not entry:
             raise PluginError(f"there is a {self.kind} named '{entry.name}' already; rename yours")
         return entry
-
-    def __getitem__(self, name: str) -> Entry:
-        return self._entries[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._entries)
-
-    def __len__(self) -> int:
-        return len(self._entries)
-
-    def restore(self, entries: Mapping[str, Entry]) -> None:
-        """Have these entries and no others."""
-        self._entries = dict(entries)
 
 
 REGISTRIES: dict[str, Registry[Any]] = {}
@@ -68,5 +51,6 @@ def transaction() -> Generator[None]:
         yield
     except BaseException:
         for registry, entries in before:
-            registry.restore(entries)
+            registry.clear()
+            registry.update(entries)
         raise

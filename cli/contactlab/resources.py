@@ -41,11 +41,7 @@ def sweep_names() -> list[str]:
 
 
 def scene_folder(name: str) -> Path:
-    """Return the folder of a shipped scene.
-
-    Raises:
-        SceneError: no shipped scene has this name.
-    """
+    """Return the folder of a shipped scene; raise SceneError if there is none of this name."""
     if name not in scene_names():
         hint = did_you_mean(name, scene_names())
         raise SceneError(f"no shipped scene named '{name}'{hint}\nsee `contactlab scenes`")
@@ -53,11 +49,7 @@ def scene_folder(name: str) -> Path:
 
 
 def sweep_file(name: str) -> Path:
-    """Return the path of a shipped sweep file.
-
-    Raises:
-        SweepFileError: no shipped sweep has this name.
-    """
+    """Return the path of a shipped sweep; raise SweepFileError if there is none of this name."""
     if name not in sweep_names():
         hint = did_you_mean(name, sweep_names())
         raise SweepFileError(
@@ -67,11 +59,7 @@ def sweep_file(name: str) -> Path:
 
 
 def find_sweep(name: str) -> Path:
-    """Return the path of a sweep file, given by its path or as the name of a shipped sweep.
-
-    Raises:
-        SweepFileError: there is none.
-    """
+    """Return a sweep file, named by its path or as shipped; raise SweepFileError without one."""
     path = Path(name)
     if path.suffix not in {".yaml", ".yml"} and "/" not in name:
         return sweep_file(name)

@@ -97,7 +97,7 @@ def test_a_stored_run_says_which_plugin_it_needs(
     store = sweep(folder)
     run = next(each.run_id for each in store.records() if each.engine.name == "frozen")
     monkeypatch.setattr("contactlab.plugins._loaded", {})
-    ENGINES.restore({name: each for name, each in ENGINES.items() if name != "frozen"})
+    del ENGINES["frozen"]
     with pytest.raises(PluginError, match=r"plug-in hover .*frozen_engine .* --plugin"):
         replay(store, run)
     # All else is read as it is stored.
@@ -151,7 +151,8 @@ def test_other_processes_load_the_same_or_nothing(
     # As in another process.
     monkeypatch.setattr("contactlab.plugins._loaded", {})
     for kind, registry in REGISTRIES.items():
-        registry.restore(before[kind])
+        registry.clear()
+        registry.update(before[kind])
     (folder / "hover.py").write_text(METRIC.format(body="return context.undefined()"))
     with pytest.raises(PluginError, match=r"began with plug-in hover .* but here is hover"):
         require_plugins(plugins)

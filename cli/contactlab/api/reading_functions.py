@@ -14,10 +14,7 @@ from contactlab.store.store_address import Address, parse_address
 
 
 def open(store: str | Address) -> Store:
-    """Open a finished store.
-
-    Args:
-        store: its folder, or its address in object storage: `s3://bucket/prefix`.
+    """Open a finished store, by its folder or its address: `s3://bucket/prefix`.
 
     Raises:
         StoreError: there is none, or it is unfinished, damaged or of another version.
@@ -33,15 +30,11 @@ def compare(
     match: Literal["id", "axes"] | None = None,
     thorough: bool = False,
 ) -> ComparisonReport:
-    """Compare a store with a baseline; the engine is not loaded.
+    """Judge a candidate by a baseline; the engine is not loaded.
 
-    Args:
-        baseline: the store to compare with.
-        candidate: the store that is judged.
-        policy: the file that says what counts as regressed, and what fails.
-        match: how runs are paired, by run id or by axis values and seed; as the policy says if
-            left out.
-        thorough: whether to check every record and every trace first.
+    The file `policy` says what counts as regressed, what fails, and, unless `match` does, whether
+    runs are paired by id or by axis values and seed. A thorough comparison checks every record and
+    every trace first.
 
     Raises:
         StoreError: a store is not sound, or the stores have no run in common.
@@ -61,10 +54,8 @@ def report(
 ) -> Path:
     """Write a store's page, one HTML file that works offline, and return its path.
 
-    Args:
-        store: a finished store.
-        output: the file; `report.html` in the store, or in this folder if that is in a bucket.
-        baseline: a store to compare with.
+    Without `output`, it is `report.html` in the store, or in this folder if that is in a bucket.
+    The page may compare the store with a baseline.
 
     Raises:
         OutputError: the extra `figures` is not installed, or the file cannot be written.

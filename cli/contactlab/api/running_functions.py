@@ -1,9 +1,9 @@
-"""Run sweeps and studies."""
+"""Run sweeps and studies. All functions take `RunOptions` by keyword, too."""
 
 import json
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Literal, TypedDict, Unpack
 
 from contactlab.api.reading_functions import address_of
 from contactlab.pareto.criteria import Criteria
@@ -31,6 +31,22 @@ Progress = Callable[[int, int], None]
 """Called with the runs done and the runs in all, as they finish."""
 
 
+class RunOptions(TypedDict, total=False):
+    """How runs are made, whatever they are for.
+
+    Attributes:
+        workers: worker processes, 0 for none; one for each core if left out.
+        plugins: files that add metrics, labels, oracles or engines. They are executed.
+        allow_code: whether a policy that drives the runs may be executed.
+        progress: called as runs finish.
+    """
+
+    workers: int | None
+    plugins: Sequence[str | Path]
+    allow_code: bool
+    progress: Progress | None
+
+
 def sweep(
     source: str | Path | Mapping[str, object],
     *,
@@ -39,30 +55,18 @@ def sweep(
     only: Settings = (),
     limit: int | None = None,
     drive: str | None = None,
-    workers: int | None = None,
     fresh: bool = False,
     retry_failed: bool = False,
     repair: bool = False,
-    plugins: Sequence[str | Path] = (),
-    allow_code: bool = False,
-    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
 ) -> Store:
     """Run a sweep into a store, or resume it, and open the store.
 
-    Args:
-        source: a sweep file, the name of a shipped sweep, or what a sweep file would say, as data.
-        output: the store, a folder or an address; `results/NAME` if left out.
-        set: axes or keys to replace.
-        only: axis values; runs with other values are left out.
-        limit: the first so many runs only.
-        drive: what drives the runs, as `--drive` takes it.
-        workers: worker processes, 0 for none; one for each core if left out.
-        fresh: whether to replace a store that is there.
-        retry_failed: whether stored runs that crashed, timed out or failed are run again.
-        repair: whether stored runs that are damaged are run again.
-        plugins: files that add metrics, labels, oracles or engines. They are executed.
-        allow_code: whether a policy that drives the runs may be executed.
-        progress: called as runs finish.
+    The source is a sweep file, the name of a shipped sweep, or what a sweep file would say, as
+    data. `set` replaces axes or keys, `only` keeps the runs with these axis values, `limit` the
+    first so many, and `drive` says what drives them, as `--drive` does. The store, a folder or an
+    address, is `results/NAME` if left out; `fresh` replaces one that is there, `retry_failed` runs
+    again what crashed, timed out or failed, and `repair` what is damaged.
 
     Raises:
         SweepFileError: the sweep or a setting holds mistakes; all are named.
@@ -70,7 +74,7 @@ def sweep(
         StoreError: the store is another sweep's.
         StoppedError: the sweep was interrupted; the same call resumes it.
     """
-    load_plugins([Path(each) for each in plugins])
+    session = _session(Path(), **options)
     if isinstance(source, Mapping):
         name, text, folder = "sweep", source, Path()
     else:
@@ -81,14 +85,14 @@ def sweep(
         name,
         RESULTS / name if output is None else parse_address(output),
         folder=folder,
-        workers=worker_count(workers),
+        workers=session.workers,
         overrides=Overrides(_assigned(set), _assigned(only), limit),
         drive=drive_option(drive),
         fresh=fresh,
         retry_failed=retry_failed,
         repair=repair,
     )
-    return _session(Path(), workers, progress, allow_code=allow_code).run(request)
+    return session.run(request)
 
 
 def check(
@@ -103,35 +107,22 @@ def check(
     limits: Mapping[str, float] | None = None,
     accept: Sequence[AcceptedCheck] = (),
     remedies: bool = True,
-    workers: int | None = None,
-    plugins: Sequence[str | Path] = (),
-    allow_code: bool = False,
-    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
 ) -> CheckReport:
     """Check a model before it is trusted: six checks with their numbers, and what helps.
 
-    Args:
-        model: a shipped scene, a folder, an .xml or .urdf file, or `menagerie:ROBOT`.
-        set: settings to check it with.
-        only: names of checks; all if empty.
-        output: the folder of its evidence; `results/check/NAME` if left out.
-        keyframe: where runs start; `qpos0` is the model's own start.
-        kind: of task, which decides what the timestep has to suit.
-        drive: what drives it, as `--drive` has it; of a bare model an exercise if left out.
-        limits: limits that replace those of the checks, by the name of the measure.
-        accept: findings that are known and accepted.
-        remedies: whether to look for changes that help.
-        workers: worker processes, 0 for none; one for each core if left out.
-        plugins: files that add metrics, labels, oracles or engines. They are executed.
-        allow_code: whether a policy that drives the runs may be executed.
-        progress: called as runs finish.
+    The model is a shipped scene, a folder, an .xml or .urdf file, or `menagerie:ROBOT`. `only`
+    names checks, all if empty; `keyframe` is where runs start, `qpos0` being the model's own start;
+    the timestep has to suit the `kind` of task; a bare model is driven by an exercise, unless
+    `drive` says otherwise. `limits` replace those of the checks, by the name of the measure, and
+    findings that are known are accepted. Evidence goes to `results/check/NAME` without `output`.
 
     Raises:
         SceneError: there is no such model or keyframe, or it does not compile.
         SweepFileError: a setting, or the name of a check or a limit, is wrong.
         PolicyError: what is accepted is not a finding of any check.
     """
-    load_plugins([Path(each) for each in plugins])
+    session = _session(output or RESULTS / "check" / model_name(str(model)), **options)
     start = [f"keyframe={keyframe}"] if keyframe else []
     request = model_check.CheckRequest(
         model=str(model),
@@ -143,8 +134,7 @@ def check(
         accepted=accept,
         remedies=remedies,
     )
-    folder = Path(output or RESULTS / "check" / model_name(str(model)))
-    return model_check.run(request, _session(folder, workers, progress, allow_code=allow_code))
+    return model_check.run(request, session)
 
 
 def effects(
@@ -154,32 +144,20 @@ def effects(
     seeds: int = 6,
     drive: str | None = None,
     output: str | Path | None = None,
-    workers: int | None = None,
-    plugins: Sequence[str | Path] = (),
-    allow_code: bool = False,
-    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
 ) -> EffectsReport:
     """Find which effects a scene needs, what each costs, and the smallest set that will do.
 
-    Args:
-        source: a scene, a sweep file or a model.
-        set: settings of the base configuration.
-        seeds: how many seeds to change effects with.
-        drive: what drives the runs, as `--drive` takes it.
-        output: the folder of its evidence; `results/effects/NAME` if left out.
-        workers: worker processes, 0 for none; one for each core if left out.
-        plugins: files that add metrics, labels, oracles or engines. They are executed.
-        allow_code: whether a policy that drives the runs may be executed.
-        progress: called as runs finish.
+    The source is a scene, a sweep file or a model; `set` gives its base configuration, and effects
+    are changed with so many seeds. Evidence goes to `results/effects/NAME` if `output` is left out.
 
     Raises:
         SceneError: there is no such scene.
         SweepFileError: the sweep or a setting is wrong.
     """
-    load_plugins([Path(each) for each in plugins])
+    session = _session(output or RESULTS / "effects" / model_name(str(source)), **options)
     request = EffectsRequest(str(source), _assigned(set), seeds, drive=drive_option(drive))
-    folder = Path(output or RESULTS / "effects" / model_name(str(source)))
-    return ablation.run(request, _session(folder, workers, progress, allow_code=allow_code))
+    return ablation.run(request, session)
 
 
 def stability(
@@ -187,30 +165,18 @@ def stability(
     *,
     drive: str | None = None,
     output: str | Path = RESULTS / "stability",
-    workers: int | None = None,
-    plugins: Sequence[str | Path] = (),
-    allow_code: bool = False,
-    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
 ) -> StabilityReport:
-    """Run hard cases, or generic checks of models.
+    """Run hard cases, or generic checks of models, each into a store in the folder `output`.
 
-    Args:
-        names: cases of the catalogue, or models; the whole catalogue if empty.
-        drive: what drives the runs, as `--drive` takes it.
-        output: the folder of the stores, one a case.
-        workers: worker processes, 0 for none; one for each core if left out.
-        plugins: files that add metrics, labels, oracles or engines. They are executed.
-        allow_code: whether a policy that drives the runs may be executed.
-        progress: called as runs finish.
+    They are named as cases of the catalogue, or as models; the whole catalogue if none is.
 
     Raises:
         SweepFileError: there is no such case.
     """
-    load_plugins([Path(each) for each in plugins])
+    session = _session(output, **options)
     request = stability_cases.StabilityRequest([str(each) for each in names], drive_option(drive))
-    return stability_cases.run(
-        request, _session(Path(output), workers, progress, allow_code=allow_code)
-    )
+    return stability_cases.run(request, session)
 
 
 def tradeoff(
@@ -220,44 +186,39 @@ def tradeoff(
     tolerance: Mapping[str, float] | None = None,
     drive: str | None = None,
     output: str | Address | None = None,
-    workers: int | None = None,
-    plugins: Sequence[str | Path] = (),
-    allow_code: bool = False,
-    progress: Progress | None = None,
+    **options: Unpack[RunOptions],
 ) -> TradeoffReport:
     """Find what accuracy costs in time, and the cheapest configuration that will do.
 
-    Args:
-        source: a store; or a sweep file, the name of a shipped sweep, a model file or
-            menagerie:ROBOT, which are then run.
-        error: what measures accuracy: `error_final`, `oracle_error` or any metric.
-        tolerance: largest acceptable values by metric, over those of the sweep.
-        drive: what drives the runs of a sweep, as `--drive` takes it.
-        output: the store of a sweep; `results/tradeoff/NAME` if left out.
-        workers: worker processes, 0 for none; one for each core if left out.
-        plugins: files that add metrics, labels, oracles or engines. They are executed.
-        allow_code: whether a policy that drives the runs may be executed.
-        progress: called as runs finish.
+    The source is a store; or a sweep file, the name of a shipped sweep, a model file or
+    menagerie:ROBOT, which is then run into the store `output`, or `results/tradeoff/NAME`.
+    `error` measures accuracy: `error_final`, `oracle_error` or any metric. Tolerances are the
+    largest acceptable values by metric, over those of the sweep.
 
     Raises:
         SweepFileError: the sweep holds mistakes, or a tolerance names what it does not measure.
         StoreError: the store has no error to evaluate.
     """
-    load_plugins([Path(each) for each in plugins])
+    session = _session(RESULTS / "tradeoff", **options)
     request = tradeoff_sweep.TradeoffRequest(
         str(address_of(source)),
         Criteria(error, tolerance or {}),
         None if output is None else parse_address(output),
         drive_option(drive),
     )
-    return tradeoff_sweep.run(
-        request, _session(RESULTS / "tradeoff", workers, progress, allow_code=allow_code)
-    )
+    return tradeoff_sweep.run(request, session)
 
 
 def _session(
-    folder: Path, workers: int | None, progress: Progress | None, *, allow_code: bool
+    folder: str | Path,
+    *,
+    workers: int | None = None,
+    plugins: Sequence[str | Path] = (),
+    allow_code: bool = False,
+    progress: Progress | None = None,
 ) -> Session:
+    """Return the session of a function, once its plug-ins are loaded."""
+    load_plugins([Path(each) for each in plugins])
     done = total = 0
 
     def advance(runs: int) -> None:
@@ -274,7 +235,7 @@ def _session(
     def add(finished: Sequence[object]) -> None:
         advance(len(finished))
 
-    return Session(folder, worker_count(workers), begin, add, allow_code=allow_code)
+    return Session(Path(folder), worker_count(workers), begin, add, allow_code=allow_code)
 
 
 def _assigned(settings: Settings) -> list[str]:

@@ -33,19 +33,15 @@ def compare(
     baseline: Annotated[opt.Address, opt.store_argument("BASELINE", "Store to compare with.")],
     candidate: Annotated[opt.Address, opt.store_argument("CANDIDATE", "Store to judge.")],
     policy: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Policy file: tolerances, and what fails the job."),
+        Path | None, opt.option("FILE", "Policy file: tolerances, and what fails the job.")
     ] = None,
     match: Annotated[
         Match | None, typer.Option(help="Pair runs by id, or by axis values and seed.")
     ] = None,
     files: Annotated[
         list[Path] | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="File to write: .md, .json, .xml (JUnit) or .txt; may be repeated.",
+        opt.output_option(
+            "FILE", "File to write: .md, .json, .xml (JUnit) or .txt; may be repeated."
         ),
     ] = None,
     output: Annotated[
@@ -69,8 +65,7 @@ def compare(
         typer.Option(help="Python that times the candidate's runs; by default this one."),
     ] = None,
     accept: Annotated[
-        str | None,
-        typer.Option(metavar="CHECK", help="Accept a failed check: add it to the policy file."),
+        str | None, opt.option("CHECK", "Accept a failed check: add it to the policy file.")
     ] = None,
     reason: Annotated[str, typer.Option(help="Why it is accepted.")] = "",
     until: Annotated[

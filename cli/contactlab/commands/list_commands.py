@@ -1,18 +1,24 @@
-"""Commands that list what there is: scenes, sweeps, metrics, labels, thresholds."""
+"""Commands that list or write what comes along: scenes, sweeps, metrics, schemas, a first sweep."""
 
+import errno
+import json
+from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, PluginOption, load_plugins
-from contactlab.commands.terminal import print_rows
+from contactlab.commands import options as opt
+from contactlab.commands.terminal import echo, print_json, print_rows, say
+from contactlab.errors import ExpectationError, OutputError, SweepFileError, did_you_mean
+
+_SUFFIX = ".schema.json"
 
 
 def scenes(
     name: Annotated[
         str | None, typer.Argument(metavar="[SCENE]", help="Scene, scene folder or model file.")
     ] = None,
-    output: FormatOption = "text",
+    output: opt.FormatOption = "text",
 ) -> None:
     """List the shipped scenes, or every axis that one scene offers."""
     if name is not None:
@@ -29,7 +35,7 @@ def scenes(
     print_rows(output, ("scene", "title", duration), rows)
 
 
-def _list_axes(name: str, output: Format) -> None:
+def _list_axes(name: str, output: opt.Format) -> None:
     from contactlab.run.sweep_request import SceneLoader
 
     scene = SceneLoader(None).open(name)
@@ -40,7 +46,7 @@ def _list_axes(name: str, output: Format) -> None:
     print_rows(output, ("axis", "unit", "description", "values"), rows)
 
 
-def sweeps(output: FormatOption = "text") -> None:
+def sweeps(output: opt.FormatOption = "text") -> None:
     """List the shipped sweeps."""
     from contactlab import resources
     from contactlab.plan.sweep_file import read_sweep
@@ -54,11 +60,11 @@ def sweeps(output: FormatOption = "text") -> None:
     print_rows(output, ("sweep", "scene", "runs", "description"), rows)
 
 
-def metrics(plugin: PluginOption = None, output: FormatOption = "text") -> None:
+def metrics(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -> None:
     """List every metric: unit, direction, version and definition."""
     from contactlab.measure import METRICS
 
-    load_plugins(plugin)
+    opt.load_plugins(plugin)
     rows = [
         (each.name, each.unit, each.better, each.version, each.definition)
         for each in METRICS.values()
@@ -66,11 +72,11 @@ def metrics(plugin: PluginOption = None, output: FormatOption = "text") -> None:
     print_rows(output, ("metric", "unit", "better", "version", "definition"), rows)
 
 
-def labels(plugin: PluginOption = None, output: FormatOption = "text") -> None:
+def labels(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -> None:
     """List every label, worst first: its meaning and the thresholds that it depends on."""
     from contactlab.measure import LABELS
 
-    load_plugins(plugin)
+    opt.load_plugins(plugin)
     rows = [
         (each.name, each.meaning, ", ".join(limit.name for limit in each.thresholds))
         for each in LABELS.values()
@@ -78,10 +84,85 @@ def labels(plugin: PluginOption = None, output: FormatOption = "text") -> None:
     print_rows(output, ("label", "meaning", "thresholds"), rows)
 
 
-def thresholds(plugin: PluginOption = None, output: FormatOption = "text") -> None:
+def thresholds(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -> None:
     """List every threshold that a scene or a sweep may set: its default, unit and source."""
     from contactlab.measure import THRESHOLDS
 
-    load_plugins(plugin)
+    opt.load_plugins(plugin)
     rows = [(each.name, each.default, each.unit, each.source) for each in THRESHOLDS.values()]
     print_rows(output, ("threshold", "default", "unit", "source"), rows)
+
+
+def init(
+    scene: Annotated[
+        str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
+    ] = "ball_drop",
+    path: Annotated[Path, opt.output_option("FILE", "Sweep file to write.")] = Path("sweep.yaml"),
+) -> None:
+    """Write a starter sweep file for a scene, and its JSON Schema beside it."""
+    from contactlab.plan.starter import SCHEMA_NAME
+    from contactlab.plan.sweep_file import read_sweep
+    from contactlab.run.sweep_request import SceneLoader, starter_sweep
+    from contactlab.scene.scene_source import reference_from
+    from contactlab.schema.json_schemas import json_schemas
+    from contactlab.store.atomic_files import write_error
+
+    if path.exists():
+        raise OutputError(f"{path} exists; choose another file with -o")
+    if not path.parent.is_dir():
+        raise write_error(path, FileNotFoundError(errno.ENOENT, ""))
+    loader, reference = SceneLoader(path.parent), reference_from(path.parent, scene)
+    text = starter_sweep(reference, loader)
+    plan = read_sweep(text, loader.vocabulary).plan
+    beside = path.parent / SCHEMA_NAME
+    try:
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+        published = json.dumps(json_schemas()["sweep.schema.json"], indent=2) + "\n"
+        beside.write_text(published, encoding="utf-8")
+    except OSError as error:
+        raise write_error(path, error) from error
+    say(f"wrote {path}, {plan.count} runs of {plan.sweep.duration:g} s each, and {beside}")
+    say(f"next: contactlab sweep {path}")
+
+
+def schema(
+    name: Annotated[
+        str | None, typer.Argument(help="Schema to print; lists all names by default.")
+    ] = None,
+    write: Annotated[Path | None, opt.option("FOLDER", "Write all schemas into a folder.")] = None,
+    check: Annotated[
+        Path | None, opt.option("FOLDER", "Fail unless a folder holds the current schemas.")
+    ] = None,
+) -> None:
+    """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
+    from contactlab.schema.json_schemas import json_schemas, schema_drift
+
+    if write is not None:
+        say(f"wrote {', '.join(_written(write))}")
+    elif check is not None:
+        if differing := schema_drift(check):
+            raise ExpectationError(
+                f"{check} is out of date: {', '.join(differing)}; update it with "
+                f"`contactlab schema --write {check}`"
+            )
+    elif name is None:
+        for each in json_schemas():
+            echo(each)
+    else:
+        known = json_schemas()
+        found = known.get(name) or known.get(name + _SUFFIX)
+        if found is None:
+            names = [each.removesuffix(_SUFFIX) for each in known]
+            raise SweepFileError(f"no schema '{name}'{did_you_mean(name, names)}")
+        print_json(found)
+
+
+def _written(folder: Path) -> list[str]:
+    from contactlab.schema.json_schemas import write_json_schemas
+    from contactlab.store.atomic_files import write_error
+
+    try:
+        return [path.name for path in write_json_schemas(folder)]
+    except OSError as error:
+        raise write_error(folder, error) from error

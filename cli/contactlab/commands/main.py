@@ -8,19 +8,23 @@ from typing import Annotated
 
 import typer
 
-from contactlab.commands.check_command import check
 from contactlab.commands.compare_command import baselines, compare
-from contactlab.commands.effects_command import effects
-from contactlab.commands.init_command import init, schema
-from contactlab.commands.list_commands import labels, metrics, scenes, sweeps, thresholds
-from contactlab.commands.render_command import render
-from contactlab.commands.report_command import report
-from contactlab.commands.show_command import show
-from contactlab.commands.stability_command import stability
+from contactlab.commands.drawing_commands import render, report
+from contactlab.commands.list_commands import (
+    init,
+    labels,
+    metrics,
+    scenes,
+    schema,
+    sweeps,
+    thresholds,
+)
+from contactlab.commands.options import option
+from contactlab.commands.store_commands import replay, show, verify
+from contactlab.commands.study_commands import check, effects, stability
 from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
-from contactlab.commands.verify_command import replay, verify
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.printable import printable
 
@@ -56,9 +60,8 @@ def contactlab(
     ] = False,
     allow_files: Annotated[
         list[Path] | None,
-        typer.Option(
-            metavar="DIR",
-            help="Let models name the files of a folder outside of their own; may be repeated.",
+        option(
+            "DIR", "Let models name the files of a folder outside of their own; may be repeated."
         ),
     ] = None,
 ) -> None:

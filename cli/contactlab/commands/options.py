@@ -2,12 +2,12 @@
 
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
-from typer.models import ArgumentInfo
+from typer.models import ArgumentInfo, OptionInfo
 
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
@@ -45,34 +45,40 @@ def store_argument(metavar: str, help: str) -> ArgumentInfo:  # noqa: A002 - as 
     return typer.Argument(parser=store_at, metavar=metavar, help=help)
 
 
+def option(metavar: str, help: str) -> OptionInfo:  # noqa: A002 - as typer calls it
+    """Return an option of this name for its value."""
+    return typer.Option(metavar=metavar, help=help)
+
+
+def output_option(
+    metavar: str,
+    help: str,  # noqa: A002 - as typer calls it
+    parser: Callable[[str], object] | None = None,
+) -> OptionInfo:
+    """Return the option `-o`, which says what a command writes."""
+    return typer.Option("-o", "--output", parser=parser, metavar=metavar, help=help)
+
+
 StoreArgument = Annotated[
     Address, store_argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.")
 ]
 BaselineDigestOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="SHA256", help="Digest that the baseline must have, as `baseline update` prints it."
-    ),
+    option("SHA256", "Digest that the baseline must have, as `baseline update` prints it."),
 ]
 RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="Run id, or its first digits.")]
 SweepStoreOption = Annotated[
     Address | None,
-    typer.Option(
-        "-o",
-        "--output",
-        parser=store_at,
-        metavar="STORE",
-        help="Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
+    output_option(
+        "STORE",
+        "Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
+        store_at,
     ),
 ]
 StudyFolderOption = Annotated[
     Path | None,
-    typer.Option(
-        "-o",
-        "--output",
-        parser=folder_at,
-        metavar="FOLDER",
-        help="Folder for report and evidence; by default under results/.",
+    output_option(
+        "FOLDER", "Folder for report and evidence; by default under results/.", folder_at
     ),
 ]
 SetOption = Annotated[
@@ -88,18 +94,16 @@ WorkersOption = Annotated[
 ]
 MujocoOption = Annotated[
     str | None,
-    typer.Option(
-        metavar="VERSION|PYTHON",
-        help="Run with another MuJoCo: a version, or the path of a Python that has one.",
+    option(
+        "VERSION|PYTHON",
+        "Run with another MuJoCo: a version, or the path of a Python that has one.",
     ),
 ]
 DriveOption = Annotated[
     str | None,
-    typer.Option(
-        "--drive",
-        metavar="DRIVE",
-        help="What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of "
-        "controls.",
+    option(
+        "DRIVE",
+        "What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of controls.",
     ),
 ]
 AllowCodeOption = Annotated[
@@ -110,28 +114,16 @@ AllowCodeOption = Annotated[
 ]
 PluginOption = Annotated[
     list[Path] | None,
-    typer.Option(
-        "--plugin",
-        metavar="FILE",
-        help="Python file that adds metrics, labels, oracles or engines; may be repeated.",
-    ),
+    option("FILE", "Python file that adds metrics, labels, oracles or engines; may be repeated."),
 ]
 ErrorOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="METRIC", help="Measure of accuracy: error_final, oracle_error or any metric."
-    ),
+    str | None, option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric.")
 ]
 ToleranceOption = Annotated[
     list[str] | None,
-    typer.Option(
-        metavar="METRIC=VALUE",
-        help="Replace a tolerance of the sweep: oracle_error=1%; may be repeated.",
-    ),
+    option("METRIC=VALUE", "Replace a tolerance of the sweep: oracle_error=1%; may be repeated."),
 ]
-FigureOption = Annotated[
-    Path | None, typer.Option(metavar="FILE", help="Draw the result: a .png or .svg file.")
-]
+FigureOption = Annotated[Path | None, option("FILE", "Draw the result: a .png or .svg file.")]
 FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.show_command import format_value, print_summary
 from contactlab.commands.stopping import resumable
+from contactlab.commands.store_commands import format_value, print_summary
 from contactlab.commands.terminal import echo, print_json, print_table, progress_display, say
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
@@ -29,11 +29,7 @@ def sweep(
     assign: opt.SetOption = None,
     only: Annotated[
         list[str] | None,
-        typer.Option(
-            "--only",
-            metavar="NAME=VALUE",
-            help="Keep runs with a value: cone=elliptic; may be repeated.",
-        ),
+        opt.option("NAME=VALUE", "Keep runs with a value: cone=elliptic; may be repeated."),
     ] = None,
     limit: Annotated[
         int | None, typer.Option(min=1, metavar="N", help="Keep the first N runs.")
@@ -45,8 +41,7 @@ def sweep(
         ExecutorName, typer.Option(help="Where jobs run: on this machine, or on a Ray cluster.")
     ] = "local",
     address: Annotated[
-        str | None,
-        typer.Option(metavar="HOST:PORT|auto", help="Ray cluster to join; by default starts one."),
+        str | None, opt.option("HOST:PORT|auto", "Ray cluster to join; by default starts one.")
     ] = None,
     mujoco: opt.MujocoOption = None,
     plugin: opt.PluginOption = None,

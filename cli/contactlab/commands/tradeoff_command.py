@@ -32,8 +32,7 @@ def tradeoff(
     tolerance: opt.ToleranceOption = None,
     figure: opt.FigureOption = None,
     write: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Write a sweep file of the recommended settings."),
+        Path | None, opt.option("FILE", "Write a sweep file of the recommended settings.")
     ] = None,
     store: opt.SweepStoreOption = None,
     workers: opt.WorkersOption = None,

@@ -1,4 +1,4 @@
-"""`contactlab report`: a store as one page, or as figures."""
+"""Commands that draw: `report` a store as a page or figures, `render` a run in 3D."""
 
 from pathlib import Path
 from typing import Annotated
@@ -16,18 +16,15 @@ def report(
     store: opt.StoreArgument,
     target: Annotated[
         Path | None,
-        typer.Option(
-            "-o",
-            "--output",
-            metavar="FILE",
-            help="Page to write; by default STORE.html, beside a store that is a folder.",
+        opt.output_option(
+            "FILE", "Page to write; by default STORE.html, beside a store that is a folder."
         ),
     ] = None,
     *,
     error: opt.ErrorOption = None,
     tolerance: opt.ToleranceOption = None,
     traces: Annotated[
-        str, typer.Option(metavar="N|all|none", help="Runs whose time series the page includes.")
+        str, opt.option("N|all|none", "Runs whose time series the page includes.")
     ] = "60",
     max_mb: Annotated[
         float,
@@ -42,8 +39,7 @@ def report(
         ),
     ] = None,
     figures: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Write figures into this folder instead of a page."),
+        Path | None, opt.option("FOLDER", "Write figures into this folder instead of a page.")
     ] = None,
     formats: Annotated[
         str, typer.Option("--format", help="File formats of the figures: png, svg, pdf.")
@@ -87,3 +83,45 @@ def _count(text: str) -> int:
     if not text.isdecimal():
         raise OutputError(f"--traces {text}: write a number of runs, all or none")
     return int(text)
+
+
+def render(
+    store: opt.StoreArgument,
+    run: opt.RunArgument,
+    target: Annotated[
+        Path,
+        opt.output_option(
+            "FILE", "File to write: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif or .png."
+        ),
+    ],
+    at: Annotated[
+        list[float] | None, opt.option("SECONDS", "Time of a .png; may be repeated.")
+    ] = None,
+    speed: Annotated[
+        float | None, typer.Option(help="Playback speed of a film; 0.1 is slow motion.")
+    ] = None,
+    size: Annotated[str | None, opt.option("WIDTHxHEIGHT", "Size in pixels: 640x480.")] = None,
+    camera: Annotated[str | None, typer.Option(help="Camera of the model.")] = None,
+) -> None:
+    """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
+    from contactlab.store.finished_store import Store
+    from contactlab.view.picture_options import PictureOptions
+    from contactlab.view.render import render as write
+
+    options = PictureOptions(_size(size), camera, speed, tuple(at or ()))
+    motion = write(Store.open(store), run, target, options)
+    if len(motion.forces.frame):
+        say(
+            f"an arrow is the force on the second side of a pair: {motion.scale:g} m long for 1 N, "
+            f"at most {motion.longest:.3g} m"
+        )
+    echo(target)
+
+
+def _size(text: str | None) -> tuple[int, int] | None:
+    if text is None:
+        return None
+    width, cross, height = text.partition("x")
+    if not (cross and width.isdecimal() and height.isdecimal()):
+        raise OutputError(f"--size {text}: write width and height, as in 640x480")
+    return int(width), int(height)

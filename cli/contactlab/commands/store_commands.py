@@ -1,21 +1,23 @@
-"""`contactlab show`: the record of one run, or the summary of a store."""
+"""Commands that read a store: `show` it, `verify` that it is sound, `replay` a run of it."""
 
 import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
+from itertools import islice
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from contactlab.commands.options import Format, FormatOption, StoreArgument, mention_damage
+from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, print_json, print_table, say
-from contactlab.errors import StoreError
+from contactlab.errors import ExpectationError, StoreError
 from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
+    from contactlab.run.stored_runs import ReplayResult
     from contactlab.schema.evidence import EvidenceRecord, StoreManifest
     from contactlab.store.run_columns import RunColumns
-    from contactlab.store.store_address import Address
 
 _MOST_ROWS = 60
 _MOST_VALUES = 12
@@ -23,18 +25,18 @@ _ID_DIGITS = 8
 
 
 def show(
-    store: StoreArgument,
+    store: opt.StoreArgument,
     run: Annotated[
         str | None, typer.Argument(help="Run id, or its first digits; the whole store by default.")
     ] = None,
-    output: FormatOption = "text",
+    output: opt.FormatOption = "text",
 ) -> None:
     """Show the record of a run, or the summary of a store."""
     from contactlab.store.finished_store import Store
 
     opened = Store.open(store)
     if run is None:
-        mention_damage(opened)
+        opt.mention_damage(opened)
         print_summary(store, opened.manifest, output)
         return
     record = opened.record(run)
@@ -49,10 +51,10 @@ def show(
         _print_record(store, record)
 
 
-def _print_record(store: "Address", record: "EvidenceRecord") -> None:
+def _print_record(store: opt.Address, record: "EvidenceRecord") -> None:
     from contactlab.reporting.run_series import coverage_rows
 
-    echo("\n".join(map(in_one_line, _identity(store, record))))
+    echo("\n".join(map(in_one_line, _identity_lines(store, record))))
     labels = [(entry.label, entry.step, entry.reason) for entry in record.labels]
     print_table(("label", "first step", "reason"), labels)
     if record.coverage is not None:
@@ -78,7 +80,7 @@ def _print_record(store: "Address", record: "EvidenceRecord") -> None:
     print_table(("pair", "condim", "friction", "solref", "solimp", "margin"), pairs)
 
 
-def _identity(store: "Address", record: "EvidenceRecord") -> Iterator[str]:
+def _identity_lines(store: opt.Address, record: "EvidenceRecord") -> Iterator[str]:
     yield f"run {record.run_id}: {record.label}"
     yield f"  scene      {record.scene} ({record.scene_hash}), seed {record.seed}"
     yield f"  engine     {record.engine.name} {record.engine.version}"
@@ -99,7 +101,7 @@ def _identity(store: "Address", record: "EvidenceRecord") -> Iterator[str]:
     yield f"  replay     contactlab replay {store} {record.run_id}"
 
 
-def print_summary(path: "Address", manifest: "StoreManifest", output: Format) -> None:
+def print_summary(path: opt.Address, manifest: "StoreManifest", output: opt.Format) -> None:
     """Print the summary of a store: its runs if they are few, and the number of runs by label."""
     from contactlab.store.finished_store import Store
 
@@ -172,3 +174,99 @@ def format_value(value: object) -> str:
     if isinstance(value, tuple):
         return " ".join(format_value(each) for each in value)
     return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def verify(
+    store: opt.StoreArgument,
+    simulate: Annotated[
+        int, typer.Option(min=0, metavar="N", help="Simulate N runs again, drawn at random.")
+    ] = 0,
+    output: opt.FormatOption = "text",
+) -> None:
+    """Check every file of a store against its hash, and recompute what its content gives."""
+    from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unresolved
+    from contactlab.store.finished_store import Store
+    from contactlab.store.verify_store import MOST_PROBLEMS, unverified
+    from contactlab.store.verify_store import verify as find_problems
+
+    problems = find_problems(store)
+    opened = Store.unchecked(store)
+    manifest, left = opened.manifest, unverified(opened)
+    opt.mention_plugins(store, manifest.sweep.plugins)
+    if why := unresolved(opened):
+        left.append(why)
+    elif not problems:
+        # What is damaged need not be run, nor compiled.
+        problems = list(islice(recomputed_problems(opened), MOST_PROBLEMS))
+        problems += simulated_problems(opened, simulate) if simulate and not problems else ()
+    if output == "json":
+        print_json(
+            {
+                "sound": not problems,
+                "problems": problems,
+                "unverified": left,
+                "runs": manifest.runs,
+                "digest": opened.digest,
+            }
+        )
+    elif not problems:
+        left_out = " left out" if manifest.traces_left_out else ""
+        echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")
+        for each in left:
+            echo(f"not verified: {each}")
+        echo(f"digest {opened.digest}")
+    else:
+        for problem in problems:
+            echo(in_one_line(problem))
+    if problems:
+        count = "1 problem" if len(problems) == 1 else f"{len(problems)} problems"
+        raise StoreError(f"{store} is not sound: {count}")
+
+
+def replay(
+    store: opt.StoreArgument,
+    run: opt.RunArgument,
+    *,
+    view: Annotated[
+        bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
+    ] = False,
+    plugin: opt.PluginOption = None,
+    output: opt.FormatOption = "text",
+) -> None:
+    """Simulate a stored run again and check that every state is bitwise equal."""
+    from contactlab.run.stored_runs import prepare_replay
+    from contactlab.run.stored_runs import replay as run_again
+    from contactlab.store.finished_store import Store
+
+    opt.load_plugins(plugin)
+    opened = Store.open(store)
+    if view:
+        from contactlab.view.live_viewer import open_viewer
+
+        start = prepare_replay(opened, run)
+        open_viewer(start.prepared.model, start.runs.starts)
+        return
+    result = run_again(opened, run)
+    if output == "json":
+        print_json(asdict(result))
+    else:
+        for line in _replay_lines(result):
+            echo(line)
+    if not result.equal:
+        raise ExpectationError("the trajectory is not the stored one")
+
+
+def _replay_lines(result: "ReplayResult") -> Iterator[str]:
+    if result.equal:
+        yield f"run {result.run_id}: bitwise equal ({result.hash})"
+        return
+    if result.stored_hash is None:
+        yield f"run {result.run_id}: no trajectory was stored"
+        return
+    yield f"run {result.run_id}: differs"
+    yield f"  stored {result.stored_hash}"
+    yield f"  now    {result.hash}"
+    if result.step is not None:
+        amount = "" if result.difference is None else f" by {result.difference:.3g}"
+        yield f"  first after step {result.step}{amount}"
+    yield f"  stored with {result.stored_engine}"

@@ -1,0 +1,278 @@
+"""Commands that run studies: `check` and `effects` of a model, `stability` of hard cases."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from contactlab.commands import options as opt
+from contactlab.commands.stopping import study_session
+from contactlab.commands.terminal import echo, echo_commands, print_json, print_table, say
+from contactlab.errors import ExpectationError
+from contactlab.resources import RESULTS
+
+if TYPE_CHECKING:
+    from contactlab.schema.check_report import CheckReport, StabilityResult
+    from contactlab.schema.effects_report import EffectFinding, EffectsReport, Ratio
+    from contactlab.schema.judged_check import AcceptedCheck
+
+CheckFormat = Literal["text", "json", "junit", "github"]
+_MOST_NOTES = 4
+_MOST_MISSES = 5
+
+
+def check(
+    model: Annotated[
+        str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
+    ],
+    assign: opt.SetOption = None,
+    only: Annotated[
+        list[str] | None, opt.option("CHECK", "Make only this check; may be repeated.")
+    ] = None,
+    folder: opt.StudyFolderOption = None,
+    *,
+    keyframe: Annotated[
+        str | None, opt.option("NAME", "Keyframe to start from; qpos0 is the model's default pose.")
+    ] = None,
+    kind: Annotated[
+        Literal["auto", "manipulation", "locomotion"],
+        typer.Option(help="Task that the timestep has to suit."),
+    ] = "auto",
+    drive: opt.DriveOption = None,
+    limit: Annotated[
+        list[str] | None,
+        opt.option("METRIC=VALUE", "Replace a limit: slip=1e-3; may be repeated."),
+    ] = None,
+    accept: Annotated[
+        Path | None, opt.option("FILE", "File of findings that are accepted, with reasons.")
+    ] = None,
+    remedies: Annotated[
+        bool, typer.Option(help="Look for changes that help, by running the model with them.")
+    ] = True,
+    workers: opt.WorkersOption = None,
+    plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
+    output: Annotated[CheckFormat, typer.Option("--format", help="How results are printed.")] = (
+        "text"
+    ),
+) -> None:
+    """Check a model; exit with 1 if there is an error that is not accepted."""
+    from contactlab.plan.overrides import drive_option
+    from contactlab.studies.check.model_check import CheckRequest, run
+    from contactlab.studies.session import model_name
+
+    opt.load_plugins(plugin)
+    request = CheckRequest(
+        model=model,
+        assign=[*(assign or ()), *([f"keyframe={keyframe}"] if keyframe else [])],
+        only=only or (),
+        kind=None if kind == "auto" else kind,
+        drive=drive_option(drive),
+        limits=dict(opt.read_limit(text) for text in limit or ()),
+        accepted=_accepted(accept),
+        remedies=remedies,
+    )
+    target = folder or RESULTS / "check" / model_name(model)
+    with study_session(target, workers, "start over", allow_code=allow_code) as session:
+        report = run(request, session)
+    _print_check(report, target, output)
+    if failed := [each.name for each in report.findings if each.outcome == "failed"]:
+        raise ExpectationError(f"{model} fails {', '.join(failed)}")
+
+
+def _accepted(file: Path | None) -> "Sequence[AcceptedCheck]":
+    if file is None:
+        return ()
+    from contactlab.plan.sweep_file import read_yaml_as
+    from contactlab.schema.judged_check import Acceptances
+
+    return read_yaml_as(file, Acceptances).accept
+
+
+def _print_check(report: "CheckReport", folder: Path, output: CheckFormat) -> None:
+    from contactlab.ci_output import JUnitCase, annotations, junit
+
+    title = f"contactlab check {report.scene}"
+    match output:
+        case "text":
+            _print_findings(report, folder)
+        case "json":
+            echo(report.model_dump_json(indent=2))
+        case "junit":
+            cases = [
+                JUnitCase(each, (report.scene, each.check), each.severity)
+                for each in report.findings
+            ]
+            echo(junit(title, cases).rstrip("\n"))
+        case "github":
+            errors, warnings = (
+                [each.full_message for each in report.findings if each.outcome == outcome]
+                for outcome in ("failed", "warned")
+            )
+            echo_commands(annotations(title, errors, warnings).rstrip("\n"))
+
+
+def _print_findings(report: "CheckReport", folder: Path) -> None:
+    from contactlab.studies.check import check_page
+
+    echo(f"{report.scene}, {check_page.conditions(report)}")
+    print_table(("", "finding", "result"), list(check_page.summary_rows(report)))
+    for each in report.checks:
+        for note in each.notes[:_MOST_NOTES]:
+            echo(f"{each.name}: {note}")
+        if len(each.notes) > _MOST_NOTES:
+            echo(f"{each.name}: and {len(each.notes) - _MOST_NOTES} more notes in check.md")
+    for note in report.notes:
+        echo(note)
+    if report.remedies:
+        echo(check_page.REMEDIES)
+    for number, remedy in enumerate(report.remedies, 1):
+        echo("\n".join(check_page.remedy_lines(number, remedy)))
+    echo(check_page.STABILITY.format(model=report.model))
+    verdict = "passes" if report.passed else "fails"
+    echo(f"{report.model} {verdict}; all numbers and evidence are in {folder / 'check.md'}")
+
+
+def effects(
+    source: Annotated[
+        str, typer.Argument(metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file.")
+    ],
+    assign: opt.SetOption = None,
+    folder: opt.StudyFolderOption = None,
+    *,
+    seeds: Annotated[
+        int, typer.Option(min=1, help="Seeds, and so runs, per scenario and effect.")
+    ] = 6,
+    figure: opt.FigureOption = None,
+    workers: opt.WorkersOption = None,
+    drive: opt.DriveOption = None,
+    plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
+    output: opt.FormatOption = "text",
+) -> None:
+    """Change one effect at a time, and find the smallest set that keeps every result."""
+    from contactlab.pareto.drawing import check_figure
+    from contactlab.plan.overrides import drive_option
+    from contactlab.studies.effects.ablation import run
+    from contactlab.studies.effects.effects_request import EffectsRequest
+
+    opt.load_plugins(plugin)
+    if figure is not None:
+        check_figure(figure)
+    request = EffectsRequest(source, assign or (), seeds, drive=drive_option(drive))
+    target = folder or RESULTS / "effects" / request.setup.scene.name
+    with study_session(target, workers, "start over", allow_code=allow_code) as session:
+        report = run(request, session)
+    if figure is not None:
+        from contactlab.studies.effects.effects_chart import draw
+
+        draw(report, figure)
+        say(f"drew {figure}")
+    if output == "json":
+        echo(report.model_dump_json(indent=2))
+    else:
+        _print_effects(report, target)
+    if not report.verification.holds:
+        raise ExpectationError(
+            f"the smallest set fails with fresh seeds: {report.verification.reason}"
+        )
+
+
+def _print_effects(report: "EffectsReport", target: Path) -> None:
+    count = len(report.scenarios) * len(report.seeds)
+    echo(f"{report.scene}: each effect changed alone, over {count} runs of {report.duration:g} s")
+    used = [each for each in report.effects if each.need != "unused"]
+    header = ("effect", "in base", "verdict", "time when changed", "why")
+    print_table(header, [_effect_row(each) for each in used])
+    unused = [each for each in report.effects if each.need == "unused"]
+    for reason in dict.fromkeys(each.reason for each in unused):
+        names = ", ".join(each.effect for each in unused if each.reason == reason)
+        echo(f"provably unused: {names} ({reason})")
+    for each in (each for each in report.interactions if each.free):
+        echo(f"needed one by one, free together: {' and '.join(each.effects)}")
+    _print_smallest_set(report)
+    echo(f"evidence and effects.json in {target}")
+
+
+def _effect_row(finding: "EffectFinding") -> tuple[object, ...]:
+    spread = f"; within spread: {', '.join(finding.within_spread)}" if finding.within_spread else ""
+    state, why = "on" if finding.on else "off", finding.reason + spread
+    return finding.effect, state, finding.need, _ratio(finding.cost), why
+
+
+def _ratio(cost: "Ratio | None") -> str:
+    return "" if cost is None else f"x{cost.ratio:.2f} ({cost.low:.2f} to {cost.high:.2f})"
+
+
+def _print_smallest_set(report: "EffectsReport") -> None:
+    smallest, verification = report.smallest_set, report.verification
+    echo(f"smallest set: {', '.join(smallest.on)}")
+    if report.saving is not None:
+        echo(f"time of the smallest set: {_ratio(report.saving)}")
+    if verification.runs:
+        held = "holds" if verification.holds else "DOES NOT HOLD"
+        echo(
+            f"{held} in {verification.runs} fresh runs, {_ratio(verification.cost)}: "
+            f"{verification.reason}"
+        )
+    for title, lines in (("MJCF", smallest.mjcf), ("sweep", smallest.sweep)):
+        echo("\n  ".join((f"{title}:", *lines)))
+
+
+def stability(
+    names: Annotated[
+        list[str] | None,
+        typer.Argument(metavar="NAME", help="Cases or model files; all cases by default."),
+    ] = None,
+    folder: opt.StudyFolderOption = None,
+    workers: opt.WorkersOption = None,
+    mujoco: opt.MujocoOption = None,
+    drive: opt.DriveOption = None,
+    plugin: opt.PluginOption = None,
+    allow_code: opt.AllowCodeOption = False,
+    output: opt.FormatOption = "text",
+) -> None:
+    """Run hard cases; report what held, what failed, and whether that is as expected."""
+    from contactlab.plan.overrides import drive_option
+    from contactlab.studies.stability_cases import StabilityRequest, is_model, run
+
+    target = folder or RESULTS / "stability"
+    opt.rerun_with_mujoco(mujoco, None if folder else target)
+    opt.load_plugins(plugin)
+    then = "repeat the finished cases and resume this one"
+    with study_session(target, workers, then, allow_code=allow_code) as session:
+        report = run(StabilityRequest(names or (), drive_option(drive)), session)
+    cases = report.cases
+    if output == "json":
+        print_json(report.model_dump(mode="json"))
+    else:
+        _print_cases(cases)
+        for model in filter(is_model, names or ()):
+            echo(
+                "stability looks at whole runs; what the model is made of, and what to change: "
+                f"contactlab check {model}"
+            )
+    if failed := [each.name for each in cases if not each.passed]:
+        raise ExpectationError(f"{len(failed)} of {len(cases)} cases failed: {', '.join(failed)}")
+
+
+def _print_cases(done: "Sequence[StabilityResult]") -> None:
+    rows: list[tuple[object, ...]] = []
+    for each in done:
+        labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())
+        met = f"{each.met}/{each.asked}"
+        end = (each.error, each.step, each.seconds)
+        rows.append((each.name, each.runs, met, each.controls, labels, *end))
+    header = ("case", "runs", "as expected", "controls", "labels", "error", "step", "seconds")
+    print_table(header, rows)
+    for each in done:
+        if each.not_exercised:
+            echo(f"{each.name} not exercised: {each.not_exercised}")
+        for miss in each.misses[:_MOST_MISSES]:
+            echo(f"{each.name} {miss}")
+        if len(each.misses) > _MOST_MISSES:
+            echo(f"{each.name} and {len(each.misses) - _MOST_MISSES} more in {each.store}")
+    seconds = sum(each.seconds for each in done)
+    met = sum(each.passed for each in done)
+    echo(f"{met} of {len(done)} cases are as expected, in {seconds:.0f} s")
