@@ -5,9 +5,8 @@ from pkgutil import iter_modules
 
 # The order of these imports is the order of metrics, and so of columns.
 # isort: off
-from contactlab.measure import penetration, conservation, displacement, restitution
-from contactlab.measure import friction, chatter, grasp_hold
-from contactlab.measure import solver_work, oracle_error
+from contactlab.measure import penetration, motion, restitution, friction, chatter
+from contactlab.measure import grasp_hold, solver_work, oracle_error
 
 # isort: on
 from contactlab.contact.trace_arrays import Floats
@@ -28,6 +27,7 @@ from contactlab.measure.entries import (
     THRESHOLDS,
     Finding,
     Findings,
+    Found,
     Label,
     MeasuredRuns,
     Metric,
@@ -52,6 +52,7 @@ __all__ = [
     "Finding",
     "Findings",
     "Floats",
+    "Found",
     "Label",
     "MeasuredRuns",
     "Metric",
@@ -70,17 +71,7 @@ __all__ = [
     "worst_pair",
 ]
 
-TOPICS = (
-    penetration,
-    conservation,
-    displacement,
-    restitution,
-    friction,
-    chatter,
-    grasp_hold,
-    solver_work,
-    oracle_error,
-)
+TOPICS = penetration, motion, restitution, friction, chatter, grasp_hold, solver_work, oracle_error
 """Modules that declare metrics, in the order of the table's columns; others come after them."""
 
 for _module in iter_modules(__path__):

@@ -1,7 +1,8 @@
 """Every metric, label and series of a trace."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 
@@ -10,12 +11,14 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, context_of
 from contactlab.measure.coverage import coverages
-from contactlab.measure.entries import LABELS, METRICS, Findings, Label, MeasuredRuns, Metric
+from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric
 from contactlab.measure.run_integrity import STABLE, invalid
 from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]
 """Why metrics and labels fail, by run."""
+
+_Result = TypeVar("_Result")
 
 
 class AppliedLabel(NamedTuple):
@@ -58,39 +61,20 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
 
 
 def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
-    """Return a metric of every run; NaN, and why, for runs for which it fails."""
-    try:
-        return _checked(metric, context)
-    except (ContactlabError, MemoryError):
-        raise
-    except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-        if context.trace.runs == 1:
-            reason = f"metric '{metric.name}' failed: {type(error).__name__}: {error}"
-            failures.setdefault(0, []).append(reason)
-            return context.undefined()
-    # One by one, so that a run's outcome does not depend on those that it is measured with.
-    values = context.undefined()
-    for run in range(context.trace.runs):
-        alone: Failures = {}
-        values[run] = _values(metric, context.only(run), alone)[0]
-        if alone:
-            failures.setdefault(run, []).extend(alone[0])
-    return values
+    def measured(runs: MeasuredRuns) -> list[float]:
+        return metric.of(runs.context).tolist()
 
-
-def _checked(metric: Metric, context: Context) -> Floats:
-    values = metric.of(context)
-    if values.shape != (context.trace.runs,):
-        raise ValueError(f"it returns shape {values.shape} for {context.trace.runs} runs")
-    return values
+    runs = MeasuredRuns(context, {})
+    return np.array(_tried(f"metric '{metric.name}'", measured, runs, failures, np.nan))
 
 
 def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel, ...], ...]:
     applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
-    for label in LABELS.values():
-        findings = _findings(label, runs, failures)
-        for run, (reason, step) in findings.items():
-            applied[run].append(AppliedLabel(label.name, reason, step))
+    for name, label in LABELS.items():
+        findings = _tried(f"label '{name}'", label.of, runs, failures, None)
+        for own, finding in zip(applied, findings, strict=True):
+            if finding:
+                own.append(AppliedLabel(name, *finding))
     for run, reasons in failures.items():
         others = [each for each in applied[run] if each.label != invalid.__name__]
         applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
@@ -98,27 +82,29 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
     return tuple(tuple(labels) or none for labels in applied)
 
 
-def _findings(label: Label, runs: MeasuredRuns, failures: Failures) -> Findings:
-    """Return the runs that a label applies to; none, and why, where its rule fails."""
-    if label.rule is None:
-        return {}
+def _tried(
+    name: str,
+    measure: Callable[[MeasuredRuns], Sequence[_Result]],
+    runs: MeasuredRuns,
+    failures: Failures,
+    missing: _Result,
+) -> Sequence[_Result]:
+    """Return what is measured of each run; `missing`, and why, for runs for which that fails."""
+    count = runs.context.trace.runs
     try:
-        return label.rule(runs)
+        return measure(runs)
     except (ContactlabError, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
-        count = runs.context.trace.runs
         if count == 1:
-            reason = f"label '{label.name}' failed: {type(error).__name__}: {error}"
+            reason = f"{name} failed: {type(error).__name__}: {error}"
             failures.setdefault(0, []).append(reason)
-            return {}
-    found: Findings = {}
+            return [missing]
+    # One by one, so that a run's outcome does not depend on those that it is measured with.
+    results: list[_Result] = []
     for run in range(count):
         alone: Failures = {}
-        metrics = {name: values[run : run + 1] for name, values in runs.metrics.items()}
-        single = _findings(label, MeasuredRuns(runs.context.only(run), metrics), alone)
-        if single:
-            found[run] = single[0]
+        results += _tried(name, measure, runs.only(run), alone, missing)
         if alone:
             failures.setdefault(run, []).extend(alone[0])
-    return found
+    return results

@@ -6,8 +6,6 @@ its timestep. Sliding bodies hop too, but at the bound; bodies that bounce to re
 every time.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -28,10 +26,29 @@ from contactlab.measure.context import (
     runs_where,
     worst_pair,
 )
-from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.measure.friction import switch_masks
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, spans
 
+_MODE_SWITCHES = Threshold(
+    "mode_switches",
+    5,
+    "1/s",
+    "Largest metric mode_switches; the guideline for a pad that does not chatter.",
+)
+_CONTACT_LOSSES = Threshold(
+    "contact_losses",
+    5,
+    "1/s",
+    "Largest metric contact_losses, as for mode_switches: contacts that hold keep their contact, "
+    "and a pad that bounces on what it holds loses it 70 times.",
+)
+_FEWEST = Threshold(
+    "mode_switch_count",
+    3,
+    "1",
+    "Fewest switches that chatter has: one stop and one start are none.",
+)
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)
 """Two tangential forces, the torsion and two rolling torques, in the order of the coefficients."""
 
@@ -48,7 +65,7 @@ Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Runs and steps of events, in order of run and time."""
 
 
-@metric(unit="1/s", better="lower", tolerance=5.0)
+@metric("1/s", "lower", tolerance=5.0)
 def contact_losses(context: Context) -> Floats:
     """How often a sticking pair loses all contact and regains it, over simulated time; worst pair.
 
@@ -63,41 +80,24 @@ def contact_losses(context: Context) -> Floats:
     return worst_pair(context, counts) / context.seconds
 
 
-@label(
-    severity=40,
-    thresholds=(
-        Threshold(
-            "mode_switches",
-            5,
-            "1/s",
-            "Largest metric mode_switches; the guideline for a pad that does not chatter.",
-        ),
-        Threshold(
-            "contact_losses",
-            5,
-            "1/s",
-            "Largest metric contact_losses, as for mode_switches: contacts that hold keep their "
-            "contact, and a pad that bounces on what it holds loses it 70 times.",
-        ),
-        Threshold(
-            "mode_switch_count",
-            3,
-            "1",
-            "Fewest switches that chatter has: one stop and one start are none.",
-        ),
-    ),
-)
-def chatter(runs: MeasuredRuns) -> Findings:
+@label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST))
+def chatter(runs: MeasuredRuns) -> Found:
     """A pair keeps switching between stick and slide, or keeps losing its contact while it sticks.
 
     Switches while bodies come to rest do not count. If the scene has a hold window, only that
     window is judged.
     """
-    found: Findings = {}
-    for series, events, what, threshold in _events(runs):
-        for run, finding in _often(runs, series, events, what, threshold):
-            found.setdefault(run, finding)
-    return found
+    context = runs.context
+    held = context.setup.hold is not None
+    masks = hold_switch_masks(context) if held else switch_masks(context)
+    between = "stick, slide and no contact in its hold" if held else "stick and slide"
+    for series, mask in zip(context.series, masks, strict=True):
+        run, step = np.nonzero(mask)
+        what = f"{series.name} switched {{}} times between {between}"
+        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
+    for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):
+        what = f"{series.name} lost its contact {{}} times while it stuck"
+        yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
 
 
 @cached
@@ -179,25 +179,9 @@ def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
     )
 
 
-def _events(runs: MeasuredRuns) -> Iterator[tuple[PairSeries, Events, str, str]]:
-    """Yield for each pair what may be chatter, its description, and the threshold of its rate."""
-    context = runs.context
-    held = context.setup.hold is not None
-    masks = hold_switch_masks(context) if held else switch_masks(context)
-    modes = "stick, slide and no contact in its hold" if held else "stick and slide"
-    for series, mask in zip(context.series, masks, strict=True):
-        run, step = np.nonzero(mask)
-        what = f"{series.name} switched {{}} times between {modes}"
-        yield series, (run, step + 1), what, "mode_switches"
-    if not held:
-        for series, gaps in zip(context.series, _all_losses(context), strict=True):
-            what = f"{series.name} lost its contact {{}} times while it stuck"
-            yield series, (gaps.run, gaps.start), what, "contact_losses"
-
-
 def _often(
     runs: MeasuredRuns, series: PairSeries, events: Events, what: str, threshold: str
-) -> Iterator[tuple[int, Finding]]:
+) -> Found:
     """Find runs with too many events a second that do not end as the run settles."""
     limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
     held = runs.context.setup.hold is not None

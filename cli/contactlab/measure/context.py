@@ -53,6 +53,23 @@ class Context:
         """Return a setting of every run: (n,) for a number, (n, k) for k of them."""
         return np.asarray(self.setup.settings[name], dtype=np.float64)
 
+    def position(self, body: FreeBody) -> Floats:
+        """Return (n, N + 1, 3) the position of a free body's frame [m]."""
+        return self.trace.qpos[:, :, body.qpos : body.qpos + 3]
+
+    def velocity(self, body: FreeBody) -> Floats:
+        """Return (n, N + 1, 3) the velocity of a free body's frame [m/s]."""
+        return self.trace.qvel[:, :, body.dof : body.dof + 3]
+
+    def turning(self, body: FreeBody) -> Floats:
+        """Return (n, N + 1, 3) the angular velocity of a free body [rad/s], along its own axes."""
+        return self.trace.qvel[:, :, body.dof + 3 : body.dof + 6]
+
+    def displacement(self, body: FreeBody) -> Floats:
+        """Return (n, 3) the displacement of a free body's frame [m] over the run."""
+        place = self.position(body)
+        return place[:, -1] - place[:, 0]
+
     def undefined(self) -> Floats:
         """Return (n,) NaN: the metric does not apply."""
         return np.full(self.trace.runs, np.nan)
@@ -147,7 +164,7 @@ def peak_kinetic(context: Context) -> Floats:
 
 def speed_squared(context: Context, body: FreeBody) -> Floats:
     """Return (n, N + 1) the squared speed of a free body's frame [m^2/s^2]."""
-    x, y, z = (context.trace.qvel[:, :, body.dof + axis] for axis in range(3))
+    x, y, z = np.moveaxis(context.velocity(body), -1, 0)
     return x * x + y * y + z * z
 
 

@@ -36,12 +36,12 @@ class Metric:
     """One number per run, and how to read it.
 
     Attributes:
-        name: its name in sweeps, evidence and reports.
         unit: its unit; `1` for counts and ratios, `any` where it depends on the scene.
         better: which direction is an improvement; `none` where it depends on what is wanted.
         resolution: magnitude below which the value is 0, in its unit.
         definition: what it is, in words, with its source.
         function: the metric of every run of a context, (n,); NaN where it does not apply.
+        name: its name in sweeps, evidence and reports.
         tolerance: change, in its unit, below which an effect is said to leave it as it is.
         version: grows whenever the definition changes.
         kind: `physics` for a result of the simulated physics, `work` for what the solver was given
@@ -54,12 +54,12 @@ class Metric:
         rule: how `compare` judges it, where the rule of all metrics does not fit.
     """
 
-    name: str
     unit: str
     better: Direction
     resolution: float
     definition: str
     function: MetricFunction
+    name: str
     tolerance: float
     version: int = 1
     kind: Kind = "physics"
@@ -74,7 +74,9 @@ class Metric:
             return context.undefined()
         with np.errstate(all="ignore"):
             values = np.asarray(self.function(context), dtype=np.float64)
-            return np.where(np.abs(values) < self.resolution, 0, values)
+        if values.shape != (context.trace.runs,):
+            raise ValueError(f"it returns shape {values.shape} for {context.trace.runs} runs")
+        return np.where(np.abs(values) < self.resolution, 0, values)
 
 
 class MetricOptions(TypedDict, total=False):
@@ -100,6 +102,9 @@ class Finding(NamedTuple):
 Findings = dict[int, Finding]
 """Findings of one label by run; runs without one are absent."""
 
+Found = Iterator[tuple[int, Finding]]
+"""The same one by one; of several of one run, the first counts."""
+
 
 @dataclass(frozen=True)
 class MeasuredRuns:
@@ -122,8 +127,13 @@ class MeasuredRuns:
         values, limit = self.metrics[metric], self.limits.get(threshold or metric, np.inf)
         return [(run, float(values[run]), limit) for run in runs_where(values > limit)]
 
+    def only(self, run: int) -> "MeasuredRuns":
+        """Return one of the runs."""
+        metrics = {name: values[run : run + 1] for name, values in self.metrics.items()}
+        return MeasuredRuns(self.context.only(run), metrics)
 
-LabelRule = Callable[[MeasuredRuns], Findings]
+
+LabelRule = Callable[[MeasuredRuns], Findings | Found]
 
 
 @dataclass(frozen=True)
@@ -167,6 +177,14 @@ class Label:
     def is_severe(self) -> bool:
         """Whether the run is physically wrong, and not just worse than wanted."""
         return self.severity >= _SEVERE
+
+    def of(self, runs: MeasuredRuns) -> list[Finding | None]:
+        """Return why the label applies, for each run; None where it does not."""
+        found = self.rule(runs) if self.rule else ()
+        first: Findings = {}
+        for run, finding in found.items() if isinstance(found, dict) else found:
+            first.setdefault(run, finding)
+        return [first.get(run) for run in range(runs.context.trace.runs)]
 
 
 class OracleResult(NamedTuple):
@@ -244,16 +262,7 @@ def metric(
     def declare(function: MetricFunction) -> MetricFunction:
         usual = MetricOptions(name=function.__name__, tolerance=_TOLERANCES.get(unit, 0.0))
         given: MetricOptions = {**usual, **options}
-        METRICS.add(
-            Metric(
-                unit=unit,
-                better=better,
-                resolution=resolution,
-                definition=_definition(function),
-                function=function,
-                **given,
-            )
-        )
+        METRICS.add(Metric(unit, better, resolution, _definition(function), function, **given))
         return function
 
     return declare

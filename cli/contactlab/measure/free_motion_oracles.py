@@ -4,9 +4,9 @@ import numpy as np
 
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.conservation import energy_scale
 from contactlab.measure.context import Context, energy, kinetic
 from contactlab.measure.entries import oracle
+from contactlab.measure.motion import energy_scale
 from contactlab.measure.oracle_error import distance_from_rest
 
 _AXIS = np.array([0.0, 0.0, 1.0])
@@ -14,7 +14,7 @@ _AXIS = np.array([0.0, 0.0, 1.0])
 _DUPLICATIONS = 30
 
 
-@oracle(unit="m", settings=("integrator",), relative=False)
+@oracle("m", ("integrator",), relative=False)
 def free_fall(context: Context) -> tuple[Floats, Floats]:
     """Distance of a falling body from where gravity alone takes it: 0.
 
@@ -24,15 +24,14 @@ def free_fall(context: Context) -> tuple[Floats, Floats]:
     """
     trace, body = context.trace, context.setup.free_bodies[0]
     steps = np.arange(trace.steps + 1)
-    place = trace.qpos[:, :, body.qpos : body.qpos + 3]
-    velocity = trace.qvel[:, :1, body.dof : body.dof + 3]
-    drifted = velocity * (trace.timestep[:, None] * steps)[:, :, None]
+    place = context.position(body)
+    drifted = context.velocity(body)[:, :1] * (trace.timestep[:, None] * steps)[:, :, None]
     fallen = context.setup.gravity[:, None] * distance_from_rest(context, steps)[:, :, None]
     off = np.linalg.norm(place - place[:, :1] - drifted - fallen, axis=2)
     return np.zeros(trace.runs), off.max(axis=1)
 
 
-@oracle(unit="1", settings=("timestep",), relative=False)
+@oracle("1", ("timestep",), relative=False)
 def conserved_energy(context: Context) -> tuple[Floats, Floats]:
     """Change of the mechanical energy of free motion: 0.
 
@@ -45,7 +44,7 @@ def conserved_energy(context: Context) -> tuple[Floats, Floats]:
     return np.zeros(context.trace.runs), change / energy_scale(context)
 
 
-@oracle(unit="rad", settings=("joint_damping", "servo_gain"), relative=True)
+@oracle("rad", ("joint_damping", "servo_gain"), relative=True)
 def braking_angle(context: Context) -> tuple[Floats, Floats]:
     """Angle w I / c by which a hinge of inertia I with damping c turns until it stands.
 
@@ -60,7 +59,7 @@ def braking_angle(context: Context) -> tuple[Floats, Floats]:
     return speed * inertia / damping, turned
 
 
-@oracle(unit="rad/s", settings=("timestep",), relative=True)
+@oracle("rad/s", ("timestep",), relative=True)
 def precession(context: Context) -> tuple[Floats, Floats]:
     """Rate at which a symmetric top precesses: that of its axis in the first state.
 
@@ -80,7 +79,7 @@ def precession(context: Context) -> tuple[Floats, Floats]:
     return rate, (azimuth[:, -1] - azimuth[:, 0]) / context.seconds
 
 
-@oracle(unit="s", settings=("timestep",), relative=True)
+@oracle("s", ("timestep",), relative=True)
 def flip_time(context: Context) -> tuple[Floats, Floats]:
     """First time at which a free body, spun about its middle axis, turns over.
 
@@ -92,11 +91,11 @@ def flip_time(context: Context) -> tuple[Floats, Floats]:
     if context.trace.angular_momentum is None or not context.setup.free_bodies:
         return context.undefined(), context.undefined()
     body = context.setup.free_bodies[0]
-    turning = context.trace.qvel[:, 0, body.dof + 3 : body.dof + 6]
+    turning = context.turning(body)
     attitude = context.trace.qpos[:, 0, body.qpos + 3 : body.qpos + 7]
     momentum = rotate_back(attitude, context.trace.angular_momentum[:, 0])
-    middle = context.trace.qvel[:, :, body.dof + 4]
-    return middle_axis_flip(momentum / turning, turning), _first_zero(context, middle)
+    start = turning[:, 0]
+    return middle_axis_flip(momentum / start, start), _first_zero(context, turning[:, :, 1])
 
 
 def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:

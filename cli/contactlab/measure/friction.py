@@ -6,10 +6,16 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairSeries
 from contactlab.contact.trace_setup import SlipMode
 from contactlab.measure.context import Context, cached, worst_pair
-from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.measure.stick_slip import Modes, changes, spans
 
 _MODES: dict[SlipMode, int] = {"stick": STICK, "slide": SLIDE}
+_CREEP_SPEED = Threshold(
+    "creep_speed",
+    None,
+    "m/s",
+    "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
+)
 _MODE_HOLD = Threshold(
     "mode_hold",
     0.02,
@@ -25,9 +31,7 @@ def switch_masks(context: Context) -> list[NDArray[np.bool_]]:
     return [changes(series) for series in context.series]
 
 
-@metric(
-    unit="1/s", better="lower", tolerance=5.0, version=2, equivalence=True, heading="switches/s"
-)
+@metric("1/s", "lower", tolerance=5.0, version=2, equivalence=True, heading="switches/s")
 def mode_switches(context: Context) -> Floats:
     """Changes between stick and slide over simulated time, worst pair.
 
@@ -39,14 +43,14 @@ def mode_switches(context: Context) -> Floats:
     return worst_pair(context, counts) / context.seconds
 
 
-@metric(unit="m", resolution=1e-9, equivalence=True)
+@metric("m", resolution=1e-9, equivalence=True)
 def slip_distance(context: Context) -> Floats:
     """Slip speed summed over the steps in which the pair bears force, worst pair."""
     speeds = [series.slip.sum(axis=1) for series in context.series]
     return worst_pair(context, speeds) * context.trace.timestep
 
 
-@metric(unit="m/s", better="lower", resolution=1e-9, tolerance=1e-4)
+@metric("m/s", "lower", 1e-9, tolerance=1e-4)
 def creep_speed(context: Context) -> Floats:
     """Mean slip speed of a sticking pair over the last fifth of the run, worst pair.
 
@@ -62,7 +66,7 @@ def creep_speed(context: Context) -> Floats:
     return worst_pair(context, [creep_of(series) for series in context.series])
 
 
-@metric(unit="1", better="lower", resolution=1e-6)
+@metric("1", "lower", 1e-6)
 def cone_violation(context: Context) -> Floats:
     """Most that one contact's tangential force exceeds friction times normal force, as a share.
 
@@ -71,7 +75,7 @@ def cone_violation(context: Context) -> Floats:
     return worst_pair(context, [net.excess for net in context.net])
 
 
-@metric(unit="J", better="lower", resolution=1e-12)
+@metric("J", "lower", 1e-12)
 def complementarity(context: Context) -> Floats:
     """Largest product of a contact's normal force and its positive distance.
 
@@ -80,7 +84,7 @@ def complementarity(context: Context) -> Floats:
     return worst_pair(context, [net.detached for net in context.net])
 
 
-@metric(unit="N s", resolution=1e-9, equivalence=True)
+@metric("N s", resolution=1e-9, equivalence=True)
 def normal_impulse(context: Context) -> Floats:
     """Net normal force summed over time, of the pair with the largest.
 
@@ -90,52 +94,37 @@ def normal_impulse(context: Context) -> Floats:
     return worst_pair(context, forces) * context.trace.timestep
 
 
-@label(
-    severity=28,
-    thresholds=(
-        Threshold(
-            "creep_speed",
-            None,
-            "m/s",
-            "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
-        ),
-    ),
-)
-def creep(runs: MeasuredRuns) -> Findings:
+@label(28, (_CREEP_SPEED,))
+def creep(runs: MeasuredRuns) -> Found:
     """A sticking pair slips faster than the scene accepts."""
-    return {
-        run: Finding(
-            f"a pair that sticks slips at {speed:.3g} m/s (limit {limit:g} m/s)",
-            runs.context.last_fifth.start,
-        )
-        for run, speed, limit in runs.over("creep_speed")
-    }
+    for run, speed, limit in runs.over("creep_speed"):
+        reason = f"a pair that sticks slips at {speed:.3g} m/s (limit {limit:g} m/s)"
+        yield run, Finding(reason, runs.context.last_fifth.start)
 
 
-@label(severity=24, thresholds=(_MODE_HOLD,))
-def unexpected_slide(runs: MeasuredRuns) -> Findings:
+@label(24, (_MODE_HOLD,))
+def unexpected_slide(runs: MeasuredRuns) -> Found:
     """A pair slides first or last, where the scene expects it to stick."""
     return _unexpected(runs, "stick", "slide")
 
 
-@label(severity=20, thresholds=(_MODE_HOLD,))
-def unexpected_stick(runs: MeasuredRuns) -> Findings:
+@label(20, (_MODE_HOLD,))
+def unexpected_stick(runs: MeasuredRuns) -> Found:
     """A pair sticks first or last, where the scene expects it to slide."""
     return _unexpected(runs, "slide", "stick")
 
 
-def _unexpected(runs: MeasuredRuns, wanted: SlipMode, met: SlipMode) -> Findings:
-    setup, found = runs.context.setup, Findings()
-    for when, mode in (("first", setup.first_mode), ("last", setup.last_mode)):
-        if mode != wanted:
-            continue
-        for series in runs.context.series:
+def _unexpected(runs: MeasuredRuns, wanted: SlipMode, met: SlipMode) -> Found:
+    setup = runs.context.setup
+    for place, (when, mode) in enumerate((("first", setup.first_mode), ("last", setup.last_mode))):
+        for series in runs.context.series if mode == wanted else ():
             for run, lasting in _lasting_modes(series.mode, runs).items():
-                value, step = lasting[0] if when == "first" else lasting[1]
+                value, step = lasting[place]
                 if value == _MODES[met]:
-                    reason = f"{series.name} should {wanted} {when}, but does {met}"
-                    found.setdefault(run, Finding(reason, step))
-    return found
+                    yield (
+                        run,
+                        Finding(f"{series.name} should {wanted} {when}, but does {met}", step),
+                    )
 
 
 def _lasting_modes(

@@ -1,15 +1,12 @@
-"""Closed forms of dry friction: sliding boxes, a ladder, and a rod on one end."""
-
-from typing import NamedTuple
+"""Closed forms of dry friction: sliding boxes, a ladder, a rod on one end, rolling balls."""
 
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import Context
 from contactlab.measure.entries import oracle
 from contactlab.measure.oracle_error import (
-    along_direction,
-    displacement,
     distance_from_rest,
     friction,
     gravity,
@@ -22,9 +19,14 @@ _FALLEN = np.radians(5)
 _HALF_LENGTH = 0.5
 _RADIUS = 0.01
 _STEPS = 100
+_LEFT = 0.05
+"""Share of the slip at the start that counts as rolling: well above the creep of soft contact."""
+
+_SPHERE = 3.5
+"""1 + m r^2 / I of a homogeneous sphere."""
 
 
-@oracle(unit="m", settings=("speed", "friction", "timestep", "integrator"), relative=True)
+@oracle("m", ("speed", "friction", "timestep", "integrator"), relative=True)
 def sliding_distance(context: Context) -> tuple[Floats, Floats]:
     """Distance D = v0^2 / (2 mu g) - v0 timestep / 2 that a box slides until friction stops it.
 
@@ -35,18 +37,14 @@ def sliding_distance(context: Context) -> tuple[Floats, Floats]:
     speed, fall = context.setting("speed"), gravity(context)
     early = np.where(semi_implicit(context) > 0, speed * context.setting("timestep") / 2, 0)
     barriers = [each.body for each in context.setup.barriers if each.pair == 0]
-    start = (barriers or context.setup.free_bodies)[0].qpos
-    ends = context.trace.qpos[:, [0, -1], start : start + 3]
-    moved = ends[:, 1] - ends[:, 0]
+    moved = context.displacement((barriers or context.setup.free_bodies)[0])
     down = context.setup.gravity / fall[:, None]
     across = moved - (moved * down).sum(axis=1, keepdims=True) * down
     expected = speed**2 / (2 * friction(context) * fall) - early
     return expected, np.linalg.norm(across, axis=1)
 
 
-@oracle(
-    unit="1", settings=("tilt", "weight", "direction", "friction", "integrator"), relative=False
-)
+@oracle("1", ("tilt", "weight", "direction", "friction", "integrator"), relative=False)
 def incline(context: Context) -> tuple[Floats, Floats]:
     """Share max(1 - mu N / F, 0) of its frictionless way that a box slides down a slope.
 
@@ -60,7 +58,7 @@ def incline(context: Context) -> tuple[Floats, Floats]:
     return _moved_share(context, weight * np.sin(tilt), weight * np.cos(tilt))
 
 
-@oracle(unit="1", settings=("push", "direction", "friction", "integrator"), relative=False)
+@oracle("1", ("push", "direction", "friction", "integrator"), relative=False)
 def pushed_box(context: Context) -> tuple[Floats, Floats]:
     """Share max(1 - mu m g / F, 0) of its frictionless way that a pushed box slides.
 
@@ -77,12 +75,14 @@ def _moved_share(context: Context, load: Floats, pressure: Floats) -> tuple[Floa
 
     Both loads, tangential and normal, are over mass (n,) [m/s^2].
     """
-    free = load * distance_from_rest(context, context.trace.steps)
+    angle = np.radians(context.setting("direction"))
+    moved = context.displacement(context.setup.free_bodies[0])
+    along = moved[:, 0] * np.cos(angle) + moved[:, 1] * np.sin(angle)
     expected = np.maximum(1 - friction(context) * pressure / load, 0)
-    return expected, along_direction(context, displacement(context)) / free
+    return expected, along / (load * distance_from_rest(context, context.trace.steps))
 
 
-@oracle(unit="1", settings=("angle", "friction"), relative=False)
+@oracle("1", ("angle", "friction"), relative=False)
 def ladder(context: Context) -> tuple[Floats, Floats]:
     """Whether a ladder on a rough floor falls along a smooth wall: 1 if so, 0 if it stands.
 
@@ -98,7 +98,7 @@ def ladder(context: Context) -> tuple[Floats, Floats]:
     return np.where(np.tan(angle) > grip, 1.0, 0.0), np.minimum(gained, 1)
 
 
-@oracle(unit="m", settings=("friction",), relative=False)
+@oracle("m", ("friction",), relative=False)
 def tip_travel(context: Context) -> tuple[Floats, Floats]:
     """Distance that a rod of 1 m, free in a plane, slides on its round end of 10 mm radius.
 
@@ -108,56 +108,42 @@ def tip_travel(context: Context) -> tuple[Floats, Floats]:
     frictional catastrophe). Joints are x, z and angle, in this order. Measured: the end's travel
     over the whole run.
     """
-    position, velocity = context.trace.qpos, context.trace.qvel
+    states = context.trace.qpos, context.trace.qvel
     start, last = (
-        Rod(position[:, k, 0], position[:, k, 2], velocity[:, k, 0], velocity[:, k, 2])
-        for k in (0, -1)
+        np.stack([values[:, state, axis] for values in states for axis in (0, 2)])
+        for state in (0, -1)
     )
     mu = context.setting("friction")[:, 0]
     expected = rod_tip_travel(start, mu, gravity(context), context.seconds)
     return expected, _end(last) - _end(start)
 
 
-class Rod(NamedTuple):
-    """A state of n rods, (n,) each.
-
-    Attributes:
-        x: horizontal position of the centre [m].
-        angle: of the rod over the floor [rad].
-        speed: horizontal, of the centre [m/s].
-        turning: angular velocity [rad/s].
-    """
-
-    x: Floats
-    angle: Floats
-    speed: Floats
-    turning: Floats
-
-    def advanced(self, rate: "Rod", time: Floats) -> "Rod":
-        """Return the state after a time [s] at a rate of change."""
-        return Rod(*(value + time * slope for value, slope in zip(self, rate, strict=True)))
-
-
-def rod_tip_travel(rod: Rod, mu: Floats, fall: Floats, duration: Floats) -> Floats:
+def rod_tip_travel(rod: Floats, mu: Floats, fall: Floats, duration: Floats) -> Floats:
     """Return (n,) how far the touching end's centre moves [m]; it stays where it stops or jams.
 
-    Friction `mu`, gravity `fall` [m/s^2] and duration [s] are (n,).
+    Args:
+        rod: (4, n) where its centre is along the floor [m], its angle over the floor [rad], and
+            the rates of both.
+        mu: (n,) friction of the end.
+        fall: (n,) gravity [m/s^2].
+        duration: (n,) [s].
     """
-    forward, step = np.sign(slip_speed(rod)), duration / _STEPS
+    forward, step = np.sign(_slip_speed(rod)), duration / _STEPS
     drag = forward * mu
     stuck = np.zeros(len(mu), dtype=np.bool_)
     travel, place = np.zeros(len(mu)), _end(rod)
     for _ in range(_STEPS):
-        middle = rod.advanced(_rate(rod, drag, fall), step / 2)
-        rod = rod.advanced(_rate(middle, drag, fall), step)
-        stuck |= (tip_compliance(rod.angle, drag) <= 0) | (slip_speed(rod) * forward <= 0)
+        middle = rod + step / 2 * _rate(rod, drag, fall)
+        rod = rod + step * _rate(middle, drag, fall)
+        stuck |= (tip_compliance(rod[1], drag) <= 0) | (_slip_speed(rod) * forward <= 0)
         travel, place = travel + np.where(stuck, 0, _end(rod) - place), _end(rod)
     return travel
 
 
-def slip_speed(rod: Rod) -> Floats:
+def _slip_speed(rod: Floats) -> Floats:
     """Return (n,) speed of the rod's material where it touches [m/s]."""
-    return rod.speed + (_HALF_LENGTH * np.sin(rod.angle) + _RADIUS) * rod.turning
+    _, angle, speed, turning = rod
+    return speed + (_HALF_LENGTH * np.sin(angle) + _RADIUS) * turning
 
 
 def tip_compliance(angle: Floats, drag: Floats) -> Floats:
@@ -171,13 +157,107 @@ def tip_compliance(angle: Floats, drag: Floats) -> Floats:
     return 1 + 3 * across * (across + drag * up)
 
 
-def _rate(rod: Rod, drag: Floats, fall: Floats) -> Rod:
-    across, up = np.cos(rod.angle), np.sin(rod.angle)
-    sink = fall - _HALF_LENGTH * up * rod.turning**2
-    normal = np.maximum(sink, 0) / tip_compliance(rod.angle, drag)
+def _rate(rod: Floats, drag: Floats, fall: Floats) -> Floats:
+    _, angle, speed, turning = rod
+    across, up = np.cos(angle), np.sin(angle)
+    sink = fall - _HALF_LENGTH * up * turning**2
+    normal = np.maximum(sink, 0) / tip_compliance(angle, drag)
     arm = across + drag * (up + _RADIUS / _HALF_LENGTH)
-    return Rod(rod.speed, rod.turning, -drag * normal, -3 / _HALF_LENGTH * arm * normal)
+    return np.stack([speed, turning, -drag * normal, -3 / _HALF_LENGTH * arm * normal])
 
 
-def _end(rod: Rod) -> Floats:
-    return rod.x - _HALF_LENGTH * np.cos(rod.angle)
+def _end(rod: Floats) -> Floats:
+    return rod[0] - _HALF_LENGTH * np.cos(rod[1])
+
+
+@oracle("1", ("tilt", "weight", "direction", "friction", "integrator"), relative=True)
+def roll_down(context: Context) -> tuple[Floats, Floats]:
+    """Share of its frictionless way that a homogeneous sphere rolls down a slope: 5/7.
+
+    On a slope of the angle `tilt`, if mu >= (2/7) tan(tilt), and else 1 - mu / tan(tilt).
+    Measured: displacement of the first free body down the slope over g sin(tilt) t^2 / 2, with
+    m g the scene's `weight`.
+    """
+    tilt = np.radians(context.setting("tilt"))
+    weight = context.setting("weight") / context.setup.free_bodies[0].mass
+    _, moved = _moved_share(context, weight * np.sin(tilt), weight * np.cos(tilt))
+    return np.maximum(5 / 7, 1 - friction(context) / np.tan(tilt)), moved
+
+
+@oracle("s", ("friction",), relative=True)
+def slide_to_roll(context: Context) -> tuple[Floats, Floats]:
+    """Time until a homogeneous sphere that starts to slide at v0 without turning rolls.
+
+    It slips at v0 - (7/2) mu g t. Measured: the time at which |v| - r |w| of the first free body
+    is down to 5 % of v0; the last percents are creep.
+    """
+    speed = _speed(context)
+    slip = speed - context.setup.thickness[0] * _spin(context)
+    rolls = slip <= _LEFT * speed[:, :1]
+    time = rolls.argmax(axis=1) * context.trace.timestep
+    stop = 2 * speed[:, 0] / (7 * friction(context) * gravity(context))
+    return (1 - _LEFT) * stop, np.where(rolls.any(axis=1), time, np.nan)
+
+
+@oracle("m/s^2", ("friction",), relative=True)
+def roll_friction(context: Context) -> tuple[Floats, Floats]:
+    """Deceleration mu_r g / (1.4 r) of a homogeneous sphere of radius r that rolls.
+
+    The moment mu_r N turns m r^2 7/5. Measured: mean deceleration of the first free body, which
+    must not stop within the run.
+    """
+    speed, radius = _speed(context), context.setup.thickness[0]
+    expected = friction(context, 3) * gravity(context) / (1.4 * radius)
+    return expected, (speed[:, 0] - speed[:, -1]) / context.seconds
+
+
+@oracle("rad/s^2", ("friction",), relative=True)
+def spin_down(context: Context) -> tuple[Floats, Floats]:
+    """Angular deceleration mu_t g / (0.4 r^2) of a homogeneous sphere that spins on the spot.
+
+    The moment mu_t N about the normal turns m r^2 2/5. Measured: mean angular deceleration of the
+    first free body, which must not stop within the run.
+    """
+    rate, radius = _spin(context), context.setup.thickness[0]
+    expected = friction(context, 2) * gravity(context) / (0.4 * radius**2)
+    return expected, (rate[:, 0] - rate[:, -1]) / context.seconds
+
+
+@oracle("m^2/s^2", ("force", "direction"), relative=False)
+def rolling_plate(context: Context) -> tuple[Floats, Floats]:
+    """Squared velocity error of a plate pulled over the ground and of balls that roll on it: 0.
+
+    A plate of mass M that is pulled by F and carries n homogeneous balls of mass m slides with
+    f1 = mu (M + n m) g; balls that roll on it without slipping take
+    f2 = ((F - f1) / M) / (3.5 / m + n / M) each. So the plate accelerates at (F - f1 - n f2) / M
+    and a ball at f2 / m. Measured: the squared velocity error of the plate and of a ball, averaged
+    over time (and over the balls) and added.
+    """
+    plate, *balls = context.setup.free_bodies
+    mass, count = balls[0].mass, len(balls)
+    whole = plate.mass + sum(ball.mass for ball in balls)
+    drag = context.trace.pairs[0].friction[:, 0] * whole * gravity(context)
+    surplus = context.setting("force") - drag
+    push = surplus / plate.mass / (_SPHERE / mass + count / plate.mass)
+    error = _velocity_error(context, plate, (surplus - count * push) / plate.mass)
+    errors = [_velocity_error(context, ball, push / mass) for ball in balls]
+    return np.zeros_like(error), error + np.mean(errors, axis=0)
+
+
+def _speed(context: Context) -> Floats:
+    """Return (n, N + 1) the first free body's speed [m/s]."""
+    return np.linalg.norm(context.velocity(context.setup.free_bodies[0]), axis=2)
+
+
+def _spin(context: Context) -> Floats:
+    """Return (n, N + 1) the first free body's angular speed [rad/s]."""
+    return np.linalg.norm(context.turning(context.setup.free_bodies[0]), axis=2)
+
+
+def _velocity_error(context: Context, body: FreeBody, acceleration: Floats) -> Floats:
+    """Return (n,) the squared velocity error [m^2/s^2] of a body, averaged over time."""
+    angle = np.radians(context.setting("direction"))
+    heading = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=1)
+    pace = acceleration[:, None] * (context.trace.time[:, 1:] - context.trace.time[:, :1])
+    error = context.velocity(body)[:, 1:] - pace[:, :, None] * heading[:, None]
+    return (error * error).sum(axis=2).mean(axis=1)

@@ -3,8 +3,6 @@
 Runs that end over a step before their hold window does are not measured.
 """
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from contactlab.contact.rotations import rotate
@@ -28,10 +26,45 @@ from contactlab.measure.context import (
     runs_where,
     worst_pair,
 )
-from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+
+_EXPLOITED = Threshold(
+    "exploited",
+    3e-3,
+    "m",
+    "Largest metric hold_penetration of a grasp that holds by its contact; the guideline calls "
+    "one over 3 mm exploited.",
+)
+_BROKEN = Threshold(
+    "broken",
+    5e-3,
+    "m",
+    "Largest metric hold_penetration of a grasp that means anything; the guideline calls one "
+    "over 5 mm broken.",
+)
+_HOLD_SLIP = Threshold(
+    "hold_slip",
+    2e-3,
+    "m",
+    "Largest metric hold_slip. Soft contact creeps by less, 0.01 to 1 mm in half a second; what "
+    "slides or chatters loses 8 mm and more.",
+)
+_HOLD_OFFSET = Threshold(
+    "hold_offset",
+    None,
+    "m",
+    "Largest metric hold_offset; only scenes that begin with the subject in its place between "
+    "the fingers set it.",
+)
+_HOLD_CONTACT = Threshold(
+    "hold_contact",
+    0.5,
+    "1",
+    "Least metric hold_contact. Sliding bodies hop, and touch in half of the steps.",
+)
 
 
-@metric(unit="1/s", better="lower", tolerance=5.0, equivalence=True)
+@metric("1/s", "lower", tolerance=5.0, equivalence=True)
 def hold_switches(context: Context) -> Floats:
     """Changes of a pair's mode over the hold window, worst pair.
 
@@ -42,7 +75,7 @@ def hold_switches(context: Context) -> Floats:
     return worst_pair(context, counts) / hold_seconds(context)
 
 
-@metric(unit="m", better="lower", resolution=1e-9, requires="depth", equivalence=True)
+@metric("m", "lower", 1e-9, requires="depth", equivalence=True)
 def hold_penetration(context: Context) -> Floats:
     """Penetration as in penetration_mean, over the hold window alone.
 
@@ -59,7 +92,7 @@ def hold_penetration(context: Context) -> Floats:
     )
 
 
-@metric(unit="m", better="lower", resolution=1e-9, equivalence=True)
+@metric("m", "lower", 1e-9, equivalence=True)
 def hold_slip(context: Context) -> Floats:
     """Farthest that a pair slips within the hold window, worst pair.
 
@@ -78,7 +111,7 @@ def hold_slip(context: Context) -> Floats:
     return np.where(inside.any(axis=1), worst_pair(context, farthest), np.nan)
 
 
-@metric(unit="m", resolution=1e-9)
+@metric("m", resolution=1e-9)
 def hold_drop(context: Context) -> Floats:
     """How far the subject sinks along gravity within the hold window, relative to its holder.
 
@@ -94,7 +127,7 @@ def hold_drop(context: Context) -> Floats:
     return np.where(inside.any(axis=1), (moved * down(context)).sum(axis=1), np.nan)
 
 
-@metric(unit="m", better="lower", resolution=1e-9)
+@metric("m", "lower", 1e-9)
 def hold_offset(context: Context) -> Floats:
     """Farthest, within the hold window, that the subject is from its place in the grip.
 
@@ -107,7 +140,7 @@ def hold_offset(context: Context) -> Floats:
     return np.where(inside.any(axis=1), farthest, np.nan)
 
 
-@metric(unit="1", better="higher")
+@metric("1", "higher")
 def hold_contact(context: Context) -> Floats:
     """Share of the steps of the hold window in which a monitored pair bears force."""
     inside = hold_window(context)
@@ -119,101 +152,41 @@ def hold_contact(context: Context) -> Floats:
     )
 
 
-@label(
-    severity=52,
-    thresholds=(
-        Threshold(
-            "exploited",
-            3e-3,
-            "m",
-            "Largest metric hold_penetration of a grasp that holds by its contact; the guideline "
-            "calls one over 3 mm exploited.",
-        ),
-    ),
-)
-def exploited(runs: MeasuredRuns) -> Findings:
+@label(52, (_EXPLOITED,))
+def exploited(runs: MeasuredRuns) -> Found:
     """The grip relies on penetration, as no solid body could."""
     return _deep(runs, "exploited")
 
 
-@label(
-    severity=76,
-    thresholds=(
-        Threshold(
-            "broken",
-            5e-3,
-            "m",
-            "Largest metric hold_penetration of a grasp that means anything; the guideline calls "
-            "one over 5 mm broken.",
-        ),
-    ),
-)
-def broken(runs: MeasuredRuns) -> Findings:
+@label(76, (_BROKEN,))
+def broken(runs: MeasuredRuns) -> Found:
     """The penetration of a grip is so deep that its contact means nothing."""
     return _deep(runs, "broken")
 
 
-@label(
-    severity=36,
-    thresholds=(
-        Threshold(
-            "hold_slip",
-            2e-3,
-            "m",
-            "Largest metric hold_slip. Soft contact creeps by less, 0.01 to 1 mm in half a second; "
-            "what slides or chatters loses 8 mm and more.",
-        ),
-        Threshold(
-            "hold_offset",
-            None,
-            "m",
-            "Largest metric hold_offset; only scenes that begin with the subject in its place "
-            "between the fingers set it.",
-        ),
-        Threshold(
-            "hold_contact",
-            0.5,
-            "1",
-            "Least metric hold_contact. Sliding bodies hop, and touch in half of the steps.",
-        ),
-    ),
-)
-def slipping(runs: MeasuredRuns) -> Findings:
+@label(36, (_HOLD_SLIP, _HOLD_OFFSET, _HOLD_CONTACT))
+def slipping(runs: MeasuredRuns) -> Found:
     """What should be held slips, is no longer in its place, or bears no force."""
+    window, held = hold_window(runs.context), runs.context.trace.held
     share, seconds = runs.metrics["hold_contact"], hold_seconds(runs.context)
-    window, found = hold_window(runs.context), Findings()
     for run in runs_where(share < runs.limits["hold_contact"]):
         reason = f"nothing bore force in {1 - share[run]:.0%} of the time in which it should hold"
-        found[run] = Finding(reason, first_step(window[run]))
-    for run, finding in _displaced(runs):
-        found.setdefault(run, finding)
+        yield run, Finding(reason, first_step(window[run]))
+    for run, offset, limit in runs.over("hold_offset"):
+        assert held is not None
+        reason = f"it was {offset:.3g} m from its place in the grip when it should be held"
+        step = first_step(_offsets(held)[run] > limit)
+        yield run, Finding(f"{reason} (limit {limit:g} m)", step)
     for run, slip, limit in runs.over("hold_slip"):
         reason = f"a pair slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
-        found.setdefault(run, Finding(reason, first_step(window[run])))
-    return found
+        yield run, Finding(reason, first_step(window[run]))
 
 
-def _deep(runs: MeasuredRuns, name: str) -> Findings:
-    found: Findings = {}
-    for run, depth, limit in runs.over("hold_penetration", name):
-        inside = hold_window(runs.context)[run]
-        depths = contact_depths(runs.context)
-        deep = [first_step((each[run] > limit) & inside) for _, each in depths]
-        reason = f"held {depth:.3g} m deep on average (limit {limit:g} m)"
-        found[run] = Finding(reason, max(deep))
-    return found
-
-
-def _displaced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
-    held = runs.context.trace.held
-    if held is None:
-        return
-    for run, offset, limit in runs.over("hold_offset"):
-        reason = (
-            f"it was {offset:.3g} m from its place in the grip when it should be held "
-            f"(limit {limit:g} m)"
-        )
-        yield run, Finding(reason, first_step(_offsets(held)[run] > limit))
+def _deep(runs: MeasuredRuns, threshold: str) -> Found:
+    inside, depths = hold_window(runs.context), contact_depths(runs.context)
+    for run, depth, limit in runs.over("hold_penetration", threshold):
+        step = max(first_step((each[run] > limit) & inside[run]) for _, each in depths)
+        yield run, Finding(f"held {depth:.3g} m deep on average (limit {limit:g} m)", step)
 
 
 def _offsets(held: HeldPose) -> Floats:

@@ -10,7 +10,7 @@ from contactlab.measure.context import Context, cached, runs_where
 from contactlab.measure.entries import (
     ORACLES,
     Finding,
-    Findings,
+    Found,
     MeasuredRuns,
     OracleResult,
     label,
@@ -35,19 +35,6 @@ def semi_implicit(context: Context) -> Floats:
     return np.array([name != "RK4" for name in context.setup.settings["integrator"]], np.float64)
 
 
-def displacement(context: Context) -> Floats:
-    """Return (n, 3) the displacement [m] of the first free body over the run."""
-    start = context.setup.free_bodies[0].qpos
-    place = context.trace.qpos[:, :, start : start + 3]
-    return place[:, -1] - place[:, 0]
-
-
-def along_direction(context: Context, vectors: Floats) -> Floats:
-    """Return (n,) the part of vectors (n, 3) along the scene's `direction` about the vertical."""
-    angle = np.radians(context.setting("direction"))
-    return vectors[:, 0] * np.cos(angle) + vectors[:, 1] * np.sin(angle)
-
-
 def friction(context: Context, place: int = 0) -> Floats:
     """Return (n,) a friction coefficient: sliding [1], or at place 2 torsional, 3 rolling [m]."""
     return context.setting("friction").reshape(context.trace.runs, -1)[:, place]
@@ -63,25 +50,19 @@ def restitution_of_solref(context: Context) -> Floats:
     return restitution_of(damping_ratio(context.setting("solref")))
 
 
-def end_velocity(context: Context, body: int, state: int = -1) -> Floats:
-    """Return (n, 3) the velocity [m/s] of a free body in a state, by default the last."""
-    start = context.setup.free_bodies[body].dof
-    return context.trace.qvel[:, state, start : start + 3]
-
-
-@metric(unit="any", kind="detail", heading="expected")
+@metric("any", kind="detail", heading="expected")
 def oracle_expected(context: Context) -> Floats:
     """Expected value by the scene's closed form, in the unit of that oracle."""
     return _result(context).expected
 
 
-@metric(unit="any", kind="detail", heading="measured")
+@metric("any", kind="detail", heading="measured")
 def oracle_measured(context: Context) -> Floats:
     """Measured value of what the scene's closed form expects, in the same unit."""
     return _result(context).measured
 
 
-@metric(unit="any", better="lower", resolution=1e-9, equivalence=True)
+@metric("any", "lower", 1e-9, equivalence=True)
 def oracle_error(context: Context) -> Floats:
     """Error against the scene's closed form.
 
@@ -91,22 +72,20 @@ def oracle_error(context: Context) -> Floats:
     return _result(context).error
 
 
-@label(severity=16)
-def oracle_miss(runs: MeasuredRuns) -> Findings:
+@label(16)
+def oracle_miss(runs: MeasuredRuns) -> Found:
     """The error against the scene's closed form exceeds the limit, or nothing could be measured."""
-    setup, metrics = runs.context.setup, runs.metrics
-    error = metrics["oracle_error"]
-    unmet = np.isfinite(metrics["oracle_expected"]) & np.isnan(metrics["oracle_measured"])
-    unmet &= np.isfinite(setup.oracle_tolerance)
-    return {
-        run: Finding(
-            f"{setup.oracle}: expected {metrics['oracle_expected'][run]:.4g}, measured "
-            f"{metrics['oracle_measured'][run]:.4g}, error {error[run]:.3g} "
-            f"(limit {setup.oracle_tolerance:g})",
-            runs.context.trace.steps - 1,
+    setup, last = runs.context.setup, runs.context.trace.steps - 1
+    expected, measured, error = (
+        runs.metrics[f"oracle_{each}"] for each in ("expected", "measured", "error")
+    )
+    unmet = np.isfinite(expected) & np.isnan(measured) & np.isfinite(setup.oracle_tolerance)
+    for run in runs_where(unmet | (error > setup.oracle_tolerance)):
+        found = (
+            f"expected {expected[run]:.4g}, measured {measured[run]:.4g}, error {error[run]:.3g}"
         )
-        for run in runs_where(unmet | (error > setup.oracle_tolerance))
-    }
+        reason = f"{setup.oracle}: {found} (limit {setup.oracle_tolerance:g})"
+        yield run, Finding(reason, last)
 
 
 @cached

@@ -1,7 +1,5 @@
 """How deep bodies are in each other: metrics, and labels of what sinks, rests deep or passes."""
 
-from collections.abc import Iterator
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -15,8 +13,30 @@ from contactlab.measure.context import (
     runs_where,
     worst_pair,
 )
-from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
+_PIERCED = Threshold(
+    "pierced",
+    None,
+    "m",
+    "Largest metric penetration_max where no fixed surface is known that must not be passed. "
+    "Unless set, half the smallest extent of the pair's thinnest geom.",
+)
+_GROWTH = Threshold(
+    "penetration_growth",
+    1e-4,
+    "m",
+    "Largest penetration that a resting pair gains at its rate of sinking in half the run: "
+    "0.1 mm, the guideline for resting penetration on flat ground.",
+)
+_STEADY = Threshold(
+    "penetration_steady",
+    5e-3,
+    "m",
+    "Largest metric penetration_steady. The guideline is 0.1 mm on flat ground, which the "
+    "engine's default contact meets under light loads only; grasps over 5 mm count as broken. "
+    "Unless set, half the smallest extent of the pair's thinnest geom applies where that is less.",
+)
 _RESTING = 0.9
 """Share of the last half in which a pair must touch to count as resting."""
 
@@ -25,14 +45,7 @@ _LASTING = 0.5
 touch in half of the steps."""
 
 
-@metric(
-    unit="m",
-    better="lower",
-    resolution=1e-9,
-    requires="depth",
-    equivalence=True,
-    heading="depth [m]",
-)
+@metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
     """Largest penetration of any contact of the worst pair, at any time.
 
@@ -42,7 +55,7 @@ def penetration_max(context: Context) -> Floats:
     return worst_pair(context, [depth.max(axis=1) for _, depth in contact_depths(context)])
 
 
-@metric(unit="m", better="lower", resolution=1e-9, requires="depth", equivalence=True)
+@metric("m", "lower", 1e-9, requires="depth", equivalence=True)
 def penetration_mean(context: Context) -> Floats:
     """Penetration of a pair's deepest contact, averaged over the steps in which it touches.
 
@@ -69,7 +82,7 @@ def steady_by_pair(context: Context) -> list[Floats]:
     ]
 
 
-@metric(unit="m", better="lower", resolution=1e-9, requires="depth", equivalence=True)
+@metric("m", "lower", 1e-9, requires="depth", equivalence=True)
 def penetration_steady(context: Context) -> Floats:
     """Resting penetration: penetration_mean over the last fifth of the run.
 
@@ -80,7 +93,7 @@ def penetration_steady(context: Context) -> Floats:
     return worst_pair(context, steady_by_pair(context))
 
 
-@metric(unit="m/s", better="lower", resolution=1e-9, tolerance=1e-4, requires="depth")
+@metric("m/s", "lower", 1e-9, tolerance=1e-4, requires="depth")
 def penetration_growth(context: Context) -> Floats:
     """Rate at which resting pairs sink into each other in the last half of the run.
 
@@ -103,7 +116,7 @@ def penetration_growth(context: Context) -> Floats:
     return worst_pair(context, [slope(*pair) for pair in contact_depths(context)])
 
 
-@metric(unit="m", better="higher", resolution=1e-9, requires="depth")
+@metric("m", "higher", 1e-9, requires="depth")
 def distance_min(context: Context) -> Floats:
     """Least signed distance of any contact in the model, of monitored and of other pairs.
 
@@ -114,85 +127,33 @@ def distance_min(context: Context) -> Floats:
     return np.where(touching.any(axis=1), least, np.nan)
 
 
-@label(
-    severity=72,
-    thresholds=(
-        Threshold(
-            "pierced",
-            None,
-            "m",
-            "Largest metric penetration_max where no fixed surface is known that must not be "
-            "passed. Unless set, half the smallest extent of the pair's thinnest geom.",
-        ),
-    ),
-)
-def tunneling(runs: MeasuredRuns) -> Findings:
+@label(72, (_PIERCED,))
+def tunneling(runs: MeasuredRuns) -> Found:
     """A body passed through another.
 
     It crossed the mid-plane of a surface that should stop it, or two bodies overlapped beyond the
     middle of the thinner one.
     """
-    found, context = Findings(), runs.context
-    crossed = [
-        (run, Finding(f"{each.body.name} passed the mid-plane of {pair}", step))
-        for each in context.setup.barriers
-        for pair in [context.trace.pairs[each.pair].name]
-        for run, step in _first_crossings(context, each).items()
-    ]
-    for run, finding in (*crossed, *_pierced(runs)):
-        if run not in found or finding.step < found[run].step:
-            found[run] = finding
-    return found
+    yield from sorted([*_crossed(runs.context), *_pierced(runs)], key=lambda each: each[1].step)
 
 
-@label(
-    name="penetration_growth",
-    severity=56,
-    thresholds=(
-        Threshold(
-            "penetration_growth",
-            1e-4,
-            "m",
-            "Largest penetration that a resting pair gains at its rate of sinking in half the run: "
-            "0.1 mm, the guideline for resting penetration on flat ground.",
-        ),
-    ),
-)
-def sinking(runs: MeasuredRuns) -> Findings:
+@label(56, (_GROWTH,), name="penetration_growth")
+def sinking(runs: MeasuredRuns) -> Found:
     """A resting pair keeps sinking into each other."""
     rate, limit = runs.metrics["penetration_growth"], runs.limits["penetration_growth"]
     sunk = rate * runs.context.seconds / 2
-    return {
-        run: Finding(
-            f"a resting pair sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in half the run "
-            f"(limit {limit:g} m)",
-            runs.context.trace.steps // 2,
-        )
-        for run in runs_where(sunk > limit)
-    }
+    for run in runs_where(sunk > limit):
+        reason = f"a resting pair sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in half the run"
+        yield run, Finding(f"{reason} (limit {limit:g} m)", runs.context.trace.steps // 2)
 
 
-@label(
-    severity=48,
-    thresholds=(
-        Threshold(
-            "penetration_steady",
-            5e-3,
-            "m",
-            "Largest metric penetration_steady. The guideline is 0.1 mm on flat ground, which the "
-            "engine's default contact meets under light loads only; grasps over 5 mm count as "
-            "broken. Unless set, half the smallest extent of the pair's thinnest geom applies "
-            "where that is less.",
-        ),
-    ),
-)
-def deep_penetration(runs: MeasuredRuns) -> Findings:
+@label(48, (_STEADY,))
+def deep_penetration(runs: MeasuredRuns) -> Found:
     """The resting penetration of a pair exceeds the limit."""
     context, limit = runs.context, runs.limits["penetration_steady"]
-    found: Findings = {}
     if context.trace.steps == 0:
-        return found
-    for index, steady in enumerate(steady_by_pair(context)):
+        return
+    for index, steady in reversed([*enumerate(steady_by_pair(context))]):
         accepted = limit
         if "penetration_steady" not in context.setup.thresholds and context.series:
             accepted = min(limit, context.setup.thickness[index] / 2)
@@ -200,12 +161,10 @@ def deep_penetration(runs: MeasuredRuns) -> Findings:
             name = context.series[index].name if context.series else "the model"
             reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted:.3g} m)"
             depth = contact_depths(context)[index][1][run, context.last_fifth]
-            step = context.last_fifth.start + first_step(depth > accepted)
-            found[run] = Finding(reason, step)
-    return found
+            yield run, Finding(reason, context.last_fifth.start + first_step(depth > accepted))
 
 
-def _pierced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+def _pierced(runs: MeasuredRuns) -> Found:
     """Find pairs without a barrier that are deeper in each other than half the thinner."""
     context, given = runs.context, runs.limits.get("pierced")
     guarded = {barrier.pair for barrier in context.setup.barriers}
@@ -220,31 +179,31 @@ def _pierced(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
             yield run, Finding(reason, first_step(depth[run] > limit))
 
 
-def _first_crossings(context: Context, barrier: Barrier) -> dict[int, int]:
-    """Return by run the first step in which the body's origin passes the barrier.
+def _crossed(context: Context) -> Found:
+    """Find the first step in which a body's origin passes a barrier.
 
     It passes where its signed height over the mid-plane changes sign within the barrier's reach;
     between two states it moves in a straight line.
     """
-    height = np.full(context.trace.qpos.shape[:2], -float(barrier.point @ barrier.normal))
-    for axis in np.flatnonzero(barrier.normal).tolist():
-        height += context.trace.qpos[:, :, barrier.body.qpos + axis] * barrier.normal[axis]
-    above = height >= 0
-    changed = above[:, 1:] != above[:, :-1]
-    found: dict[int, int] = {}
-    for run in np.flatnonzero(changed.any(axis=1)).tolist():
-        steps = np.flatnonzero(changed[run])
-        inside = steps[_within_reach(context, barrier, run, steps, height[run])]
-        if len(inside):
-            found[run] = int(inside[0])
-    return found
+    for barrier in context.setup.barriers:
+        place = context.position(barrier.body)
+        height = np.full(place.shape[:2], -float(barrier.point @ barrier.normal))
+        for axis in np.flatnonzero(barrier.normal).tolist():
+            height += place[:, :, axis] * barrier.normal[axis]
+        changed = np.diff(height >= 0, axis=1)
+        reason = (
+            f"{barrier.body.name} passed the mid-plane of {context.trace.pairs[barrier.pair].name}"
+        )
+        for run in runs_where(np.asarray(changed.any(axis=1))):
+            steps = np.flatnonzero(changed[run])
+            inside = steps[_within_reach(barrier, place[run], steps, height[run])]
+            if len(inside):
+                yield run, Finding(reason, int(inside[0]))
 
 
 def _within_reach(
-    context: Context, barrier: Barrier, run: int, steps: NDArray[np.intp], height: Floats
+    barrier: Barrier, position: Floats, steps: NDArray[np.intp], height: Floats
 ) -> NDArray[np.bool_]:
-    start = barrier.body.qpos
-    position = context.trace.qpos[run, :, start : start + 3]
     share = (height[steps] / (height[steps] - height[steps + 1]))[:, None]
     met = position[steps] + share * (position[steps + 1] - position[steps])
     offset = met - barrier.point

@@ -14,7 +14,7 @@ _SLOWEST = 0.05
 """Approach speed [m/s] below which a contact is rest or a hop, not an impact."""
 
 
-@metric(unit="1", resolution=1e-6)
+@metric("1", resolution=1e-6)
 @cached
 def restitution_measured(context: Context) -> Floats:
     """Normal speed after an impact over that before, of a free body on a fixed surface.

@@ -1,14 +1,12 @@
 """Labels of runs that are no simulation at all: clock, numbers, length; and of good runs."""
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from contactlab.measure.context import Context, energy, first_step, runs_where
 from contactlab.measure.entries import (
     LABELS,
     Finding,
-    Findings,
+    Found,
     Label,
     MeasuredRuns,
     Threshold,
@@ -20,42 +18,36 @@ LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, void
 STABLE = LABELS.add(Label("stable", "No other label applies.", 0))
 
 
-@label(severity=92, voids=True)
-def invalid(runs: MeasuredRuns) -> Findings:
+_CLOCK = Threshold(
+    "clock_error",
+    1e-9,
+    "1",
+    "Largest deviation of a step of simulated time from the timestep, as a share of it. Rounding "
+    "stays a thousand times below; an engine that resets does not.",
+)
+_QUATERNION = Threshold(
+    "quaternion_error",
+    1e-3,
+    "1",
+    "Largest deviation of a quaternion's norm from 1. The engine normalises at every step, so "
+    "that healthy runs stay near 1e-16.",
+)
+
+
+@label(92, voids=True)
+def invalid(runs: MeasuredRuns) -> Found:
     """The run cannot be simulated as requested, or recorded no step."""
     trace, setup = runs.context.trace, runs.context.setup
-    found: Findings = {}
     for run in range(trace.runs):
-        if not trace.timestep[run] > 0:
-            found[run] = Finding(f"timestep {trace.timestep[run]:g} s is not positive", 0)
-        elif not setup.duration[run] > 0:
-            found[run] = Finding(f"duration {setup.duration[run]:g} s is not positive", 0)
-        elif trace.steps == 0:
-            found[run] = Finding("no step was recorded", 0)
-    return found
+        for name, value in (("timestep", trace.timestep[run]), ("duration", setup.duration[run])):
+            if not value > 0:
+                yield run, Finding(f"{name} {value:g} s is not positive", 0)
+        if trace.steps == 0:
+            yield run, Finding("no step was recorded", 0)
 
 
-@label(
-    severity=88,
-    voids=True,
-    thresholds=(
-        Threshold(
-            "clock_error",
-            1e-9,
-            "1",
-            "Largest deviation of a step of simulated time from the timestep, as a share of it. "
-            "Rounding stays a thousand times below; an engine that resets does not.",
-        ),
-        Threshold(
-            "quaternion_error",
-            1e-3,
-            "1",
-            "Largest deviation of a quaternion's norm from 1. The engine normalises at every step, "
-            "so that healthy runs stay near 1e-16.",
-        ),
-    ),
-)
-def diverged(runs: MeasuredRuns) -> Findings:
+@label(88, (_CLOCK, _QUATERNION), voids=True)
+def diverged(runs: MeasuredRuns) -> Found:
     """The simulation failed numerically.
 
     A warning of the engine, a number that is not finite, a clock that does not advance by one
@@ -65,20 +57,19 @@ def diverged(runs: MeasuredRuns) -> Findings:
     for check in (_warnings, _cut_short, _not_finite, _clock, _quaternions):
         for run, finding in check(runs):
             signs.setdefault(run, []).append(finding)
-    return {
-        run: Finding("; ".join(sign.reason for sign in found), min(sign.step for sign in found))
-        for run, found in sorted(signs.items())
-    }
+    for run, found in signs.items():
+        reason = "; ".join(sign.reason for sign in found)
+        yield run, Finding(reason, min(sign.step for sign in found))
 
 
-def _warnings(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+def _warnings(runs: MeasuredRuns) -> Found:
     for run, counts in enumerate(runs.context.trace.warnings):
         raised = [f"{name} x{count}" for name, count in counts.items() if count > 0]
         if raised:
             yield run, Finding(f"engine warnings: {', '.join(raised)}", _last(runs.context))
 
 
-def _cut_short(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+def _cut_short(runs: MeasuredRuns) -> Found:
     trace = runs.context.trace
     if trace.steps < trace.steps_asked:
         reason = f"stopped after {trace.steps} of {trace.steps_asked} steps"
@@ -86,7 +77,7 @@ def _cut_short(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
             yield run, Finding(reason, _last(runs.context))
 
 
-def _not_finite(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+def _not_finite(runs: MeasuredRuns) -> Found:
     trace = runs.context.trace
     watched = {"qpos": trace.qpos, "qvel": trace.qvel}
     if trace.has_energy:
@@ -99,7 +90,7 @@ def _not_finite(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
             yield run, Finding(f"{name} is not finite", step)
 
 
-def _clock(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+def _clock(runs: MeasuredRuns) -> Found:
     trace, limit = runs.context.trace, runs.limits["clock_error"]
     if trace.steps == 0:
         return
@@ -114,7 +105,7 @@ def _clock(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
         yield run, Finding(f"{reason}{trace.timestep[run]:.3g} s", step)
 
 
-def _quaternions(runs: MeasuredRuns) -> Iterator[tuple[int, Finding]]:
+def _quaternions(runs: MeasuredRuns) -> Found:
     limit = runs.limits["quaternion_error"]
     low, high = (1 - limit) ** 2, (1 + limit) ** 2
     for start in runs.context.setup.quaternions:

@@ -5,40 +5,68 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context, cached, first_step, runs_where
-from contactlab.measure.entries import Finding, Findings, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.schema.compare_policy import MetricRule
 
-RESIDUAL = Threshold(
+_RESIDUAL = Threshold(
     "residual",
     1e-2,
     "1",
     "Largest metric solver_residual. Healthy: Newton up to 2e-5, CG 2e-4, PGS 5e-4; PGS with 5 "
     "iterations on a stack 15, a wrong Hessian 4 and more.",
 )
+_SATURATED = Threshold(
+    "saturated_share",
+    0.5,
+    "1",
+    "Share of the steps with contact in which the solver used all its iterations, if it may use "
+    "two or more. Newton warm-started takes 0 or 1 iterations in most steps, and never more than "
+    "7 on hard stacks; PGS on a stack with a weight on it used all of 20 in every step and left "
+    "residuals of 1e2.",
+)
+_JACOBIAN = Threshold(
+    "jacobian_difference",
+    1e-6,
+    "1",
+    "Largest metric jacobian_difference; the two are the same mathematics, and agree to 1e-7 "
+    "where both converge.",
+)
+_MISSED = Threshold(
+    "missed_contact",
+    1e-4,
+    "m",
+    "Largest metric overlap_missed; collision tolerances are a hundred times finer.",
+)
+_PHANTOM = Threshold(
+    "phantom_contact",
+    1e-4,
+    "m",
+    "Largest metric distance_phantom; collision tolerances are a hundred times finer.",
+)
 _FEWEST_ITERATIONS = 2
 _SUSTAINED = 0.99
 """Quantile of the residual over the steps with contact: a single hard step is no failure."""
 
 
-@metric(unit="1", better="lower", kind="work", rule=MetricRule(rel=0.05, abs=0.05))
+@metric("1", "lower", kind="work", rule=MetricRule(rel=0.05, abs=0.05))
 def solver_iterations_mean(context: Context) -> Floats:
     """Solver iterations per step, summed over contact islands, averaged over the run."""
     return context.trace.iterations.mean(axis=1)
 
 
-@metric(unit="1", better="lower", kind="work", rule=MetricRule(rel=0.05, abs=1.0))
+@metric("1", "lower", kind="work", rule=MetricRule(rel=0.05, abs=1.0))
 def solver_iterations_max(context: Context) -> Floats:
     """Most solver iterations that one contact island took in one step."""
     return context.trace.iterations_most.max(axis=1).astype(np.float64)
 
 
-@metric(unit="1", better="lower", kind="work", rule=MetricRule(statistic="mean", budget=0.0))
+@metric("1", "lower", kind="work", rule=MetricRule(statistic="mean", budget=0.0))
 def solver_iterations(context: Context) -> Floats:
     """Solver iterations of the whole run, over all contact islands."""
     return context.trace.iterations.sum(axis=1).astype(np.float64)
 
 
-@metric(unit="1", better="lower", kind="work")
+@metric("1", "lower", kind="work")
 def saturated_share(context: Context) -> Floats:
     """Share of the steps in which an island used as many iterations as the solver may.
 
@@ -48,19 +76,19 @@ def saturated_share(context: Context) -> Floats:
     return saturated(context).mean(axis=1)
 
 
-@metric(unit="1", kind="work")
+@metric("1", kind="work")
 def contacts_mean(context: Context) -> Floats:
     """Contacts in the whole model, averaged over the run."""
     return context.trace.contacts.mean(axis=1)
 
 
-@metric(unit="1", kind="work")
+@metric("1", kind="work")
 def contacts_max(context: Context) -> Floats:
     """Most contacts in the whole model at any step."""
     return context.trace.contacts.max(axis=1).astype(np.float64)
 
 
-@metric(unit="1", better="lower", kind="work")
+@metric("1", "lower", kind="work")
 def contacts_cut(context: Context) -> Floats:
     """Steps in which a monitored pair had more contacts than slots; the rest went unrecorded."""
     nowhere = np.zeros(context.trace.contacts.shape, dtype=np.bool_)
@@ -68,70 +96,52 @@ def contacts_cut(context: Context) -> Floats:
     return cut.sum(axis=1).astype(np.float64)
 
 
-@metric(unit="1", kind="work")
+@metric("1", kind="work")
 def ungraded_contacts(context: Context) -> Floats:
     """Steps in which the model had contacts outside the monitored pairs."""
     monitored = sum((net.found for net in context.net), np.zeros_like(context.trace.contacts))
     return (context.trace.contacts > monitored).sum(axis=1).astype(np.float64)
 
 
-@label(
-    severity=80,
-    thresholds=(
-        Threshold(
-            "saturated_share",
-            0.5,
-            "1",
-            "Share of the steps with contact in which the solver used all its iterations, if it "
-            "may use two or more. Newton warm-started takes 0 or 1 iterations in most steps, and "
-            "never more than 7 on hard stacks; PGS on a stack with a weight on it used all of 20 "
-            "in every step and left residuals of 1e2.",
-        ),
-        RESIDUAL,
-    ),
-)
-def solver_nonconvergence(runs: MeasuredRuns) -> Findings:
+@label(80, (_SATURATED, _RESIDUAL))
+def solver_nonconvergence(runs: MeasuredRuns) -> Found:
     """The constraint solver used all its iterations without converging.
 
     It did so in most steps with contact or, where a second pass measured the residual, with a
     residual above the limit.
     """
-    context, limit = runs.context, runs.limits["saturated_share"]
-    if context.trace.steps == 0:
-        return {}
+    context, limits, allowed = runs.context, runs.limits, runs.context.setup.iterations
+    hit, touching = saturated(context), context.trace.contacts > 0
+    used = "the solver used all its {} iterations in {:.0%} of the steps".format
     if context.checks is not None:
         # A hit alone is no failure: an easy problem is solved by the one iteration it is given.
-        return _unconverged(runs)
-    hit = saturated(context) & (context.trace.contacts > 0)
-    share = hit.sum(axis=1) / (context.trace.contacts > 0).sum(axis=1)
-    allowed = context.setup.iterations
-    return {
-        run: Finding(
-            f"the solver used all its {allowed[run]} iterations in {share[run]:.0%} of the steps "
-            f"with contact (limit {limit:.0%})",
-            first_step(hit[run]),
-        )
-        for run in runs_where((share >= limit) & (allowed >= _FEWEST_ITERATIONS))
-    }
+        residual = sustained_residual(context, hit)
+        for run in runs_where(residual > limits["residual"]):
+            left = f"still differ by {residual[run]:.2g} of the largest force"
+            reason = f"{used(allowed[run], hit[run].mean())}, and forces and accelerations {left}"
+            yield run, Finding(reason, first_step(hit[run]))
+        return
+    hit = hit & touching
+    share, limit = hit.sum(axis=1) / touching.sum(axis=1), limits["saturated_share"]
+    for run in runs_where((share >= limit) & (allowed >= _FEWEST_ITERATIONS)):
+        reason = f"{used(allowed[run], share[run])} with contact (limit {limit:.0%})"
+        yield run, Finding(reason, first_step(hit[run]))
 
 
-@label(name="contacts_cut", severity=12)
-def unrecorded_contacts(runs: MeasuredRuns) -> Findings:
+@label(12, name="contacts_cut")
+def unrecorded_contacts(runs: MeasuredRuns) -> Found:
     """A monitored pair had more contacts than slots.
 
     Net forces, modes and all that is measured of them are those of the recorded contacts alone.
     """
-    context, found = runs.context, Findings()
+    context = runs.context
     for index, cut in enumerate(_cut_by_pair(context)):
         name, slots = context.series[index].name, context.setup.slots[index]
         for run in runs_where(cut.sum(axis=1) > 0):
             most = int(context.net[index].found[run].max())
-            reason = (
-                f"{name} had up to {most} contacts, of which {slots} were recorded, in "
-                f"{cut[run].sum()} steps; give the pair more `slots`"
-            )
-            found.setdefault(run, Finding(reason, first_step(cut[run])))
-    return found
+            had = f"{name} had up to {most} contacts, of which {slots} were recorded"
+            reason = f"{had}, in {cut[run].sum()} steps; give the pair more `slots`"
+            yield run, Finding(reason, first_step(cut[run]))
 
 
 @cached
@@ -153,20 +163,6 @@ def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
     )
 
 
-def _unconverged(runs: MeasuredRuns) -> Findings:
-    context, hit = runs.context, saturated(runs.context)
-    value = sustained_residual(context, hit)
-    return {
-        run: Finding(
-            f"the solver used all its {context.setup.iterations[run]} iterations in "
-            f"{hit[run].mean():.0%} of the steps, and forces and accelerations "
-            f"still differ by {value[run]:.2g} of the largest force",
-            first_step(hit[run]),
-        )
-        for run in runs_where(value > runs.limits["residual"])
-    }
-
-
 @cached
 def _cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
     """Return for each monitored pair (n, N) where it had more contacts than slots."""
@@ -174,7 +170,7 @@ def _cut_by_pair(context: Context) -> list[NDArray[np.bool_]]:
     return [net.found > most for net, most in zip(context.net, slots, strict=True)]
 
 
-@metric(unit="1", better="lower", resolution=1e-12, kind="check")
+@metric("1", "lower", 1e-12, kind="check")
 def solver_residual(context: Context) -> Floats:
     """Difference between forward and inverse dynamics over the run's largest constraint force.
 
@@ -184,7 +180,7 @@ def solver_residual(context: Context) -> Floats:
     return sustained_residual(context, np.ones(context.trace.contacts.shape, dtype=np.bool_))
 
 
-@metric(unit="1", better="lower", resolution=1e-12, kind="check")
+@metric("1", "lower", 1e-12, kind="check")
 def jacobian_difference(context: Context) -> Floats:
     """Largest relative difference of accelerations from a dense and a sparse constraint Jacobian.
 
@@ -193,7 +189,7 @@ def jacobian_difference(context: Context) -> Floats:
     return context.undefined() if context.checks is None else context.checks.jacobian.max(axis=1)
 
 
-@metric(unit="m", better="lower", resolution=1e-9, kind="check")
+@metric("m", "lower", 1e-9, kind="check")
 def overlap_missed(context: Context) -> Floats:
     """Deepest overlap of a monitored pair that has no contact, by mj_geomDistance.
 
@@ -202,7 +198,7 @@ def overlap_missed(context: Context) -> Floats:
     return context.undefined() if context.checks is None else context.checks.overlap.max(axis=1)
 
 
-@metric(unit="m", better="lower", resolution=1e-9, kind="check")
+@metric("m", "lower", 1e-9, kind="check")
 def distance_phantom(context: Context) -> Floats:
     """Largest distance of a monitored pair beyond what its contact reports, by mj_geomDistance.
 
@@ -211,27 +207,15 @@ def distance_phantom(context: Context) -> Floats:
     return context.undefined() if context.checks is None else context.checks.apart.max(axis=1)
 
 
-@metric(unit="1", better="higher", kind="check")
+@metric("1", "higher", kind="check")
 def repeats(context: Context) -> Floats:
     """1 if a second rollout gives every state again, bit for bit, else 0."""
     checks = context.checks
     return context.undefined() if checks is None else checks.repeats.astype(np.float64)
 
 
-@label(
-    severity=84,
-    thresholds=(
-        RESIDUAL,
-        Threshold(
-            "jacobian_difference",
-            1e-6,
-            "1",
-            "Largest metric jacobian_difference; the two are the same mathematics, and agree to "
-            "1e-7 where both converge.",
-        ),
-    ),
-)
-def solver_inconsistent(runs: MeasuredRuns) -> Findings:
+@label(84, (_RESIDUAL, _JACOBIAN))
+def solver_inconsistent(runs: MeasuredRuns) -> Found:
     """The engine contradicts itself.
 
     The solver stopped early with a wrong answer, a sparse Jacobian changes the answer, or the
@@ -239,76 +223,42 @@ def solver_inconsistent(runs: MeasuredRuns) -> Findings:
     """
     context, checks = runs.context, runs.context.checks
     if checks is None:
-        return {}
+        return
     early = ~saturated(context)
-    value, limit = sustained_residual(context, early), runs.limits["residual"]
-    found = {
-        run: Finding(
-            f"the solver stopped early, but forces and accelerations differ by {value[run]:.2g} of "
-            f"the largest force (limit {limit:g})",
-            first_step(early[run] & (checks.residual[run] > limit)),
-        )
-        for run in runs_where(value > limit)
-    }
-    limit = runs.limits["jacobian_difference"]
-    said = "a dense and a sparse Jacobian give accelerations that differ by {:.2g}"
-    differing = _beyond(checks.jacobian, limit, said, checks.jacobian_steps, "")
-    for run, finding in differing.items():
-        found.setdefault(run, finding)
+    residual, limit = sustained_residual(context, early), runs.limits["residual"]
+    for run in runs_where(residual > limit):
+        differ = f"forces and accelerations differ by {residual[run]:.2g} of the largest force"
+        reason = f"the solver stopped early, but {differ} (limit {limit:g})"
+        yield run, Finding(reason, first_step(early[run] & (checks.residual[run] > limit)))
+    for run, difference, limit in runs.over("jacobian_difference"):
+        differ = f"a dense and a sparse Jacobian give accelerations that differ by {difference:.2g}"
+        step = checks.jacobian_steps[first_step(checks.jacobian[run] > limit)]
+        yield run, Finding(f"{differ} (limit {limit:g})", int(step))
     for run in runs_where(~checks.repeats):
-        found.setdefault(run, Finding("a second rollout gave another trajectory", 0))
-    return found
+        yield run, Finding("a second rollout gave another trajectory", 0)
 
 
-@label(
-    severity=68,
-    thresholds=(
-        Threshold(
-            "missed_contact",
-            1e-4,
-            "m",
-            "Largest metric overlap_missed; collision tolerances are a hundred times finer.",
-        ),
-    ),
-)
-def missed_contact(runs: MeasuredRuns) -> Findings:
+@label(68, (_MISSED,))
+def missed_contact(runs: MeasuredRuns) -> Found:
     """A monitored pair overlaps without a contact."""
     checks = runs.context.checks
     if checks is None:
-        return {}
-    limit, said = runs.limits["missed_contact"], "a pair overlaps by {:.3g} m without any contact"
-    return _beyond(checks.overlap, limit, said, checks.geometry_steps)
+        return
+    for run, depth, limit in runs.over("overlap_missed", "missed_contact"):
+        reason = f"a pair overlaps by {depth:.3g} m without any contact (limit {limit:g} m)"
+        yield (
+            run,
+            Finding(reason, int(checks.geometry_steps[first_step(checks.overlap[run] > limit)])),
+        )
 
 
-@label(
-    severity=64,
-    thresholds=(
-        Threshold(
-            "phantom_contact",
-            1e-4,
-            "m",
-            "Largest metric distance_phantom; collision tolerances are a hundred times finer.",
-        ),
-    ),
-)
-def phantom_contact(runs: MeasuredRuns) -> Findings:
+@label(64, (_PHANTOM,))
+def phantom_contact(runs: MeasuredRuns) -> Found:
     """A contact is reported between separated bodies."""
     checks = runs.context.checks
     if checks is None:
-        return {}
-    limit = runs.limits["phantom_contact"]
-    said = "a contact is {:.3g} m deeper than the distance of its bodies"
-    return _beyond(checks.apart, limit, said, checks.geometry_steps)
-
-
-def _beyond(
-    depths: Floats, limit: float, said: str, steps: NDArray[np.intp], unit: str = " m"
-) -> Findings:
-    """Return the runs whose values (n, L), at checked steps (L,), exceed a limit."""
-    return {
-        run: Finding(
-            f"{said.format(depths[run].max())} (limit {limit:g}{unit})",
-            int(steps[first_step(depths[run] > limit)]),
-        )
-        for run in runs_where(depths.max(axis=1) > limit)
-    }
+        return
+    for run, depth, limit in runs.over("distance_phantom", "phantom_contact"):
+        deeper = f"a contact is {depth:.3g} m deeper than the distance of its bodies"
+        step = checks.geometry_steps[first_step(checks.apart[run] > limit)]
+        yield run, Finding(f"{deeper} (limit {limit:g} m)", int(step))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from contactlab.measure.friction_oracles import Rod, rod_tip_travel, tip_compliance
+from contactlab.measure.friction_oracles import rod_tip_travel, tip_compliance
 
 Case = Callable[..., list[dict[str, Any]]]
 GRAVITY, HALF, RADIUS = 9.81, 0.5, 0.01
@@ -46,7 +46,7 @@ def test_travel_is_that_of_a_slow_loop(tilt: float, speed: float, mu: float) -> 
     Only where an end stops or jams within a step of the oracle's, they differ by that step: 2 mm.
     """
     one, angle = np.ones(1), math.radians(tilt)
-    rod = Rod(0 * one, angle * one, speed * one, 0 * one)
+    rod = np.stack([0 * one, angle * one, speed * one, 0 * one])
     (found,) = rod_tip_travel(rod, mu * one, GRAVITY * one, 0.1 * one)
     slow = slow_travel(angle, speed, mu, 0.1)
     stops = abs(slow) < 0.14 and speed < 0

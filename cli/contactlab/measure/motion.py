@@ -1,0 +1,287 @@
+"""How bodies move: what must not grow by itself, and what should stay where it was."""
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import FreeBody
+from contactlab.measure.context import (
+    Context,
+    cached,
+    down,
+    energy,
+    energy_budget,
+    first_step,
+    kinetic,
+    least_energy,
+    peak_kinetic,
+    speed_squared,
+    worst_body,
+)
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+
+_ENERGY_GAIN = Threshold(
+    "energy_gain",
+    0.01,
+    "1",
+    "Largest metric energy_gain. Measured: good settings stay below 1.01 of the energy at the "
+    "start, bad ones reach 3 to 1500.",
+)
+_SPEED_RATIO = Threshold(
+    "speed_ratio", 1.05, "1", "Largest metric speed_ratio; 5 % of speed is 10 % of energy."
+)
+_DRIFT = Threshold(
+    "drift", None, "m", "Largest metric drift; only scenes whose bodies should stay set it."
+)
+_REST_SPEED = Threshold(
+    "rest_speed",
+    None,
+    "m/s",
+    "Largest metric rest_speed; only scenes whose bodies should come to rest set it.",
+)
+_SETTLED = 1e-6
+_LENGTH = 1e-3
+_SPEED = 1e-3
+
+
+@cached
+def energy_scale(context: Context) -> Floats:
+    """Return (n,) the energy [J] that energy gains are a share of."""
+    return np.maximum(energy_budget(context), least_energy(context))
+
+
+@metric("1", "lower", 1e-9, requires="energy", equivalence=True, heading="gain")
+def energy_gain(context: Context) -> Floats:
+    """Largest mechanical energy over that at the start, less 1, in a passive scene.
+
+    The datum is the lowest potential energy that the run reaches; the energy at the start counts
+    as at least what lifts every free body by 1 mm. Contact must not add energy.
+    """
+    if not context.setup.passive:
+        return context.undefined()
+    values = energy(context)
+    return (values.max(axis=1) - values[:, 0]) / energy_scale(context)
+
+
+@metric("1/s", resolution=1e-12, tolerance=1e-3, requires="energy", equivalence=True)
+def energy_drift(context: Context) -> Floats:
+    """Change of mechanical energy over the run, over peak kinetic energy and time.
+
+    For passive scenes. Free motion should stay within 0.1 %/s; contact dissipates.
+    """
+    if not context.setup.passive:
+        return context.undefined()
+    values = energy(context)
+    scale = np.maximum(peak_kinetic(context), least_energy(context))
+    return (values[:, -1] - values[:, 0]) / (scale * context.seconds)
+
+
+@metric("1", "lower", 1e-6, requires="energy")
+def speed_ratio(context: Context) -> Floats:
+    """Largest speed of a free body over the speed that all the energy of the start would give it.
+
+    For passive scenes; the bound is sqrt(v0^2 + 2 g H) for one body that falls by H. Above 1, a
+    body was ejected.
+    """
+    if not context.setup.passive:
+        return context.undefined()
+
+    def ratio(body: FreeBody) -> Floats:
+        return np.sqrt(speed_squared(context, body).max(axis=1)) / _speed_bound(context, body.mass)
+
+    return worst_body(context, ratio)
+
+
+@metric("1", "lower", 1e-12, requires="energy")
+def momentum_drift(context: Context) -> Floats:
+    """Largest change of linear momentum in a free system, over sqrt(2 m K).
+
+    m is the total mass and K the peak kinetic energy. Contact forces are equal and opposite.
+    """
+    if context.trace.momentum is None:
+        return context.undefined()
+    return _largest_change(context.trace.momentum) / _momentum_scale(context)
+
+
+@metric("1", "lower", 1e-12, requires="energy")
+def spin_drift(context: Context) -> Floats:
+    """Largest change of angular momentum about the centre of mass in a free system.
+
+    As a share of its largest magnitude, which counts as at least 1 mm times sqrt(2 m K).
+    """
+    momentum = context.trace.angular_momentum
+    if momentum is None:
+        return context.undefined()
+    largest = np.sqrt((momentum**2).sum(axis=2).max(axis=1))
+    return _largest_change(momentum) / np.maximum(largest, _momentum_scale(context) * _LENGTH)
+
+
+@metric("s", "lower", requires="energy")
+def settle_time(context: Context) -> Floats:
+    """Time after which kinetic energy stays below 1e-6 of its peak.
+
+    Not defined where the system still moves at the end.
+    """
+    limit = _SETTLED * np.maximum(peak_kinetic(context), least_energy(context))
+    moving = kinetic(context) > limit[:, None]
+    settled = context.trace.steps - moving[:, ::-1].argmax(axis=1)
+    steps = np.where(moving.any(axis=1), settled, 0)
+    never = moving[:, -1] | ~np.isfinite(limit)
+    return np.where(never, np.nan, steps * context.trace.timestep)
+
+
+@metric("m/s", resolution=1e-9)
+def final_speed(context: Context) -> Floats:
+    """Speed of the fastest free body in the last state."""
+    return worst_body(context, lambda body: np.linalg.norm(context.velocity(body)[:, -1], axis=1))
+
+
+@metric("m", "lower", 1e-12)
+def drift(context: Context) -> Floats:
+    """Distance across gravity between a free body's first and last position.
+
+    The body that moved most counts. For bodies at rest it is creep, which grows with time and
+    vanishes with impratio; for a stack that collapsed it is the fall.
+    """
+    below = down(context)
+    return np.sqrt(worst_body(context, lambda body: _across(context.displacement(body), below)))
+
+
+@metric("m", "lower", 1e-12)
+def drop(context: Context) -> Floats:
+    """Distance along gravity between a free body's first and last position.
+
+    The body that sank most counts; negative where all rose.
+    """
+    below = down(context)
+    return worst_body(context, lambda body: (context.displacement(body) * below).sum(axis=1))
+
+
+@metric("m/s", "lower", 1e-12)
+def rest_speed(context: Context) -> Floats:
+    """Largest speed of a free body in the last fifth of the run.
+
+    Bodies at rest still creep.
+    """
+    last = slice(context.last_fifth.start + 1, None)
+    return np.sqrt(
+        worst_body(context, lambda body: speed_squared(context, body)[:, last].max(axis=1))
+    )
+
+
+@metric("any", resolution=1e-9)
+def joint_travel(context: Context) -> Floats:
+    """Speed summed over time of the degree of freedom that moves most, there and back.
+
+    Free bodies do not count. In m for slides, in rad for hinges and ball joints.
+    """
+    free = {body.dof + place for body in context.setup.free_bodies for place in range(6)}
+    jointed = [place for place in range(context.trace.qvel.shape[2]) if place not in free]
+    if not jointed:
+        return context.undefined()
+    speeds = np.abs(context.trace.qvel[:, 1:][:, :, jointed])
+    return speeds.sum(axis=1).max(axis=1) * context.trace.timestep
+
+
+@metric("any", resolution=1e-9)
+def actuator_effort(context: Context) -> Floats:
+    """Root mean square over time of the forces of all actuators together.
+
+    In N and N m, as each actuator has it; it shows what the motion asks of them.
+    """
+    forces = context.trace.forces
+    if forces is None or not forces.shape[2]:
+        return context.undefined()
+    return np.sqrt((forces * forces).sum(axis=2).mean(axis=1))
+
+
+@metric("rad", resolution=1e-9)
+def turn(context: Context) -> Floats:
+    """Angular speed summed over time of the free body that turns most."""
+
+    def angle(body: FreeBody) -> Floats:
+        rate = context.turning(body)[:, 1:]
+        return np.sqrt((rate * rate).sum(axis=2)).sum(axis=1)
+
+    return worst_body(context, angle) * context.trace.timestep
+
+
+@label(60, (_ENERGY_GAIN, _SPEED_RATIO))
+def energy_injection(runs: MeasuredRuns) -> Found:
+    """A passive scene gained energy, or ejected a body faster than its energy allows."""
+    for run, gain, limit in runs.over("energy_gain"):
+        values = energy(runs.context)[run]
+        risen = values - values[0] > limit * energy_scale(runs.context)[run]
+        reason = f"energy rose by {gain:.3%} of that at the start (limit {limit:.3g})"
+        yield run, Finding(reason, first_step(risen))
+    for run, ratio, limit in runs.over("speed_ratio"):
+        reason = f"a body moved {ratio:.3g} times as fast as the energy at the start allows"
+        step = _first_fast_step(runs.context, run, limit)
+        yield run, Finding(f"{reason} (limit {limit:g})", step)
+
+
+@label(44, (_DRIFT,), name="drift")
+def drifting(runs: MeasuredRuns) -> Found:
+    """A body that should stay ended farther from its start than the scene accepts."""
+    for run, moved, limit in runs.over("drift"):
+        reason = f"a body ended {moved:.3g} m away from its start (limit {limit:g} m)"
+        yield run, Finding(reason, _first_step_away(runs.context, run, limit))
+
+
+@label(32, (_REST_SPEED,))
+def unsettled(runs: MeasuredRuns) -> Found:
+    """A body still moves in the last fifth of the run, where the scene says that all rest."""
+    for run, speed, limit in runs.over("rest_speed"):
+        reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
+        yield run, Finding(reason, _first_moving_step(runs.context, run, limit))
+
+
+def _first_fast_step(context: Context, run: int, limit: float) -> int:
+    """Return the first step after which some free body is faster than it may be."""
+    steps: list[int] = []
+    for body in context.setup.free_bodies:
+        bound: Floats = _speed_bound(context, body.mass)
+        fast = speed_squared(context, body)[run] > (limit * bound[run]) ** 2
+        if fast.any():
+            steps.append(max(first_step(fast) - 1, 0))
+    return min(steps, default=0)
+
+
+def _speed_bound(context: Context, mass: Floats) -> Floats:
+    """Return (n,) the speed [m/s] that a body of this mass has with all of the energy budget."""
+    return np.maximum(np.sqrt(2 * energy_budget(context) / mass), _SPEED)
+
+
+def _momentum_scale(context: Context) -> Floats:
+    """Return (n,) a bound [kg m/s] on the momentum that the peak kinetic energy allows."""
+    mass = sum((body.mass for body in context.setup.free_bodies), np.zeros(context.trace.runs))
+    return np.sqrt(2 * mass * np.maximum(peak_kinetic(context), least_energy(context)))
+
+
+def _largest_change(vectors: Floats) -> Floats:
+    return np.sqrt(((vectors - vectors[:, :1]) ** 2).sum(axis=2).max(axis=1))
+
+
+def _first_step_away(context: Context, run: int, limit: float) -> int:
+    """Return the first step after which some free body is as far away as that."""
+    below = down(context)[run]
+    steps: list[int] = []
+    for body in context.setup.free_bodies:
+        place = context.position(body)[run]
+        steps.append(first_step(np.sqrt(_across(place - place[0], below)) > limit))
+    return min(step - 1 for step in steps if step > 0)
+
+
+def _first_moving_step(context: Context, run: int, limit: float) -> int:
+    """Return the first step of the last fifth after which some free body is as fast as that."""
+    start = context.last_fifth.start
+    fast = [
+        speed_squared(context, body)[run, start + 1 :] > limit**2
+        for body in context.setup.free_bodies
+    ]
+    return start + min(first_step(each) for each in fast if each.any())
+
+
+def _across(vectors: Floats, below: Floats) -> Floats:
+    """Return the squared length of vectors (..., 3) across a unit vector or zero (..., 3)."""
+    across = vectors - (vectors * below).sum(axis=-1, keepdims=True) * below
+    return (across * across).sum(axis=-1)
