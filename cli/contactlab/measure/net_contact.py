@@ -43,6 +43,8 @@ class NetContact:
     Attributes:
         series: the net quantities over time.
         found: (n, N) contacts that matched, recorded or not.
+        grip: (n, N) share of the bound that the contacts use, each by itself; at least the usage
+            of their sum.
         rolling: (n, N) relative angular speed of the first contact about its tangents [rad/s].
         spinning: (n, N) the same about its normal.
         excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
@@ -51,6 +53,7 @@ class NetContact:
 
     series: PairSeries
     found: NDArray[np.int32]
+    grip: Floats
     rolling: Floats
     spinning: Floats
     excess: Floats
@@ -141,7 +144,7 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     normal, tangential, usage, slip, distance, grip, rolling, spinning = series
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
-    return NetContact(shown, found, rolling, spinning, *worst)
+    return NetContact(shown, found, grip, rolling, spinning, *worst)
 
 
 def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
