@@ -25,9 +25,10 @@ from contactlab.schema.evidence import (
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
+    REAL,
     SHARED_FIELDS,
+    Column,
     axis_column,
-    metric_column,
     record_to_row,
     struct_column,
 )
@@ -158,9 +159,7 @@ def _columns(runs: Sequence[EvidenceRecord]) -> list[Any]:
     names = dict.fromkeys(name for run in runs for name in run.axes)
     axes = [axis_column(name, [run.axes.get(name) for run in runs], "", name) for name in names]
     metrics = [
-        metric_column(
-            name, unit, name, better=better, resolution=least, second_pass=name == "found"
-        )
+        Column(name, REAL, unit, name, better, least, second_pass=name == "found")
         for name, (unit, better, least) in METRICS.items()
     ]
     first: Mapping[str, Any] = runs[0].settings if runs else {"cone": "elliptic"}

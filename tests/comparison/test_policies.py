@@ -11,7 +11,7 @@ from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of, read_policy
 from contactlab.errors import PolicyError, SweepFileError
 from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.store.run_columns import MeasuredColumn
+from contactlab.store.table_layout import REAL, Column
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
@@ -35,7 +35,7 @@ def test_a_policy_is_read(tmp_path: Path) -> None:
     assert policy.match == "axes"
     (allowed,) = policy.labels.allow
     assert (allowed.from_, allowed.until) == ("chatter", date(2027, 3, 1))
-    rule = effective_rule(MeasuredColumn("depth", "m", "lower", 1e-9, second_pass=False), policy)
+    rule = effective_rule(Column("depth", REAL, "m", "", "lower", 1e-9), policy)
     assert (rule.rel, rule.abs, rule.level, rule.budget) == (0.02, 1e-5, "warn", 0.02)
 
 
@@ -43,7 +43,7 @@ def test_the_closest_rule_wins_field_by_field() -> None:
     policy = ComparePolicy.model_validate(
         {"version": 1, "metrics": {"depth": {"rel": 0.2}, "d*": {"rel": 0.1, "budget": 0.5}}}
     )
-    rule = effective_rule(MeasuredColumn("depth", "m", "lower", 1e-3, second_pass=False), policy)
+    rule = effective_rule(Column("depth", REAL, "m", "", "lower", 1e-3), policy)
     assert (rule.better, rule.rel, rule.budget) == ("lower", 0.2, 0.5)
     # The resolution is the least change that a value can show.
     assert rule.abs == 1e-3
@@ -61,7 +61,7 @@ def test_the_closest_rule_wins_field_by_field() -> None:
     ],
 )
 def test_work_gates_and_time_warns(name: str, statistic: str, level: str, kind: str) -> None:
-    measured = MeasuredColumn(name, "1", "lower", 0.0, second_pass=False)
+    measured = Column(name, REAL, "1", "", "lower")
     rule = effective_rule(measured, ComparePolicy(version=1))
     assert (rule.statistic, rule.level, kind_of(name)) == (statistic, level, kind)
     assert ("cpu_model" in rule.needs_same) == (kind == "time")
@@ -70,7 +70,7 @@ def test_work_gates_and_time_warns(name: str, statistic: str, level: str, kind: 
 def test_a_rule_for_all_leaves_the_special_ones() -> None:
     policy = ComparePolicy.model_validate({"version": 1, "metrics": {"*": {"rel": 0.03}}})
     rels = {
-        name: effective_rule(MeasuredColumn(name, "1", "lower", 0.0, second_pass=False), policy).rel
+        name: effective_rule(Column(name, REAL, "1", "", "lower"), policy).rel
         for name in ("depth", "cost_cpu_per_sim_s", "solver_iterations_max")
     }
     assert rels == {"depth": 0.03, "cost_cpu_per_sim_s": 0.15, "solver_iterations_max": 0.05}

@@ -23,7 +23,7 @@ from contactlab.reporting.map_cells import (
 )
 from contactlab.reporting.report_columns import GridAxis, Quantity, RunLabels
 from contactlab.reporting.run_series import decimated
-from contactlab.store.run_columns import MeasuredColumn
+from contactlab.store.table_layout import REAL, Column
 
 NAMES = ("diverged", "chatter", "stable")
 SLOW: dict[Statistic, Callable[[Floats], float]] = {
@@ -54,7 +54,7 @@ def run_labels(codes: list[int]) -> RunLabels:
 
 
 def quantity(values: list[float], better: str = "lower") -> Quantity:
-    return Quantity(MeasuredColumn("q", "m", better, 0.0, False), "", np.array(values))
+    return Quantity(Column("q", REAL, "m", "", better), "", np.array(values))
 
 
 Runs = list[tuple[int, int, int, float]]

@@ -29,10 +29,10 @@ from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.store.store_address import ObjectAddress, parse_address
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
+    REAL,
     SHARED_FIELDS,
     Column,
     axis_column,
-    metric_column,
     record_to_row,
     struct_column,
 )
@@ -132,7 +132,7 @@ def columns(records: Sequence[EvidenceRecord]) -> list[Column]:
         )
         for name in names
     ]
-    metrics = [metric_column(name, unit, f"what {name} is") for name, unit in UNITS.items()]
+    metrics = [Column(name, REAL, unit, f"what {name} is", "none") for name, unit in UNITS.items()]
     settings = {name: value for record in records for name, value in record.settings.items()}
     structs = [struct_column("settings", settings), struct_column("effects", records[0].effects)]
     return [*axes, *metrics, *structs]

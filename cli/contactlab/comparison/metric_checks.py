@@ -27,7 +27,8 @@ from contactlab.comparison.pairing import PairedStores, Value, groups
 from contactlab.comparison.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.comparison_report import Check, RunPair, Verdict
-from contactlab.store.run_columns import MeasuredColumn, NumberColumn
+from contactlab.store.run_columns import NumberColumn
+from contactlab.store.table_layout import Column
 
 _SIGN = {"lower": 1.0, "higher": -1.0, "none": 1.0}
 _WORDS: Mapping[Verdict, str] = {
@@ -65,9 +66,7 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
                 yield part.check(subject, rule)
 
 
-def _not_comparable(
-    paired: PairedStores, metric: MeasuredColumn, rule: EffectiveRule
-) -> str | None:
+def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
     """Return why a metric cannot be compared at all; None if it can."""
     if metric.name not in paired.baseline.columns.measured:
         return "the baseline was made before there was this metric"
@@ -98,7 +97,7 @@ class MetricPairs:
     exempt: NDArray[np.bool_]
 
     @classmethod
-    def of(cls, paired: PairedStores, metric: MeasuredColumn) -> "MetricPairs":
+    def of(cls, paired: PairedStores, metric: Column) -> "MetricPairs":
         """Return the values of a metric in all pairs."""
         exempt = paired.half_checked & metric.second_pass
         return cls(paired, np.arange(len(exempt)), *paired.numbers(metric.name), exempt)

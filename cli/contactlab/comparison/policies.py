@@ -17,7 +17,7 @@ from contactlab.schema.compare_policy import ComparePolicy, Level, MetricRule, S
 from contactlab.schema.comparison_report import CheckKind, ComparisonReport
 from contactlab.schema.judged_check import AcceptedCheck, JudgedCheck
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.run_columns import MeasuredColumn
+from contactlab.store.table_layout import Column
 
 REMEASURED = "remeasured_time"
 _LEAST_CHANGE = 1e-6
@@ -86,7 +86,7 @@ class EffectiveRule:
     needs_same: tuple[Sameness, ...] = ()
 
 
-def effective_rule(metric: MeasuredColumn, policy: ComparePolicy) -> EffectiveRule:
+def effective_rule(metric: Column, policy: ComparePolicy) -> EffectiveRule:
     """Return how a metric is compared.
 
     Defaults, the metric's own rule and the policy are merged key by key; the closest pattern wins,

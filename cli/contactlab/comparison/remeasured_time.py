@@ -13,7 +13,7 @@ from contactlab.comparison.checks import BETTER, SAME, WORSE, CheckSubject, form
 from contactlab.comparison.pairing import PairedStores
 from contactlab.comparison.policies import REMEASURED, effective_rule
 from contactlab.schema.comparison_report import Check, RunPair
-from contactlab.store.run_columns import MeasuredColumn
+from contactlab.store.table_layout import REAL, Column
 
 _CONFIDENCE = 0.95
 _LEAST_TIME = 0.05
@@ -64,7 +64,7 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
         StoreError: a run cannot be timed.
         PolicyError: an interpreter cannot time runs.
     """
-    metric = MeasuredColumn(REMEASURED, "1", "lower", 0.0, second_pass=False)
+    metric = Column(REMEASURED, REAL, "1", "", "lower")
     rule = effective_rule(metric, paired.policy)
     subject = CheckSubject(f"{REMEASURED} no worse", "time", rule.level)
     old, new = paired.baseline.path, paired.candidate.path

@@ -14,7 +14,8 @@ from contactlab.palette import STABLE_COLOUR, failure_colour
 from contactlab.schema.axis_forms import Role, axis_roles
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
-from contactlab.store.run_columns import MeasuredColumn, RunColumns
+from contactlab.store.run_columns import RunColumns
+from contactlab.store.table_layout import Column
 
 Codes = NDArray[np.int64]
 
@@ -62,7 +63,7 @@ class Quantity:
         values: (n,), NaN where there is no finite one.
     """
 
-    column: MeasuredColumn
+    column: Column
     description: str
     values: Floats
 
@@ -187,7 +188,7 @@ def read_quantities(store: Store) -> tuple[Quantity, ...]:
     return tuple(each for each in quantities if np.isfinite(each.values).any())
 
 
-def _quantity(store: Store, column: MeasuredColumn) -> Quantity:
+def _quantity(store: Store, column: Column) -> Quantity:
     values = store.columns.numbers(column.name).values
     metadata = store.columns.schema.field(column.name).metadata or {}
     finite = np.where(np.isfinite(values), values, np.nan)

@@ -48,9 +48,9 @@ from contactlab.store.store_address import absolute_address
 from contactlab.store.store_writer import CopyableFiles, open_writer
 from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
+    REAL,
     Column,
     axis_column,
-    metric_column,
     struct_column,
 )
 
@@ -212,12 +212,13 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
 
 
 def _metric_column(metric: Metric) -> Column:
-    return metric_column(
+    return Column(
         metric.name,
+        REAL,
         metric.unit,
         metric.definition,
-        better=metric.better,
-        resolution=metric.resolution,
+        metric.better,
+        metric.resolution,
         second_pass=metric.kind == "check",
     )
 

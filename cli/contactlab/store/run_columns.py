@@ -1,8 +1,7 @@
 """The table's columns as NumPy arrays, each read on demand."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -13,29 +12,13 @@ import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
-from contactlab.store.runs_table import shared_fields, table_errors, texts_of
+from contactlab.store.runs_table import shared_fields, table_errors
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import TABLE, stored_file
+from contactlab.store.table_layout import Column, column_of
 
 _MAX_CATEGORIES = 64
 """A bit each in a 64-bit mask."""
-
-
-@dataclass(frozen=True)
-class MeasuredColumn:
-    """Metadata of a column of measured values.
-
-    Attributes:
-        better: lower, higher or none.
-        resolution: magnitude below which a value counts as 0, in its unit.
-        second_pass: whether it is measured in the second pass.
-    """
-
-    name: str
-    unit: str
-    better: str
-    resolution: float
-    second_pass: bool
 
 
 class NumberColumn(NamedTuple):
@@ -82,7 +65,8 @@ class RunColumns:
         self.path = (address or store) / TABLE
         with table_errors(self.path):
             self._file = pq.ParquetFile(stored_file(store, TABLE) or store / TABLE)
-        self._latest: tuple[int, pa.Table] | None = None
+        # Rows are read in order.
+        self._group = lru_cache(maxsize=1)(self._file.read_row_group)
 
     @property
     def runs(self) -> int:
@@ -100,9 +84,9 @@ class RunColumns:
         return shared_fields(self.schema)
 
     @cached_property
-    def measured(self) -> Mapping[str, MeasuredColumn]:
+    def measured(self) -> Mapping[str, Column]:
         """The columns of measured values by name, in table order."""
-        found = (_measured(field) for field in self.schema)
+        found = map(column_of, self.schema)
         return {each.name: each for each in found if each.better}
 
     @cached_property
@@ -166,20 +150,13 @@ class RunColumns:
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
-        first = 0
-        for group in range(self._file.num_row_groups):
-            runs = self._file.metadata.row_group(group).num_rows
-            if index < first + runs:
-                return self._group(group).slice(index - first, 1).to_pylist()[0]
-            first += runs
-        raise StoreError(f"{self.path} has no row {index}")
-
-    def _group(self, group: int) -> pa.Table:
-        """Return a row group; the latest is cached, since rows are read in order."""
-        if self._latest is None or self._latest[0] != group:
-            with table_errors(self.path):
-                self._latest = (group, self._file.read_row_group(group))
-        return self._latest[1]
+        with table_errors(self.path):
+            for group in range(self._file.num_row_groups):
+                runs = self._file.metadata.row_group(group).num_rows
+                if index < runs:
+                    return self._group(group).slice(index, 1).to_pylist()[0]
+                index -= runs
+        raise StoreError(f"{self.path} has too few rows")
 
     @cached_property
     def _identities(self) -> pa.Table:
@@ -192,14 +169,3 @@ class RunColumns:
         with table_errors(self.path):
             column = self._file.read(columns=[name]).column(0)
         return column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
-
-
-def _measured(field: pa.Field) -> MeasuredColumn:
-    meta = texts_of(field.metadata)
-    return MeasuredColumn(
-        field.name,
-        meta.get("unit", ""),
-        meta.get("better", ""),
-        float(meta.get("resolution", 0)),
-        "measured_in" in meta,
-    )

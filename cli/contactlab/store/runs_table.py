@@ -24,7 +24,7 @@ from pydantic_core import from_json
 from contactlab.errors import StoreError
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.row_journal import row_size
-from contactlab.store.table_layout import Column, table_schema
+from contactlab.store.table_layout import Column, table_schema, texts_of
 
 OUTCOME_COLUMNS = ["label", "status", "trace_file", "expectation_met"]
 _COLUMNS = b"contactlab.columns"
@@ -52,23 +52,28 @@ def write_table(
     Raises:
         StoreError: a row has another column, or a value of another type.
     """
-    schema, rows = table_schema(own), OrderedLines(journal)
+    schema = table_schema(own)
     described = {field.name: texts_of(field.metadata) for field in schema}
     meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
+    strings, reals = (
+        [field.name for field in schema if field.type == kind]
+        for kind in (pa.string(), pa.float64())
+    )
     with (
+        journal.open("rb") as lines,
         atomic_write(target) as temporary,
         pq.ParquetWriter(
             temporary,
             schema.with_metadata(meta),
             compression="zstd",
             compression_level=3,
-            use_dictionary=_strings(schema),  # pyright: ignore[reportArgumentType]
-            column_encoding=dict.fromkeys(_reals(schema), "BYTE_STREAM_SPLIT"),
+            use_dictionary=strings,  # pyright: ignore[reportArgumentType]
+            column_encoding=dict.fromkeys(reals, "BYTE_STREAM_SPLIT"),
         ) as writer,
     ):
-        for first in range(0, len(rows), GROUP):
+        for spans in _row_groups(lines):
             try:
-                parts = [_parsed(block, schema) for block in rows.blocks(first, first + GROUP)]
+                parts = [_parsed(block, schema) for block in _blocks(lines, spans)]
             except pa.ArrowException as error:
                 raise StoreError(
                     f"{journal} has a row that does not fit the table: {error}; add --repair to "
@@ -89,31 +94,17 @@ def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
     return table.select(schema.names).cast(schema)
 
 
-class OrderedLines:
-    """The lines of a journal in plan order; of each only index, offset and size are in memory."""
-
-    def __init__(self, journal: Path) -> None:
-        self._path = journal
-        with journal.open("rb") as lines:
-            spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
-        self._spans = spans[np.argsort(spans["index"], kind="stable")]
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(self._spans)
-
-    def blocks(self, first: int, stop: int) -> Iterator[bytes]:
-        """Yield rows `first` to `stop - 1`, in order, as blocks of whole lines of some MiB."""
-        spans = self._spans[first:stop]
-        block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK
-        with self._path.open("rb") as file:
-            for part in np.split(spans, np.flatnonzero(np.diff(block)) + 1):
-                yield _read_lines(file, part)
-
-
 _LINE_SPAN = np.dtype([("index", np.int64), ("start", np.int64), ("size", np.int64)])
 # How every row begins, so that it need not be parsed to its end.
 _LINE_START = re.compile(rb'\{"run_id": ?"\w*", ?"index": ?(\d+),')
+
+
+def _row_groups(lines: BinaryIO) -> Iterator[NDArray[np.void]]:
+    """Yield where the lines of each row group are in a journal, in plan order."""
+    spans = np.fromiter(_line_spans(lines), _LINE_SPAN)
+    spans = spans[np.argsort(spans["index"], kind="stable")]
+    for first in range(0, len(spans), GROUP):
+        yield spans[first : first + GROUP]
 
 
 def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int]]:
@@ -125,14 +116,12 @@ def _line_spans(lines: BinaryIO) -> Iterator[tuple[int, int, int]]:
         start += len(line)
 
 
-def _read_lines(file: BinaryIO, spans: NDArray[np.void]) -> bytes:
-    where = zip(spans["start"].tolist(), spans["size"].tolist(), strict=True)
-    return b"\n".join([*(os.pread(file.fileno(), size, start) for start, size in where), b""])
-
-
-def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
-    """Return the metadata of a field as texts."""
-    return {key.decode(): text.decode() for key, text in (metadata or {}).items()}
+def _blocks(lines: BinaryIO, spans: NDArray[np.void]) -> Iterator[bytes]:
+    """Yield rows of a journal as blocks of whole lines of some MiB."""
+    block = (np.cumsum(spans["size"]) - spans["size"]) // _BLOCK
+    for part in np.split(spans, np.flatnonzero(np.diff(block)) + 1):
+        where = zip(part["start"].tolist(), part["size"].tolist(), strict=True)
+        yield b"\n".join([*(os.pread(lines.fileno(), size, start) for start, size in where), b""])
 
 
 def write_compact_table(source: Path, target: Path) -> None:
@@ -232,20 +221,7 @@ def shared_fields(schema: pa.Schema) -> dict[str, Any]:
 
 
 def rows_digest(path: Path) -> str:
-    """Return the digest of all rows of a table's file.
-
-    Raises:
-        StoreError: there is none, or it is damaged.
-    """
-    with table_errors(path), pq.ParquetFile(path) as file:
-        digest = RowsDigest(file.schema_arrow)
-        for batch in file.iter_batches(GROUP):
-            digest.add(batch)
-    return digest.hexdigest
-
-
-class RowsDigest:
-    """A digest of all rows of a table, whatever its file's encoding, compression and row groups.
+    """Return a digest of all rows of a table, whatever its encoding, compression and row groups.
 
     Each column is one or more streams of bytes: which values there are, the lengths of texts and
     lists, and the values themselves, nulls as zeros. The digest is the SHA-256 of the names, types
@@ -253,28 +229,20 @@ class RowsDigest:
     share. A copy that only compresses otherwise has the same digest; any other value, order or
     column another one.
 
-    Args:
-        schema: of the table, with its metadata.
+    Raises:
+        StoreError: there is none, or it is damaged.
     """
-
-    def __init__(self, schema: pa.Schema) -> None:
-        described = [[field.name, str(field.type), texts_of(_essential(field))] for field in schema]
-        self._head = json.dumps([described, shared_fields(schema)], sort_keys=True)
-        self._streams: defaultdict[str, Any] = defaultdict(hashlib.sha256)
-
-    def add(self, batch: pa.RecordBatch) -> None:
-        """Take the next rows."""
-        for name, column in zip(batch.schema.names, batch.columns, strict=True):
-            for stream, data in _streams(name, column):
-                self._streams[stream].update(data)
-
-    @property
-    def hexdigest(self) -> str:
-        """The digest of all rows so far, in hex."""
-        streams = {name: stream.hexdigest() for name, stream in self._streams.items()}
-        return hashlib.sha256(
-            (self._head + json.dumps(streams, sort_keys=True)).encode()
-        ).hexdigest()
+    streams = defaultdict[str, Any](hashlib.sha256)
+    with table_errors(path), pq.ParquetFile(path) as file:
+        schema = file.schema_arrow
+        for batch in file.iter_batches(GROUP):
+            for name, column in zip(schema.names, batch.columns, strict=True):
+                for stream, data in _streams(name, column):
+                    streams[stream].update(data)
+    described = [[field.name, str(field.type), texts_of(_essential(field))] for field in schema]
+    head = json.dumps([described, shared_fields(schema)], sort_keys=True)
+    digests = {name: stream.hexdigest() for name, stream in streams.items()}
+    return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
 
 
 def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryview]]:
@@ -299,11 +267,3 @@ def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryv
 
 def _lengths(lengths: pa.Array) -> memoryview:
     return lengths.fill_null(0).cast(pa.int64()).to_numpy(zero_copy_only=False).data
-
-
-def _strings(schema: pa.Schema) -> list[str]:
-    return [field.name for field in schema if pa.types.is_string(field.type)]
-
-
-def _reals(schema: pa.Schema) -> list[str]:
-    return [field.name for field in schema if pa.types.is_float64(field.type)]

@@ -10,7 +10,7 @@ from pydantic_core import from_json, to_json
 from contactlab.schema.evidence import Accuracy, Cost, Engine, EvidenceRecord, InitialState, Timing
 
 _TEXT = pa.string()
-_REAL = pa.float64()
+REAL = pa.float64()
 _WHOLE = pa.int64()
 _TRUTH = pa.bool_()
 
@@ -41,7 +41,7 @@ FIXED_COLUMNS = (
     Column("scene", _TEXT, "", "scene's name"),
     Column("scene_hash", _TEXT, "", "hash of the scene's files"),
     Column("seed", _WHOLE, "1", "what perturbed the start state"),
-    Column("duration", _REAL, "s", "simulated time asked for"),
+    Column("duration", REAL, "s", "simulated time asked for"),
     Column("drive", _TEXT, "", "what drove the run, as JSON"),
     Column("label", _TEXT, "", "worst label"),
     Column("labels", pa.list_(_TEXT), "", "every label that applies, worst first"),
@@ -59,32 +59,32 @@ FIXED_COLUMNS = (
     Column("expectation_reason", _TEXT, "", "what was missed"),
     Column("tolerances_met", _TRUTH, "", "whether every tolerance of the sweep is met"),
     Column("knife_edge", _TRUTH, "", "whether a start 1e-6 away gives another label"),
-    Column("cost_cpu_s", _REAL, "s", "thread CPU time of the stepping"),
-    Column("cost_cpu_per_sim_s", _REAL, "1", "CPU seconds per simulated second", "lower"),
-    Column("cost_latency_budget_s", _REAL, "s", "wall time a step may take"),
-    Column("cost_latency_used", _REAL, "1", "mean CPU time of a step over the budget"),
-    Column("error_final", _REAL, "m", "distance from the reference at the end", "lower"),
-    Column("error_mean", _REAL, "m", "distance from the reference, mean over time", "lower"),
-    Column("error_peak", _REAL, "m", "distance from the reference, largest", "lower"),
-    Column("error_estimate", _REAL, "m", "what the reference itself may be off by", "lower"),
-    Column("error_final_estimate", _REAL, "m", "the same for the error at the end"),
-    Column("error_mean_estimate", _REAL, "m", "the same for the mean error"),
+    Column("cost_cpu_s", REAL, "s", "thread CPU time of the stepping"),
+    Column("cost_cpu_per_sim_s", REAL, "1", "CPU seconds per simulated second", "lower"),
+    Column("cost_latency_budget_s", REAL, "s", "wall time a step may take"),
+    Column("cost_latency_used", REAL, "1", "mean CPU time of a step over the budget"),
+    Column("error_final", REAL, "m", "distance from the reference at the end", "lower"),
+    Column("error_mean", REAL, "m", "distance from the reference, mean over time", "lower"),
+    Column("error_peak", REAL, "m", "distance from the reference, largest", "lower"),
+    Column("error_estimate", REAL, "m", "what the reference itself may be off by", "lower"),
+    Column("error_final_estimate", REAL, "m", "the same for the error at the end"),
+    Column("error_mean_estimate", REAL, "m", "the same for the mean error"),
     Column("error_kind", _TEXT, "", "trajectory, local or invariants; the last have no unit"),
     Column("chaotic", _TRUTH, "", "whether a start 1e-8 away grows to the size of the errors"),
     Column("reference_integrator", _TEXT, "", "the reference's integrator"),
-    Column("reference_timestep", _REAL, "s", "the finest reference's timestep"),
+    Column("reference_timestep", REAL, "s", "the finest reference's timestep"),
     Column("impacts", _WHOLE, "1", "how often contacts began or ended in the run"),
     Column("solref_rule", _TEXT, "", "absolute, or tied to the timestep"),
     Column("solref_clamped", _TRUTH, "", "whether refsafe raised solref to two timesteps"),
-    Column("time_min", _REAL, "1", "CPU s per simulated s, least of the rounds", "lower"),
-    Column("time_median", _REAL, "1", "CPU s per simulated s, median of the rounds", "lower"),
-    Column("step_p50", _REAL, "s", "CPU time of a single step, median", "lower"),
-    Column("step_p99", _REAL, "s", "CPU time of a single step, 99th percentile", "lower"),
-    Column("compile_time", _REAL, "s", "CPU time to compile the model", "lower"),
-    Column("work_steps", _REAL, "1/s", "steps per simulated second", "lower"),
-    Column("work_iterations", _REAL, "1/s", "solver iterations per simulated second", "lower"),
-    Column("work_contacts", _REAL, "1/s", "contacts of all steps per simulated second", "lower"),
-    Column("work_rows", _REAL, "1/s", "constraint rows of all steps per simulated second", "lower"),
+    Column("time_min", REAL, "1", "CPU s per simulated s, least of the rounds", "lower"),
+    Column("time_median", REAL, "1", "CPU s per simulated s, median of the rounds", "lower"),
+    Column("step_p50", REAL, "s", "CPU time of a single step, median", "lower"),
+    Column("step_p99", REAL, "s", "CPU time of a single step, 99th percentile", "lower"),
+    Column("compile_time", REAL, "s", "CPU time to compile the model", "lower"),
+    Column("work_steps", REAL, "1/s", "steps per simulated second", "lower"),
+    Column("work_iterations", REAL, "1/s", "solver iterations per simulated second", "lower"),
+    Column("work_contacts", REAL, "1/s", "contacts of all steps per simulated second", "lower"),
+    Column("work_rows", REAL, "1/s", "constraint rows of all steps per simulated second", "lower"),
     Column("timing_settings", _TEXT, "", "hash of how times were measured"),
     Column("effects", pa.struct([]), "", "every effect, on or off"),
     Column("effect_reasons", _TEXT, "", "why each effect is on or off, as JSON"),
@@ -95,10 +95,10 @@ FIXED_COLUMNS = (
         "effects that are off although the run called for them, as JSON",
     ),
     Column("settings", pa.struct([]), "", "every resolved setting"),
-    Column("initial_qpos", pa.list_(_REAL), "", "start configuration"),
-    Column("initial_qvel", pa.list_(_REAL), "", "start velocity"),
-    Column("initial_ctrl", pa.list_(_REAL), "", "constant control"),
-    Column("initial_applied", pa.list_(_REAL), "", "constant force and torque on each body"),
+    Column("initial_qpos", pa.list_(REAL), "", "start configuration"),
+    Column("initial_qvel", pa.list_(REAL), "", "start velocity"),
+    Column("initial_ctrl", pa.list_(REAL), "", "constant control"),
+    Column("initial_applied", pa.list_(REAL), "", "constant force and torque on each body"),
     Column("pairs", _TEXT, "", "effective contact parameters of each pair, as JSON"),
     Column("edited_geoms", pa.list_(_TEXT), "", "geoms whose contact parameters were set"),
     Column("coverage", _TEXT, "", "what moved, was loaded and touched, as JSON"),
@@ -145,23 +145,10 @@ def axis_column(name: str, values: Sequence[object], unit: str, description: str
     elif kinds <= {int}:
         kind = _WHOLE
     elif kinds <= {int, float}:
-        kind = _REAL
+        kind = REAL
     else:
         kind = _TEXT
     return Column(name, kind, unit, description)
-
-
-def metric_column(
-    name: str,
-    unit: str,
-    description: str,
-    *,
-    better: str = "none",
-    resolution: float = 0.0,
-    second_pass: bool = False,
-) -> Column:
-    """Return the column of a metric; see `Column` for the arguments."""
-    return Column(name, _REAL, unit, description, better, resolution, second_pass)
 
 
 def as_ratios(names: Iterable[str]) -> list[Column]:
@@ -180,14 +167,33 @@ def _field(column: Column) -> pa.Field:
     return pa.field(column.name, column.type, metadata=given)
 
 
+def column_of(field: pa.Field) -> Column:
+    """Return the column that a field of a stored table is."""
+    meta = texts_of(field.metadata)
+    return Column(
+        field.name,
+        field.type,
+        meta.get("unit", ""),
+        meta.get("description", ""),
+        meta.get("better", ""),
+        float(meta.get("resolution", 0)),
+        "measured_in" in meta,
+    )
+
+
+def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:
+    """Return the metadata of a field as texts."""
+    return {key.decode(): text.decode() for key, text in (metadata or {}).items()}
+
+
 def _type_of(value: object) -> pa.DataType:
     if isinstance(value, bool):
         return _TRUTH
     if isinstance(value, int):
         return _WHOLE
     if isinstance(value, float):
-        return _REAL
-    return _TEXT if isinstance(value, str) else pa.list_(_REAL)
+        return REAL
+    return _TEXT if isinstance(value, str) else pa.list_(REAL)
 
 
 # Fields that all runs of a store share; the table has them once, in its metadata.

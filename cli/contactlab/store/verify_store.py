@@ -6,7 +6,6 @@ from itertools import islice, tee
 from typing import Any
 
 import numpy as np
-import pyarrow.parquet as pq
 
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
@@ -17,11 +16,10 @@ from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.mcap_check import trace_problems
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
-    RowsDigest,
     count_outcomes,
+    iterate_rows,
     read_table,
-    shared_fields,
-    table_errors,
+    rows_digest,
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
@@ -30,7 +28,6 @@ from contactlab.store.store_manifest import parse_identity
 from contactlab.store.table_layout import row_to_record
 
 MOST_PROBLEMS = 1000
-_BATCH = 1024
 _READ_BYTES = 256 << 20
 """Traces up to this size in all are read where only a glance is asked for; of others, the size."""
 _MOST_NAMED = 3
@@ -197,8 +194,7 @@ def _check_records(store: Store, backend: Backend, model: bytes | None) -> Itera
     """Yield what is wrong with records and traces, a batch of rows at a time."""
     problems: list[str] = []
     named: set[str] = set()
-    digest = RowsDigest(store.columns.schema)
-    records, ahead = tee(_traced_records(store, digest, problems))
+    records, ahead = tee(_traced_records(store, problems))
     files = backend.trace_files(record.trace.file for record in ahead if record.trace)
     for record, path in zip(records, files, strict=True):
         assert record.trace is not None
@@ -211,29 +207,21 @@ def _check_records(store: Store, backend: Backend, model: bytes | None) -> Itera
     for name in backend.trace_names():
         if name not in named:
             yield f"{name}: belongs to no run"
-    if store.manifest.records not in {None, digest.hexdigest}:
+    if store.manifest.records not in {None, rows_digest(store.path / TABLE)}:
         yield f"{TABLE}: its records are not those of the manifest's digest"
 
 
-def _traced_records(
-    store: Store, digest: RowsDigest, problems: list[str]
-) -> Iterator[EvidenceRecord]:
-    """Yield the records that have a trace; take all into a digest, and note which are damaged."""
-    shared, kept = shared_fields(store.columns.schema), not store.manifest.traces_left_out
-    with table_errors(store.path / TABLE), pq.ParquetFile(store.path / TABLE) as file:
-        for batch in file.iter_batches(_BATCH):
-            digest.add(batch)
-            for row in batch.to_pylist():
-                try:
-                    record = row_to_record(row, shared)
-                except (LookupError, TypeError, ValueError) as error:
-                    problems.append(
-                        f"{TABLE}: run {row['run_id']} does not fit its schema: {error}"
-                    )
-                    continue
-                problems += _wrong_labels(row, record)
-                if kept and record.trace is not None:
-                    yield record
+def _traced_records(store: Store, problems: list[str]) -> Iterator[EvidenceRecord]:
+    """Yield the records that have a trace, and note which are damaged."""
+    for row in iterate_rows(store.path / TABLE):
+        try:
+            record = row_to_record(row, store.columns.shared)
+        except (LookupError, TypeError, ValueError) as error:
+            problems.append(f"{TABLE}: run {row['run_id']} does not fit its schema: {error}")
+            continue
+        problems += _wrong_labels(row, record)
+        if record.trace is not None and not store.manifest.traces_left_out:
+            yield record
 
 
 def _wrong_labels(row: Mapping[str, Any], record: EvidenceRecord) -> Iterator[str]:
