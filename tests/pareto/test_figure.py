@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.pareto.chart_data import chart_data
 from contactlab.pareto.drawing import draw
-from contactlab.pareto.tradeoff_chart import specification
+from contactlab.pareto.tradeoff_chart import chart_data, specification
 from contactlab.schema.tradeoff_report import TradeoffReport
 
 Written = Callable[..., Any]

@@ -91,7 +91,7 @@ def test_knobs_that_change_no_error_are_idle(weighed: Weigh) -> None:
     found = weighed(rows, KNOBS)
     assert idle_knobs(found) == ["cone"]
     few = with_one_idle_value(found, ["cone"], None)
-    assert {each.group.values["cone"] for each in few} == {"pyramidal"}
+    assert {each.values["cone"] for each in few} == {"pyramidal"}
     assert len(few) == len(found) / 2
     rows[3]["label"] = "chatter"
     assert idle_knobs(weighed(rows, KNOBS)) == []

@@ -116,8 +116,8 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
         expected.append(
             [
                 [each.summary.feasible for each in found],
-                *([each.group.rows[0] for each in chosen] for chosen in best),
-                [each.group.rows[0] for each in feasible_front(found)],
+                *([each.rows[0] for each in chosen] for chosen in best),
+                [each.rows[0] for each in feasible_front(found)],
             ]
         )
     page = browser.new_page()

@@ -1,7 +1,7 @@
 """From a store to the trade-off report: fronts, recommendations, blockers and notes."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,35 +59,34 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     front = feasible_front(evaluated)
     chosen, safe = equally_fast(evaluated), equally_fast(evaluated, SAFE_MARGIN)
     best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
-    configurations = tuple(each.summary for each in evaluated)
-    is_modelling = error.kind != "discretisation"
+    summaries = tuple(each.summary for each in evaluated)
+    alike = with_one_idle_value(evaluated, idle, best)
     identity = store.manifest.sweep
-    return TradeoffReport(
+    report = TradeoffReport(
         store=str(store.address),
         sweep=identity.name,
         scene=identity.scene,
         knobs=tuple(runs.knobs),
         scenarios=tuple(runs.scenarios),
         idle=tuple(idle),
-        cases=max(len(each.group.cases) for each in evaluated),
+        cases=max(each.cases for each in evaluated),
         error=error,
         time=resolved.time,
         tolerances=tolerances,
         chaotic=is_chaotic(runs),
-        configurations=configurations,
+        configurations=summaries,
         front=tuple(_point(each.summary) for each in front),
-        unconstrained_front=tuple(
-            _point(configurations[index]) for index in front_of(configurations)
-        ),
-        methods=tuple(
-            methods(with_one_idle_value(evaluated, idle, best), is_modelling=is_modelling)
-        ),
+        unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
+        methods=tuple(methods(alike, is_modelling=error.kind != "discretisation")),
         recommendation=_recommendation(store, runs, chosen),
         robust=_recommendation(store, runs, safe),
         next_step=_next_step(front, best) if best else None,
         blockers=tuple(_blockers(evaluated)),
-        notes=(*_notes(evaluated, runs, resolved, best, idle), *_not_exercised(store, runs)),
+        notes=(),
     )
+    short = sum(each.cases < report.cases for each in evaluated)
+    notes = [*_notes(report, runs, best, short), *_not_exercised(store, runs)]
+    return report.model_copy(update={"notes": tuple(notes)})
 
 
 _COVERAGE = ("run_id", "coverage", "drive")
@@ -126,19 +125,19 @@ def _recommendation(
     if not near:
         return None
     chosen, *others = near
-    summary, run = chosen.summary, runs.ids[chosen.group.rows[0]]
+    summary, run = chosen.summary, runs.ids[chosen.rows[0]]
     assert summary.time is not None
-    lines = mjcf_lines(runs.knobs, store.record(run))
+    mjcf, other = mjcf_lines(runs.knobs, store.record(run))
     return Recommendation(
         configuration=summary.configuration,
         margins=summary.margins,
         time=summary.time,
         error=summary.error,
         real_time_factor=1 / summary.time,
-        equally_fast=tuple(each.summary.configuration for each in others),
+        equally_fast=tuple(each.values for each in others),
         run_id=run,
-        mjcf=lines.mjcf,
-        other=lines.other,
+        mjcf=mjcf,
+        other=other,
     )
 
 
@@ -180,30 +179,8 @@ _NOISY = 0.05
 """Spread of the rounds of a timing pass from which a note says so."""
 
 
-def _notes(
-    evaluated: Sequence[Evaluated],
-    runs: StoredRuns,
-    criteria: ResolvedCriteria,
-    chosen: Evaluated | None,
-    idle: Sequence[str],
-) -> Iterator[str]:
-    yield from _time_notes(criteria)
-    yield from _error_notes(evaluated, criteria)
-    yield from _model_notes(evaluated, runs, criteria, chosen)
-    if not criteria.tolerances:
-        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
-    most = max(len(each.group.cases) for each in evaluated)
-    short = sum(len(each.group.cases) < most for each in evaluated)
-    if short:
-        yield f"{short} configurations lack some scenario or seed, and are not feasible"
-    if idle:
-        yield f"no error changes by more than 1 % with {', '.join(idle)}"
-    if chosen is not None:
-        yield from _edge_notes(chosen, runs)
-
-
-def _time_notes(criteria: ResolvedCriteria) -> Iterator[str]:
-    time = criteria.time
+def _measurement_notes(report: TradeoffReport) -> Iterator[str]:
+    time, found = report.time, report.configurations
     if time.source == "recording":
         yield (
             "times are those of the recorded runs on a busy machine, accurate to 10 % at best; "
@@ -214,56 +191,49 @@ def _time_notes(criteria: ResolvedCriteria) -> Iterator[str]:
             f"rounds of the timing pass differ by {time.spread:.0%}, median over minimum: "
             "smaller differences between configurations mean nothing"
         )
-
-
-def _error_notes(evaluated: Sequence[Evaluated], criteria: ResolvedCriteria) -> Iterator[str]:
-    below = sum(each.summary.below_estimate for each in evaluated)
-    if below:
+    if below := sum(each.below_estimate for each in found):
         yield (
-            f"{below} of {len(evaluated)} configurations have an error below the uncertainty of "
+            f"{below} of {len(found)} configurations have an error below the uncertainty of "
             "the reference, which is reported in its place"
         )
-    unknown = sum(each.summary.error is None for each in evaluated)
-    if unknown:
-        name = criteria.error.name
-        yield f"{unknown} of {len(evaluated)} configurations have runs without {name}"
+    if unknown := sum(each.error is None for each in found):
+        yield f"{unknown} of {len(found)} configurations have runs without {report.error.name}"
 
 
-def _model_notes(
-    evaluated: Sequence[Evaluated],
-    runs: StoredRuns,
-    criteria: ResolvedCriteria,
-    chosen: Evaluated | None,
+def _notes(
+    report: TradeoffReport, runs: StoredRuns, chosen: Evaluated | None, short: int
 ) -> Iterator[str]:
+    yield from _measurement_notes(report)
     if "tied" in runs.solref_rules:
         yield "solref follows the timestep, so that each timestep simulates a different contact"
-    if is_chaotic(runs) and criteria.error.against == "trajectory":
+    if report.chaotic and report.error.against == "trajectory":
         yield (
             "the motion is chaotic, so that distances between trajectories mean little; sweep with "
             "`accuracy: {error: invariants}`"
         )
-    clamped = sum(each.summary.solref_clamped for each in evaluated)
-    if clamped:
+    if clamped := sum(each.solref_clamped for each in report.configurations):
         yield (
-            f"{clamped} of {len(evaluated)} configurations set a time constant below two "
-            "timesteps; refsafe raises it, so that they simulate a softer contact"
+            f"{clamped} of {len(report.configurations)} configurations set a time constant below "
+            "two timesteps; refsafe raises it, so that they simulate a softer contact"
         )
     if chosen is not None and chosen.summary.solref_clamped:
         yield "the recommended configuration is one of these"
+    if not report.tolerances:
+        yield "no tolerances: the recommended runs have no failure label, no more; see --tolerance"
+    if short:
+        yield f"{short} configurations lack some scenario or seed, and are not feasible"
+    if report.idle:
+        yield f"no error changes by more than 1 % with {', '.join(report.idle)}"
+    yield from _edge_notes(chosen.values if chosen else {}, runs)
 
 
-def _edge_notes(chosen: Evaluated, runs: StoredRuns) -> Iterator[str]:
-    for name, value in chosen.group.values.items():
-        numbers = _numbers(runs.knobs[name])
+def _edge_notes(chosen: Mapping[str, Setting], runs: StoredRuns) -> Iterator[str]:
+    for name, value in chosen.items():
+        values = {each for each in runs.knobs[name] if isinstance(each, int | float)}
+        numbers = sorted(each for each in values if not isinstance(each, bool))
         if len(numbers) > 2 and value in (numbers[0], numbers[-1]):
             end = "smallest" if value == numbers[0] else "largest"
             yield f"{name} {value:g} is the {end} value of the sweep"
-
-
-def _numbers(values: Iterable[Setting]) -> list[float]:
-    """Return the distinct numbers among some values, in order."""
-    numbers = {each for each in values if isinstance(each, int | float)}
-    return sorted(each for each in numbers if not isinstance(each, bool))
 
 
 @dataclass(frozen=True)
@@ -286,8 +256,8 @@ def tolerance_table(store: Store, report: TradeoffReport, names: Sequence[str]) 
     """Return the table from which other tolerances of these metrics can be evaluated."""
     runs = read_runs(store, (report.error.name, report.time.name, *names))
     evaluated = evaluate(runs, ResolvedCriteria(report.error, report.time, {}))
-    order = np.concatenate([each.group.rows for each in evaluated])
-    counts = np.array([len(each.group.rows) for each in evaluated])
+    order = np.concatenate([each.rows for each in evaluated])
+    counts = np.array([len(each.rows) for each in evaluated])
     configuration = np.empty(len(order), dtype=np.int64)
     configuration[order] = np.repeat(np.arange(len(evaluated)), counts)
     starts = np.cumsum(counts) - counts

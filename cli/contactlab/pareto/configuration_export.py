@@ -2,8 +2,8 @@
 
 import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from contactlab import resources
 from contactlab.errors import StoreError
@@ -14,13 +14,10 @@ from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 
 
-@dataclass(frozen=True)
-class MjcfLines:
-    """A configuration as MJCF.
+class MjcfLines(NamedTuple):
+    """Lines to put below `<mujoco>`, and knobs that are not options, switches or of geoms.
 
-    Attributes:
-        mjcf: lines to put below `<mujoco>`; a geom's own attributes go over its defaults.
-        other: knobs that are neither options, nor switches, nor defaults of geoms.
+    A geom's own attributes go over its defaults, which the lines set.
     """
 
     mjcf: tuple[str, ...]

@@ -38,6 +38,7 @@ ESTIMATES = {
 }
 _FLAGS = ("chaotic", "solref_clamped")
 _SOLREF_RULE = "solref_rule"
+_FIXED = ("run_id", "seed", "label")
 
 
 @dataclass(frozen=True)
@@ -60,34 +61,19 @@ class StoredRuns:
     solref_rules: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True)
-class ConfigurationRuns:
-    """The runs of one configuration.
-
-    Attributes:
-        values: knob to value.
-        rows: indices of its runs in `StoredRuns`.
-        cases: scenario and seed of each of them.
-    """
-
-    values: dict[str, Setting]
-    rows: list[int]
-    cases: frozenset[tuple[Setting, ...]]
-
-
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     """Read the runs of a store, with these columns beside those that every trade-off needs."""
     columns = store.columns
-    axes = columns.axis_names
+    names = [*names, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS]
+    present = columns.schema.names
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     roles = axis_roles(sweep.axes, *sweep.zip)
-    known = {*names, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS}
-    wanted = [name for name in known if name in columns.schema.names]
-    fixed = ["run_id", "seed", "label"]
-    values = columns.to_pydict(list(dict.fromkeys((*fixed, *axes))))
+    values = columns.to_pydict(list(dict.fromkeys((*_FIXED, *columns.axis_names))))
 
     def of(kind: Role) -> dict[str, list[Setting]]:
-        return {name: values[name] for name in axes if roles.get(name, "knob") == kind}
+        return {
+            name: values[name] for name in columns.axis_names if roles.get(name, "knob") == kind
+        }
 
     return StoredRuns(
         ids=values["run_id"],
@@ -95,25 +81,9 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         scenarios=of("scenario"),
         seeds=values["seed"],
         labels=values["label"],
-        numbers={name: columns.numbers(name).values for name in wanted},
-        solref_rules=columns.strings(_SOLREF_RULE).categories
-        if _SOLREF_RULE in columns.schema.names
-        else (),
+        numbers={name: columns.numbers(name).values for name in names if name in present},
+        solref_rules=columns.strings(_SOLREF_RULE).categories if _SOLREF_RULE in present else (),
     )
-
-
-def group_runs(runs: StoredRuns) -> list[ConfigurationRuns]:
-    """Return the runs of each configuration, in the order of the plan."""
-    members: dict[tuple[Setting, ...], list[int]] = {}
-    for row, key in enumerate(_rows(runs.knobs, len(runs.ids))):
-        members.setdefault(key, []).append(row)
-    cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
-    return [
-        ConfigurationRuns(
-            dict(zip(runs.knobs, key, strict=True)), rows, frozenset(cases[row] for row in rows)
-        )
-        for key, rows in members.items()
-    ]
 
 
 def is_chaotic(runs: StoredRuns) -> bool:
@@ -140,13 +110,7 @@ def wilson(good: int, runs: int) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class ResolvedCriteria:
-    """What configurations are evaluated by.
-
-    Attributes:
-        error: the column that stands for accuracy, its unit and resolution.
-        time: the column that stands for cost.
-        tolerances: metric to largest magnitude.
-    """
+    """The columns for accuracy and cost, and the largest magnitude of tolerated metrics."""
 
     error: ErrorMeasure
     time: TimeMeasure
@@ -158,84 +122,112 @@ class Evaluated:
     """One configuration.
 
     Attributes:
+        rows: indices of its runs in `StoredRuns`.
+        cases: in how many scenarios and seeds it was run.
         estimate: uncertainty of the reference of its error, in the error's unit; 0 without one.
         impacts: largest number of impacts in any of its runs.
-        failures: failed runs by label.
         exceeded: metrics that exceed their tolerance.
     """
 
-    group: ConfigurationRuns
     summary: Configuration
+    rows: list[int]
+    cases: int
     estimate: float
     impacts: float
-    failures: Mapping[str, int]
     exceeded: tuple[str, ...]
+
+    @property
+    def values(self) -> dict[str, Setting]:
+        """Knob to value."""
+        return self.summary.configuration
+
+    @property
+    def failures(self) -> dict[str, int]:
+        """Failed runs by label."""
+        return _failures(self.summary.outcomes.labels)
 
 
 def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
-    """Evaluate every configuration.
+    """Evaluate every configuration, in the order of the plan.
 
     A configuration is feasible if it was run in every scenario and seed that any other was run in,
     has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    groups = group_runs(runs)
-    every = frozenset[object]().union(*(each.cases for each in groups))
-    return [_evaluate_one(runs, each, criteria, len(every)) for each in groups]
+    members: dict[tuple[Setting, ...], list[int]] = {}
+    for row, key in enumerate(_rows(runs.knobs, len(runs.ids))):
+        members.setdefault(key, []).append(row)
+    cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
+    every = len(set(cases))
+    found: list[Evaluated] = []
+    for key, rows in members.items():
+        values, own = dict(zip(runs.knobs, key, strict=True)), len({cases[row] for row in rows})
+        found.append(_evaluate_one(runs, values, rows, criteria, own, every))
+    return found
 
 
 def _evaluate_one(
-    runs: StoredRuns, members: ConfigurationRuns, criteria: ResolvedCriteria, cases: int
+    runs: StoredRuns,
+    values: dict[str, Setting],
+    rows: list[int],
+    criteria: ResolvedCriteria,
+    cases: int,
+    every: int,
 ) -> Evaluated:
-    labels = Counter(runs.labels[row] for row in members.rows)
-    failures = {name: count for name, count in labels.items() if name != _STABLE}
-    worst = {name: _most(magnitudes(runs, members.rows, name)) for name in criteria.tolerances}
+    labels = Counter(runs.labels[row] for row in rows)
+    limits, error = criteria.tolerances, criteria.error
+    sizes = {name: magnitudes(runs, rows, name) for name in limits}
+    worst = {name: _most(each) for name, each in sizes.items()}
     exceeded = tuple(
-        name
-        for name, limit in criteria.tolerances.items()
-        if (value := worst[name]) is None or value > limit
+        name for name, limit in limits.items() if (value := worst[name]) is None or value > limit
     )
-    time = runs.numbers[criteria.time.name][members.rows]
+    stable = np.array([runs.labels[row] == _STABLE for row in rows])
+    # A comparison with NaN is false, as it should be.
+    good = np.logical_and.reduce([stable, *(sizes[name] <= each for name, each in limits.items())])
+    low, high = wilson(int(good.sum()), len(rows))
+    time = runs.numbers[criteria.time.name][rows]
     time = time[np.isfinite(time)]
+    mean = float(np.mean(time)) if len(time) else None
     reasons = [
-        *(f"{count} of {len(members.rows)} runs are {name}" for name, count in failures.items()),
-        *(_excess(name, worst[name], criteria.tolerances[name]) for name in exceeded),
-        *([f"run in {len(members.cases)} of {cases} cases"] if len(members.cases) < cases else []),
+        *(f"{n} of {len(rows)} runs are {name}" for name, n in _failures(labels).items()),
+        *(_excess(name, worst[name], limits[name]) for name in exceeded),
+        *([f"run in {cases} of {every} cases"] if cases < every else []),
         *([] if len(time) else ["not timed"]),
     ]
-    estimate = 0.0
-    if criteria.error.kind == "discretisation":
-        estimate = largest(runs, members.rows, ESTIMATES[criteria.error.name]) or 0.0
-    error = _most(magnitudes(runs, members.rows, criteria.error.name))
-    mean = float(np.mean(time)) if len(time) else None
+    is_estimated = error.kind == "discretisation"
+    estimate = (_largest(runs, rows, ESTIMATES[error.name]) or 0.0) if is_estimated else 0.0
+    size = _most(magnitudes(runs, rows, error.name))
     summary = Configuration(
-        configuration=members.values,
+        configuration=values,
         time=mean,
         time_worst=float(np.max(time)) if len(time) else None,
         real_time_factor=1 / mean if mean else None,
-        error=None if error is None else max(error, criteria.error.resolution),
-        below_estimate=error is not None and 0 < error <= estimate,
-        solref_clamped=(largest(runs, members.rows, "solref_clamped") or 0) > 0,
-        step_p99=largest(runs, members.rows, "step_p99"),
+        error=None if size is None else max(size, error.resolution),
+        below_estimate=size is not None and 0 < size <= estimate,
+        solref_clamped=(_largest(runs, rows, "solref_clamped") or 0) > 0,
+        step_p99=_largest(runs, rows, "step_p99"),
         feasible=not reasons,
         reasons=tuple(reasons),
         worst=worst,
-        margins={name: margin(limit, worst[name]) for name, limit in criteria.tolerances.items()},
-        outcomes=_outcomes(runs, members.rows, criteria.tolerances, labels),
+        margins={name: _margin(limit, worst[name]) for name, limit in limits.items()},
+        outcomes=ConfigurationOutcomes(
+            runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels)
+        ),
     )
-    impacts = largest(runs, members.rows, "impacts") or 0.0
-    return Evaluated(members, summary, estimate, impacts, failures, exceeded)
+    impacts = _largest(runs, rows, "impacts") or 0.0
+    return Evaluated(summary, rows, cases, estimate, impacts, exceeded)
 
 
-def margin(tolerance: float, worst: float | None) -> float | None:
-    """Return by what factor a value could grow within its tolerance.
+def _failures(labels: Mapping[str, int]) -> dict[str, int]:
+    return {name: count for name, count in labels.items() if name != _STABLE}
 
-    None if the value is unknown, or zero.
-    """
+
+def _margin(tolerance: float, worst: float | None) -> float | None:
+    """Return by what factor a value could grow; None if the value is unknown, or zero."""
     ratio = tolerance / worst if worst else math.inf
     return ratio if math.isfinite(ratio) else None
 
 
-def largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
+def _largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
     """Return the largest magnitude of a column over some runs; None if any has no value."""
     return _most(np.abs(runs.numbers[name][rows])) if name in runs.numbers else None
 
@@ -262,22 +254,9 @@ def _excess(name: str, worst: float | None, tolerance: float) -> str:
     return f"{name} reaches {worst:.3g} of {tolerance:.3g}"
 
 
-def _outcomes(
-    runs: StoredRuns, rows: list[int], tolerances: Mapping[str, float], labels: Mapping[str, int]
-) -> ConfigurationOutcomes:
-    good = np.array([runs.labels[row] == _STABLE for row in rows])
-    for name, limit in tolerances.items():
-        # A comparison with NaN is false, as it should be.
-        good &= magnitudes(runs, rows, name) <= limit
-    low, high = wilson(int(good.sum()), len(rows))
-    return ConfigurationOutcomes(
-        runs=len(rows), good=int(good.sum()), low=low, high=high, labels=dict(labels)
-    )
-
-
 def idle_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
-    names = list(evaluated[0].group.values) if evaluated else []
+    names = list(evaluated[0].values) if evaluated else []
     return [name for name in names if _is_idle(evaluated, name)]
 
 
@@ -285,16 +264,14 @@ def with_one_idle_value(
     evaluated: Sequence[Evaluated], idle: Sequence[str], chosen: Evaluated | None
 ) -> list[Evaluated]:
     """Return the configurations with one value of each idle knob: the chosen's, or the first."""
-    alike = (chosen or evaluated[0]).group.values
-    return [
-        each for each in evaluated if all(each.group.values[name] == alike[name] for name in idle)
-    ]
+    alike = (chosen or evaluated[0]).values
+    return [each for each in evaluated if all(each.values[name] == alike[name] for name in idle)]
 
 
 def _is_idle(evaluated: Sequence[Evaluated], name: str) -> bool:
     alike: dict[tuple[Setting, ...], list[Evaluated]] = {}
     for each in evaluated:
-        others = tuple(value for key, value in each.group.values.items() if key != name)
+        others = tuple(value for key, value in each.values.items() if key != name)
         alike.setdefault(others, []).append(each)
     compared = [each for each in alike.values() if len(each) > 1]
     return bool(compared) and all(_is_equal(each) for each in compared)

@@ -112,7 +112,7 @@ def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Metho
     """
     members: dict[MethodKey, list[Evaluated]] = {}
     for each in evaluated:
-        members.setdefault(method_key(each.group.values), []).append(each)
+        members.setdefault(method_key(each.values), []).append(each)
     differing = varying([dict(key) for key in members])
     floors = {
         key: find_floor(_steps(each)) if is_modelling else None for key, each in members.items()
@@ -186,7 +186,7 @@ def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
     points = sorted(
         (float(step), each.summary.error, each.estimate)
         for each in members
-        if isinstance(step := each.group.values.get(TIMESTEP), int | float)
+        if isinstance(step := each.values.get(TIMESTEP), int | float)
         and each.summary.error
         and not voided & each.failures.keys()
         and not each.summary.solref_clamped

@@ -1,14 +1,176 @@
-"""The chart as a Vega-Lite specification: log error over log time, one line per method."""
+"""The chart of a trade-off as a Vega-Lite specification: log error over log time, by method."""
 
 import math
-from collections.abc import Iterator
-from typing import Any, TypeVar
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
 
 import altair as alt
 
-from contactlab.palette import COLOURS, INK, OTHERS_COLOUR, SHAPES
-from contactlab.pareto.chart_data import OTHERS, ChartData, chart_data
-from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.palette import COLOURS, INK, LETTERS, OTHERS_COLOUR, SHAPES
+from contactlab.pareto.convergence import TIMESTEP, MethodKey, method_key, method_name, varying
+from contactlab.pareto.recommendation import front_of
+from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
+
+OTHERS = "others"
+RECOMMENDED = "recommended"
+ROBUST = "margin 1.25"
+_PADDING = 1.6
+"""Factor by which the axes extend beyond the outermost points."""
+
+_MOST_EXCESS = 30.0
+"""Errors above so many tolerances are drawn at the edge, to leave room for the others."""
+
+# A run labelled oracle_miss has a large error, which the chart shows.
+_MEASURED = {"stable", "oracle_miss"}
+Row = dict[str, Any]
+
+
+class ChartFrame(NamedTuple):
+    """The limits of the axes: time [CPU s per simulated s], and error in its unit, never 0."""
+
+    time: tuple[float, float]
+    error: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class ChartData:
+    """The rows of the figure's layers.
+
+    Attributes:
+        methods: names of the methods with a colour, with their letters; the best first.
+        points: one per configuration, of idle knobs with the recommendation's value alone.
+        front: the feasible Pareto front, cheapest first.
+        floors: one per coloured method with a floor.
+    """
+
+    frame: ChartFrame
+    methods: list[str]
+    points: list[Row]
+    front: list[Row]
+    floors: list[Row]
+
+
+def chart_data(report: TradeoffReport) -> ChartData:
+    """Return the rows of every layer of a report's chart.
+
+    At most eight methods get a colour: the recommended first, then those on the front, then the
+    most accurate.
+    """
+    keys = {method_key(each.configuration) for each in report.methods}
+    shown = {
+        place: each
+        for place, each in enumerate(report.configurations)
+        if method_key(each.configuration) in keys
+    }
+    feasible = [place for place, each in shown.items() if each.feasible]
+    front = [feasible[index] for index in front_of([shown[place] for place in feasible])]
+    names = _names(report, shown.values(), [shown[place] for place in front])
+    floors: list[Row] = [
+        {"method": names[key], "error": each.floor.error}
+        for each in report.methods
+        if each.floor and (key := method_key(each.configuration)) in names
+    ]
+    frame = _frame(report, shown.values(), [each["error"] for each in floors])
+    labelled = {*front, *_ends(shown)}
+    return ChartData(
+        frame=frame,
+        methods=list(names.values()),
+        points=[
+            {"place": place, **_point(each, report, names, frame), "labelled": place in labelled}
+            for place, each in shown.items()
+        ],
+        front=[
+            {"time": shown[place].time, "error": _above(shown[place].error, frame)}
+            for place in front
+        ],
+        floors=floors,
+    )
+
+
+def _is_failed(each: Configuration) -> bool:
+    """Say whether a configuration has no place on the axis of errors."""
+    return each.error is None or not set(each.outcomes.labels) <= _MEASURED
+
+
+def _names(
+    report: TradeoffReport, shown: Collection[Configuration], front: Collection[Configuration]
+) -> dict[MethodKey, str]:
+    idle = {name: report.methods[0].configuration[name] for name in report.idle}
+    recommended = [
+        {**each.configuration, **idle} for each in (report.recommendation, report.robust) if each
+    ]
+    measured = [each for each in shown if not _is_failed(each)]
+    by_error = sorted(measured, key=lambda each: each.error or 0.0)
+    ordered = [*recommended, *(each.configuration for each in (*front, *by_error, *shown))]
+    keys = list(dict.fromkeys(map(method_key, ordered)))
+    differing = varying([dict(key) for key in keys])
+    return {
+        key: f"{letter}  {method_name(dict(key), differing)}"
+        for letter, key in zip(LETTERS, keys, strict=False)
+    }
+
+
+def _ends(shown: Mapping[int, Configuration]) -> Iterator[int]:
+    """Yield the places of the configurations with the shortest and longest step of a method."""
+    lines: dict[MethodKey, list[tuple[float, int]]] = {}
+    for place, each in shown.items():
+        step = each.configuration.get(TIMESTEP)
+        if isinstance(step, int | float) and not _is_failed(each):
+            lines.setdefault(method_key(each.configuration), []).append((step, place))
+    for line in lines.values():
+        yield from (min(line)[1], max(line)[1])
+
+
+def _frame(
+    report: TradeoffReport, shown: Collection[Configuration], floors: list[float]
+) -> ChartFrame:
+    limit = report.tolerances.get(report.error.name)
+    times = [each.time for each in shown if each.time]
+    errors = [each.error for each in shown if each.error and not _is_failed(each)]
+    near = [error for error in errors if not limit or error <= _MOST_EXCESS * limit]
+    return ChartFrame(_around(times), _around([*near, *floors, *([limit] if limit else [])]))
+
+
+def _around(values: list[float]) -> tuple[float, float]:
+    return min(values, default=1.0) / _PADDING, max(values, default=1.0) * _PADDING
+
+
+def _point(
+    each: Configuration, report: TradeoffReport, names: Mapping[MethodKey, str], frame: ChartFrame
+) -> Row:
+    key = method_key(each.configuration)
+    name = names.get(key, OTHERS)
+    failed = _is_failed(each) or (each.error or 0.0) > frame.error[1]
+    step = each.configuration.get(TIMESTEP)
+    label = f"{1e3 * step:.3g} ms" if isinstance(step, int | float) else ""
+    chosen = _chosen(each.configuration, report)
+    return {
+        "method": name,
+        "line": "; ".join(f"{axis} {value}" for axis, value in key),
+        "time": each.time or frame.time[0],
+        "error": frame.error[1] if failed else _above(each.error, frame),
+        "timestep": step,
+        "bound": each.below_estimate,
+        "label": f"{name[:1]} {label}",
+        "state": "failed" if failed else f"{'within' if each.feasible else 'beyond'} tolerance",
+        "chosen": f"{chosen} {name[:1]} {label}".strip() if chosen else "",
+    }
+
+
+def _above(error: float | None, frame: ChartFrame) -> float:
+    """Return an error that a logarithmic axis can show: at least the lower limit."""
+    return max(error or 0.0, frame.error[0])
+
+
+def _chosen(values: Settings, report: TradeoffReport) -> str:
+    """Return the words at a recommended configuration; empty at others."""
+    knobs = [name for name in report.knobs if name not in report.idle]
+    for word, pick in ((RECOMMENDED, report.recommendation), (ROBUST, report.robust)):
+        if pick and all(pick.configuration[name] == values[name] for name in knobs):
+            return word
+    return ""
+
 
 _SIZE = (640, 440)
 # As a fraction while that is short; most labels of a logarithmic axis are left empty.
@@ -21,10 +183,8 @@ _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 def specification(report: TradeoffReport) -> alt.TopLevelMixin:
     """Return the chart of a report."""
-    shown = chart_data(report)
-    layers = [*_layers(report, shown)]
     return (
-        alt.layer(*layers)
+        alt.layer(*_layers(report, chart_data(report)))
         .properties(width=_SIZE[0], height=_SIZE[1], title=_title(report))
         .configure(background="white", font="sans-serif")
         .configure_view(stroke="#999999")
@@ -34,20 +194,38 @@ def specification(report: TradeoffReport) -> alt.TopLevelMixin:
 
 
 def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
-    limit = report.tolerances.get(report.error.name)
-    if limit:
-        yield from _tolerance(shown, limit)
     x, y = _axes(report, shown)
-    colour = _coloured(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
-    yield _lines(shown, x, y, colour)
+    count = len(shown.methods)
+    colour = _coloured(shown, alt.Color, [*COLOURS[:count], OTHERS_COLOUR])
+    measured = [each for each in shown.points if each["state"] != "failed"]
+    failed = [each for each in shown.points if each["state"] == "failed"]
+    named = [each for each in measured if each["method"] != OTHERS]
+    if limit := report.tolerances.get(report.error.name):
+        yield from _tolerance(shown.frame, limit)
+    lines = _chart("lines", measured).mark_line(strokeWidth=1.2, opacity=0.8)
+    yield lines.encode(x, y, colour, detail="line:N", order="timestep:Q")
     if shown.floors:
-        yield _floors(shown, y, colour)
-    yield _front(shown, x, y)
-    yield from _labels(shown, x, y)
-    yield _points(shown, x, y, colour)
-    yield _failures(shown, x, y, colour)
-    yield _bounds(shown, x, y)
-    yield from _chosen(shown, x, y)
+        rules = _chart("floors", shown.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
+        yield rules.encode(y, colour)
+    # A staircase: between two points of the front, only the cheaper one is attainable.
+    stairs = _chart("front", shown.front).mark_line(
+        strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
+    )
+    yield stairs.encode(x, y, order="time:Q")
+    yield from _labels(shown, named, x, y)
+    shape = _coloured(shown, alt.Shape, [*SHAPES[:count], "stroke"])
+    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
+    opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
+    points = _chart("points", named).mark_point(size=70, strokeWidth=1.5, opacity=1)
+    yield points.encode(x, y, colour, shape, fill, opacity)
+    crosses = _chart("failures", failed).mark_text(text="\u2715", size=13, dy=8)
+    yield crosses.encode(x, y, colour)
+    # Upper bounds: errors below the uncertainty of their reference.
+    arrows = _chart("bounds", [each for each in measured if each["bound"]]).mark_point(
+        shape="arrow", angle=180, size=260, yOffset=14, color=INK
+    )
+    yield arrows.encode(x, y)
+    yield from _rings(shown, x, y)
 
 
 def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
@@ -69,68 +247,17 @@ def _coloured(shown: ChartData, channel: type[_Channel], values: list[str]) -> _
     return scaled.legend(title="method", values=used)
 
 
-def _lines(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart:
-    rows = [each for each in shown.points if each["state"] != "failed"]
-    return (
-        _chart("lines", rows)
-        .mark_line(strokeWidth=1.2, opacity=0.8)
-        .encode(x, y, colour, detail="line:N", order="timestep:Q")
-    )
-
-
-def _points(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart:
-    rows = [each for each in shown.points if each["state"] != "failed" and each["method"] != OTHERS]
-    shape = _coloured(shown, alt.Shape, [*SHAPES[: len(shown.methods)], "stroke"])
-    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[: len(shown.methods)])
-    opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
-    return (
-        _chart("points", rows)
-        .mark_point(size=70, strokeWidth=1.5, opacity=1)
-        .encode(x, y, colour, shape, fill.legend(None), opacity)
-    )
-
-
-def _failures(shown: ChartData, x: alt.X, y: alt.Y, colour: alt.Color) -> alt.Chart:
-    rows = [each for each in shown.points if each["state"] == "failed"]
-    crosses = _chart("failures", rows).mark_text(text="\u2715", size=13, dy=8)
-    return crosses.encode(x, y, colour)
-
-
-def _bounds(shown: ChartData, x: alt.X, y: alt.Y) -> alt.Chart:
-    """Return downward arrows at upper bounds: errors below the uncertainty of their reference."""
-    rows = [each for each in shown.points if each["bound"] and each["state"] != "failed"]
-    arrows = _chart("bounds", rows).mark_point(
-        shape="arrow", angle=180, size=260, yOffset=14, color=INK
-    )
-    return arrows.encode(x, y)
-
-
-def _front(shown: ChartData, x: alt.X, y: alt.Y) -> alt.Chart:
-    """Return the front as a staircase: between two points, only the cheaper one is attainable."""
-    line = _chart("front", shown.front).mark_line(
-        strokeWidth=4, color=INK, opacity=0.35, interpolate="step-after"
-    )
-    return line.encode(x, y, order="time:Q")
-
-
-def _floors(shown: ChartData, y: alt.Y, colour: alt.Color) -> alt.Chart:
-    rules = _chart("floors", shown.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
-    return rules.encode(y, colour)
-
-
-def _tolerance(shown: ChartData, limit: float) -> Iterator[alt.Chart]:
-    band = [{"low": limit, "high": shown.frame.error[1]}]
-    low = alt.Y("low:Q").scale(type="log", domain=shown.frame.error, nice=False)
-    yield _chart("band", band).mark_rect(color="#f2f2f2").encode(low, alt.Y2("high:Q"))
-    text = alt.Text("text:N")
-    rows = [{"low": limit, "text": "tolerance", "time": shown.frame.time[1]}]
-    x = alt.X("time:Q").scale(type="log", domain=shown.frame.time, nice=False)
-    words = _chart("tolerance", rows)
+def _tolerance(frame: ChartFrame, limit: float) -> Iterator[alt.Chart]:
+    low = alt.Y("low:Q").scale(type="log", domain=frame.error, nice=False)
+    x = alt.X("time:Q").scale(type="log", domain=frame.time, nice=False)
+    band = _chart("band", [{"low": limit, "high": frame.error[1]}])
+    yield band.mark_rect(color="#f2f2f2").encode(low, alt.Y2("high:Q"))
+    words = _chart("tolerance", [{"low": limit, "text": "tolerance", "time": frame.time[1]}])
     written = words.mark_text(align="right", dx=-4, dy=-7, color="#777777", fontSize=11)
-    yield written.encode(x, low, text)
+    yield written.encode(x, low, alt.Text("text:N"))
 
 
-def _chosen(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
+def _rings(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     """Yield a ring around each recommended configuration, with its name."""
     rows = [each | _beside(each, shown) for each in shown.points if each["chosen"]]
     ring = _chart("chosen", rows)
@@ -141,10 +268,9 @@ def _chosen(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     yield from _written("chosen", rows, "chosen", x, y, {**placed, **bold})
 
 
-def _beside(row: dict[str, Any], shown: ChartData) -> dict[str, Any]:
+def _beside(row: Row, shown: ChartData) -> Row:
     """Return where the name of a ring stands: within the frame, and not on the other name."""
-    least, most = shown.frame.time
-    right = row["time"] > math.sqrt(least * most)
+    right = row["time"] > math.sqrt(math.prod(shown.frame.time))
     lower = min(each["error"] for each in shown.points if each["chosen"])
     return {
         "align": "right" if right else "left",
@@ -153,13 +279,9 @@ def _beside(row: dict[str, Any], shown: ChartData) -> dict[str, Any]:
     }
 
 
-def _labels(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
+def _labels(shown: ChartData, named: list[Row], x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
     """Yield the timesteps beside their points, on alternating sides by method."""
-    rows = [
-        each
-        for each in shown.points
-        if each["method"] != OTHERS and each["state"] != "failed" and not each["chosen"]
-    ]
+    rows = [each for each in named if not each["chosen"]]
     if len(rows) > _MOST_LABELS:
         rows = [each for each in rows if each["labelled"]]
     right = [each for each in rows if shown.methods.index(each["method"]) % 2]
@@ -170,11 +292,11 @@ def _labels(shown: ChartData, x: alt.X, y: alt.Y) -> Iterator[alt.Chart]:
 
 
 def _written(
-    name: str, rows: list[dict[str, Any]], field: str, x: alt.X, y: alt.Y, style: dict[str, Any]
+    name: str, rows: list[Row], field: str, x: alt.X, y: alt.Y, style: Row
 ) -> Iterator[alt.Chart]:
     """Yield text in front of a halo, so that lines do not strike it through."""
     for halo in ({"stroke": "white", "strokeWidth": 4, "strokeJoin": "round"}, {}):
-        marked: dict[str, Any] = {"color": INK, **style, **halo}
+        marked: Row = {"color": INK, **style, **halo}
         yield _chart(name, rows).mark_text(**marked).encode(x, y, text=f"{field}:N")
 
 
@@ -194,5 +316,5 @@ def _title(report: TradeoffReport) -> alt.TitleParams:
     )
 
 
-def _chart(name: str, rows: list[dict[str, Any]]) -> alt.Chart:
+def _chart(name: str, rows: list[Row]) -> alt.Chart:
     return alt.Chart(alt.InlineData(values=rows, name=name))
