@@ -6,7 +6,7 @@ The sensors' addresses in `sensordata` are known from here; so is why MuJoCo ref
 import re
 import warnings
 import xml.etree.ElementTree as ET
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -34,27 +34,27 @@ _ALL_FIELDS = (1 << 9) - 1
 _FOUND_AND_DISTANCE = 1 << 0 | 1 << 3
 _FIRST = 0
 _NEAREST = 1
+_OBJ, _KIND = mujoco.mjtObj, mujoco.mjtSensor
+_NOTHING = (_OBJ.mjOBJ_UNKNOWN, "")
 
 
 @dataclass(frozen=True)
 class SensorLayout:
-    """Addresses in `sensordata`.
+    """Addresses in `sensordata`; None for what is not recorded.
 
     Attributes:
-        size: length of `sensordata`.
         pairs: where the contact slots of each monitored pair start.
-        contacts: address of the count of all contacts, followed by their smallest distance.
-        kinetic: address of the kinetic energy, or None.
-        potential: address of the potential energy, or None.
-        momentum: address of the velocity of the centre of mass, or None.
-        angular_momentum: address of the angular momentum, or None.
-        held: address of the held body's position relative to its holder, followed by the holder's
-            orientation, or None.
-        forces: address of the first actuator's force, which those of the others follow.
-        lengths: address of the first tendon's length, likewise.
+        contacts: of the count of all contacts, followed by their smallest distance.
+        kinetic: of the kinetic energy.
+        potential: of the potential energy.
+        momentum: of the velocity of the centre of mass.
+        angular_momentum: of the angular momentum.
+        held: of the held body's position relative to its holder, followed by the holder's
+            orientation.
+        forces: of the first actuator's force, which those of the others follow.
+        lengths: of the first tendon's length, likewise.
     """
 
-    size: int
     pairs: tuple[int, ...]
     contacts: int
     kinetic: int | None
@@ -76,29 +76,32 @@ def add_sensors(
 ) -> None:
     """Add what a run records: contacts, energies, momenta, actuator forces, tendon lengths."""
     for pair in pairs:
-        kind = mujoco.mjtObj.mjOBJ_BODY if pair.bodies else mujoco.mjtObj.mjOBJ_GEOM
         sensor = _add_contacts(spec, pair.name, (_ALL_FIELDS, _FIRST, pair.slots), SLOT_WIDTH)
-        sensor.objtype = sensor.reftype = kind
+        sensor.objtype = sensor.reftype = _OBJ.mjOBJ_BODY if pair.bodies else _OBJ.mjOBJ_GEOM
         sensor.objname, sensor.refname = pair.sides
     _add_contacts(spec, "contacts", (_FOUND_AND_DISTANCE, _NEAREST, 1), 2)
     if energy:
-        _add(spec, "kinetic", mujoco.mjtSensor.mjSENS_E_KINETIC)
-        _add(spec, "potential", mujoco.mjtSensor.mjSENS_E_POTENTIAL)
+        _add(spec, "kinetic", _KIND.mjSENS_E_KINETIC)
+        _add(spec, "potential", _KIND.mjSENS_E_POTENTIAL)
     if free:
-        for name, kind in (
-            ("momentum", mujoco.mjtSensor.mjSENS_SUBTREELINVEL),
-            ("angular_momentum", mujoco.mjtSensor.mjSENS_SUBTREEANGMOM),
-        ):
-            sensor = _add(spec, name, kind)
-            sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_BODY, "world"
+        world = (_OBJ.mjOBJ_BODY, "world")
+        _add(spec, "momentum", _KIND.mjSENS_SUBTREELINVEL, world)
+        _add(spec, "angular_momentum", _KIND.mjSENS_SUBTREEANGMOM, world)
     if holding:
-        _add_holding(spec, holding)
-    for actuator in spec.actuators:
-        sensor = _add(spec, f"{_FORCE}{actuator.name}", mujoco.mjtSensor.mjSENS_ACTUATORFRC)
-        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_ACTUATOR, actuator.name
-    for tendon in spec.tendons:
-        sensor = _add(spec, f"{_LENGTH}{tendon.name}", mujoco.mjtSensor.mjSENS_TENDONPOS)
-        sensor.objtype, sensor.objname = mujoco.mjtObj.mjOBJ_TENDON, tendon.name
+        held, holder = (_OBJ.mjOBJ_XBODY, holding.subject), (_OBJ.mjOBJ_XBODY, holding.holder)
+        position = _add(spec, "held", _KIND.mjSENS_FRAMEPOS, held)
+        position.reftype, position.refname = holder
+        _add(spec, "holder", _KIND.mjSENS_FRAMEQUAT, holder)
+    for name in [actuator.name for actuator in spec.actuators]:
+        _add(spec, _FORCE + name, _KIND.mjSENS_ACTUATORFRC, (_OBJ.mjOBJ_ACTUATOR, name))
+    for name in [tendon.name for tendon in spec.tendons]:
+        _add(spec, _LENGTH + name, _KIND.mjSENS_TENDONPOS, (_OBJ.mjOBJ_TENDON, name))
+
+
+def _add(
+    spec: mujoco.MjSpec, name: str, kind: mujoco.mjtSensor, of: tuple[mujoco.mjtObj, str] = _NOTHING
+) -> MjsSensor:
+    return spec.add_sensor(name=PREFIX + name, type=kind, objtype=of[0], objname=of[1])
 
 
 def _add_contacts(
@@ -106,59 +109,35 @@ def _add_contacts(
 ) -> MjsSensor:
     """Add a contact sensor; where MuJoCo has none, a user sensor that the engine fills."""
     if has_contact_sensors():
-        sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_CONTACT)
+        sensor = _add(spec, name, _KIND.mjSENS_CONTACT)
         sensor.intprm[:3] = settings
         return sensor
-    sensor = _add(spec, name, mujoco.mjtSensor.mjSENS_USER)
+    sensor = _add(spec, name, _KIND.mjSENS_USER)
     sensor.dim = width * settings[2]
     sensor.needstage = mujoco.mjtStage.mjSTAGE_ACC
     sensor.datatype = mujoco.mjtDataType.mjDATATYPE_REAL
     return sensor
 
 
-def _add_holding(spec: mujoco.MjSpec, holding: HoldSpec) -> None:
-    frame = mujoco.mjtObj.mjOBJ_XBODY
-    position = _add(spec, "held", mujoco.mjtSensor.mjSENS_FRAMEPOS)
-    position.objtype, position.objname = frame, holding.subject
-    position.reftype, position.refname = frame, holding.holder
-    orientation = _add(spec, "holder", mujoco.mjtSensor.mjSENS_FRAMEQUAT)
-    orientation.objtype, orientation.objname = frame, holding.holder
-
-
-def find_layout(
-    model: mujoco.MjModel,
-    pairs: Sequence[MonitoredPair],
-    holding: HoldSpec | None,
-    *,
-    free: bool,
-    energy: bool,
-) -> SensorLayout:
+def find_layout(model: mujoco.MjModel, pairs: Sequence[MonitoredPair]) -> SensorLayout:
     """Return the addresses of the added sensors in a compiled model's `sensordata`."""
-
-    def address(name: str) -> int:
-        return int(model.sensor(PREFIX + name).adr[0])
-
-    def first(prefix: str, names: Iterable[str]) -> int:
-        return next((address(prefix + name) for name in names), model.nsensordata)
-
-    for pair in pairs:
-        assert int(model.sensor(PREFIX + pair.name).dim[0]) == pair.slots * SLOT_WIDTH
+    sensors = (model.sensor(index) for index in range(model.nsensor))
+    found = {
+        each.name.removeprefix(PREFIX): int(each.adr[0])
+        for each in sensors
+        if each.name.startswith(PREFIX)
+    }
     return SensorLayout(
-        size=model.nsensordata,
-        pairs=tuple(address(pair.name) for pair in pairs),
-        contacts=address("contacts"),
-        kinetic=address("kinetic") if energy else None,
-        potential=address("potential") if energy else None,
-        momentum=address("momentum") if free else None,
-        angular_momentum=address("angular_momentum") if free else None,
-        held=address("held") if holding else None,
-        forces=first(_FORCE, (model.actuator(index).name for index in range(model.nu))),
-        lengths=first(_LENGTH, (model.tendon(index).name for index in range(model.ntendon))),
+        pairs=tuple(found[pair.name] for pair in pairs),
+        contacts=found["contacts"],
+        kinetic=found.get("kinetic"),
+        potential=found.get("potential"),
+        momentum=found.get("momentum"),
+        angular_momentum=found.get("angular_momentum"),
+        held=found.get("held"),
+        forces=found[_FORCE + model.actuator(0).name] if model.nu else 0,
+        lengths=found[_LENGTH + model.tendon(0).name] if model.ntendon else 0,
     )
-
-
-def _add(spec: mujoco.MjSpec, name: str, kind: mujoco.mjtSensor) -> MjsSensor:
-    return spec.add_sensor(name=PREFIX + name, type=kind)
 
 
 _MAX_LISTED = 3

@@ -18,9 +18,8 @@ from contactlab.scene.contact_pairs import (
 )
 from contactlab.scene.drive.hold import Servos
 from contactlab.scene.effects.effect import EffectRequest, EffectState
-from contactlab.scene.effects.effect_choice import (
+from contactlab.scene.effects.effect_table import (
     choose,
-    find_facts,
     is_straight,
     leave_out,
     remove,
@@ -160,14 +159,14 @@ def compile_scene(
     return CompiledScene(
         model=model,
         pairs=pairs,
-        layout=find_layout(model, pairs, holding, free=free, energy=energy),
+        layout=find_layout(model, pairs),
         settings=settings,
         flags=read_flags(model),
         targets=targets,
         nonuniform=nonuniform_settings(model, settings, targets),
         free=free,
         holding=holding,
-        facts=find_facts(model, energy=energy),
+        facts=ModelFacts(model, energy=energy),
     )
 
 

@@ -112,10 +112,7 @@ def write_axis(settings: Settings, axis: str, value: object) -> bool:
     if axis in PARAMETERS:
         PARAMETERS[axis].write(settings, value)
     elif axis in EFFECTS:
-        fold = EFFECTS[axis].switch.fold
-        if fold is None:
-            return False
-        fold(settings, bool(value))
+        return EFFECTS[axis].switch.fold(settings, bool(value))
     else:
         settings[axis] = value
     return True

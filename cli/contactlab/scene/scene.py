@@ -32,8 +32,7 @@ from contactlab.scene.drive.located_drive import (
 from contactlab.scene.drive.recorded import DriveTable, TableReader
 from contactlab.scene.drive.signals import exercise_duration
 from contactlab.scene.effects.effect import EffectRequest
-from contactlab.scene.effects.effect_choice import is_straight, left_uncompiled, remove
-from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.effects.effect_table import EFFECTS, is_straight, left_uncompiled, remove
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,

@@ -1,7 +1,7 @@
 """What an effect is, and ways to turn one on and off: by flags, options, or contact dimensions."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import mujoco
@@ -16,10 +16,6 @@ NOT_IN_MODEL = "not in the model"
 """The reason of an effect that a model does not have."""
 
 Kind = Literal["physical", "numerical", "recording"]
-_REMOVE_TENDONS = (
-    "in <tendon>, set no stiffness, damping, friction loss, armature or range; "
-    "remove what no actuator, equality or sensor refers to"
-)
 
 
 @dataclass(frozen=True)
@@ -37,21 +33,7 @@ class EffectRequest:
     auto: bool
 
 
-@dataclass(frozen=True)
-class EffectMjcf:
-    """What turns an effect on or off in MJCF.
-
-    Attributes:
-        options: attributes of <option>.
-        flags: attributes of <flag>.
-        condim: bound on every contact's dimensions: at least, to turn on; at most, to turn off.
-        comment: what to edit by hand, where no attribute does it.
-    """
-
-    options: Mapping[str, str] = field(default_factory=dict[str, str])
-    flags: Mapping[str, bool] = field(default_factory=dict[str, bool])
-    condim: int | None = None
-    comment: str | None = None
+_NO_OPTIONS: Mapping[bool, Mapping[str, object]] = {True: {}, False: {}}
 
 
 @dataclass(frozen=True)
@@ -61,18 +43,32 @@ class Switch:
     Attributes:
         is_on: returns whether a run's model has it.
         write: turns it on or off in a compiled model, in place.
-        mjcf: returns what turns it on or off in MJCF.
         flag: MuJoCo's flag, if it is one.
-        settings: the settings that it overwrites.
-        fold: turns it on or off in resolved settings; None where settings do not carry it.
+        options: settings that turn it on and off, if it is a matter of options.
+        is_set: returns whether options have it.
+        condim: bound on every contact's dimensions: at least, to turn on; at most, to turn off.
+        removal: how to turn it off by hand in MJCF, where no attribute does it.
     """
 
     is_on: Callable[[RunState], bool]
     write: Callable[[mujoco.MjModel, bool], None]
-    mjcf: Callable[[bool], EffectMjcf]
     flag: str | None = None
-    settings: tuple[str, ...] = ()
-    fold: Callable[[Settings, bool], None] | None = None
+    options: Mapping[bool, Mapping[str, object]] = field(default_factory=lambda: _NO_OPTIONS)
+    is_set: Callable[[Settings], bool] | None = None
+    condim: Mapping[bool, int] | None = None
+    removal: str | None = None
+
+    @property
+    def settings(self) -> tuple[str, ...]:
+        """The settings that it overwrites."""
+        return ("condim",) if self.condim else tuple(self.options[False])
+
+    def fold(self, settings: Settings, on: bool) -> bool:
+        """Turn it on or off in resolved settings; return whether they carry it."""
+        # Settings in this state already are kept: RK4 is as explicit as Euler.
+        if self.is_set is not None and self.is_set(settings) != on:
+            settings.update(self.options[on])
+        return self.is_set is not None
 
 
 @dataclass(frozen=True)
@@ -84,24 +80,34 @@ class Effect:
         kind: whether it is part of the physics, of how it is computed, or of what is recorded.
         what: what it is.
         switch: how it is turned on and off.
+        studied: whether studies change it; some effects define the model itself.
         called_by: what in a scene needs it.
         unused: a proof that nothing changes without it.
+        feature: what runs must exercise to show what it does; None where every run does.
         on: axis values with which a study turns it on; none where studies do not.
         off: axis values with which a study turns it off; its own axis, if left out.
-        studied: whether studies change it; some effects define the model itself.
-        feature: what runs must exercise to show what it does; None where every run does.
     """
 
     name: str
     kind: Kind
     what: str
     switch: Switch
-    called_by: str
+    studied: bool = True
+    called_by: str = ""
     unused: Proof = never
+    feature: Feature | None = None
     on: Mapping[str, object] = field(default_factory=dict[str, object])
     off: Mapping[str, object] = field(default_factory=dict[str, object])
-    studied: bool = True
-    feature: Feature | None = None
+
+    def needed_by(
+        self,
+        called_by: str,
+        unused: Proof = never,
+        feature: Feature | None = None,
+        **toggles: Mapping[str, object],
+    ) -> "Effect":
+        """Return it with what needs it, and what turns it on or off in studies."""
+        return replace(self, called_by=called_by, unused=unused, feature=feature, **toggles)
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,9 +121,8 @@ class EffectState:
 def by_flag(name: str) -> Switch:
     """Return the switch of one of MuJoCo's flags."""
     return Switch(
-        is_on=lambda run: read_flag(run.model, name),
-        write=lambda model, on: write_flags(model, {name: on}),
-        mjcf=lambda on: EffectMjcf(flags={name: on}),
+        lambda run: read_flag(run.model, name),
+        lambda model, on: write_flags(model, {name: on}),
         flag=name,
     )
 
@@ -136,10 +141,7 @@ def by_condim(least: int, most: int) -> Switch:
             array[:] = bound(array, value)
 
     return Switch(
-        is_on=lambda run: most_condim(run.model) >= least,
-        write=write,
-        mjcf=lambda on: EffectMjcf(condim=least if on else most),
-        settings=("condim",),
+        lambda run: most_condim(run.model) >= least, write, condim={True: least, False: most}
     )
 
 
@@ -162,45 +164,28 @@ def by_options(
         for name, value in values[state].items():
             write_option(model, name, value)
 
-    def fold(settings: Settings, state: bool) -> None:
-        # Settings in this state already are kept: RK4 is as explicit as Euler.
-        if has(settings) != state:
-            settings.update(values[state])
-
     return Switch(
-        is_on=lambda run: has(Settings({name: read_option(run.model, name) for name in off})),
-        write=write,
-        mjcf=lambda state: EffectMjcf({name: _text(each) for name, each in values[state].items()}),
-        settings=tuple(off),
-        fold=fold,
+        lambda run: has(Settings({name: read_option(run.model, name) for name in off})),
+        write,
+        options=values,
+        is_set=has,
     )
 
 
-def by_tendons() -> Switch:
-    """Return the switch of tendons: idle ones are not compiled, others lose their coefficients."""
+def by_compiling(
+    compiled: Callable[[RunState], bool], removal: str | None = None, *fields: str
+) -> Switch:
+    """Return the switch of what is compiled or not.
+
+    Args:
+        compiled: returns whether a run's model has it.
+        removal: how to remove it by hand.
+        *fields: fields of the model that are zero without it, where it is compiled nevertheless.
+    """
 
     def write(model: mujoco.MjModel, on: bool) -> None:
-        for name in ("stiffness", "damping", "frictionloss", "armature", "limited"):
-            if not on and hasattr(model, f"tendon_{name}"):
-                getattr(model, f"tendon_{name}")[:] = 0
+        for name in fields:
+            if not on and hasattr(model, name):
+                getattr(model, name)[:] = 0
 
-    return Switch(
-        is_on=lambda run: run.facts.tendons > 0,
-        write=write,
-        mjcf=lambda on: EffectMjcf(comment=None if on else _REMOVE_TENDONS),
-    )
-
-
-def by_compiling(compiled: Callable[[RunState], bool], remove: str | None = None) -> Switch:
-    """Return the switch of what is compiled or not; `remove` says how to remove it by hand."""
-    return Switch(
-        is_on=compiled,
-        write=lambda *_: None,
-        mjcf=lambda on: EffectMjcf(comment=None if on else remove),
-    )
-
-
-def _text(value: object) -> str:
-    if isinstance(value, tuple):
-        return " ".join(f"{part:g}" for part in value)
-    return f"{value:g}" if isinstance(value, float) else str(value)
+    return Switch(compiled, write, removal=removal)

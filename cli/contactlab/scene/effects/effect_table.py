@@ -1,92 +1,75 @@
-"""Every effect: what it is, how it is turned on and off, what calls for it, when it is unused."""
+"""Every effect: what it is, how it is turned on and off, what calls for it, when it is unused.
+
+And which are on in a run, and why: by what its structure and initial state decide.
+"""
+
+from collections.abc import Collection, Mapping
+
+import mujoco
+import numpy as np
 
 from contactlab.registry import Registry
+from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.effects import proofs
 from contactlab.scene.effects.effect import (
+    NOT_IN_MODEL,
     Effect,
+    EffectRequest,
+    EffectState,
     Kind,
     by_compiling,
     by_condim,
     by_flag,
     by_options,
-    by_tendons,
 )
-from contactlab.scene.effects.proofs import Proof, never, zero
+from contactlab.scene.effects.proofs import ModelFacts, RunState, acts, where, zero
+from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_options import FLAGS
-from contactlab.schema.coverage import Feature
 
 EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
+_REMOVE_TENDONS = (
+    "in <tendon>, set no stiffness, damping, friction loss, armature or range; "
+    "remove what no actuator, equality or sensor refers to"
+)
 
 
-def _flag(
-    name: str,
-    kind: Kind,
-    what: str,
-    called_by: str,
-    unused: Proof = never,
-    feature: Feature | None = None,
-) -> Effect:
+def _flag(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
     """Return the effect of one of MuJoCo's flags, which has its name."""
-    return Effect(name, kind, what, by_flag(name), called_by, unused, feature=feature)
+    return Effect(name, kind, what, by_flag(name), studied=studied)
 
 
 _EFFECTS = (
-    _flag(
-        "contact",
-        "physical",
-        "normal force between bodies that touch",
-        "geoms that can touch",
-        proofs.no_contact,
-        feature="contact",
+    _flag("contact", "physical", "normal force between bodies that touch").needed_by(
+        "geoms that can touch", proofs.no_contact, feature="contact"
+    ),
+    Effect("tangential_friction", "physical", "force against sliding", by_condim(3, 1)).needed_by(
+        "contacts that may slide", proofs.straight_drop, feature="friction"
     ),
     Effect(
-        "tangential_friction",
-        "physical",
-        "force against sliding",
-        by_condim(3, 1),
-        "contacts that may slide",
-        proofs.straight_drop,
-        feature="friction",
-    ),
-    Effect(
-        "torsional_friction",
-        "physical",
-        "torque against spin about the normal",
-        by_condim(4, 3),
+        "torsional_friction", "physical", "torque against spin about the normal", by_condim(4, 3)
+    ).needed_by(
         "bodies that may spin in their contacts",
         proofs.no_turning,
-        on={"torsional_friction": True},
         feature="spin",
+        on={"torsional_friction": True},
     ),
-    Effect(
-        "rolling_friction",
-        "physical",
-        "torque against rolling",
-        by_condim(6, 4),
-        "bodies that may roll",
-        proofs.no_turning,
-        on={"rolling_friction": True},
-        feature="rolling",
+    Effect("rolling_friction", "physical", "torque against rolling", by_condim(6, 4)).needed_by(
+        "bodies that may roll", proofs.no_turning, feature="rolling", on={"rolling_friction": True}
     ),
     Effect(
         "elliptic",
         "numerical",
         "friction of one size in all directions, not a pyramid",
         by_options(off={"cone": "pyramidal"}, on={"cone": "elliptic"}),
-        "contacts with friction",
-        on={"elliptic": True},
-        feature="friction",
-    ),
+    ).needed_by("contacts with friction", feature="friction", on={"elliptic": True}),
     Effect(
         "noslip",
         "numerical",
         "a second solve against the creep of soft friction",
         by_options(off={"noslip_iterations": 0}, on={"noslip_iterations": 3}),
-        "friction that may creep",
-        proofs.no_noslip,
-        on={"noslip": True},
-        feature="friction",
+    ).needed_by(
+        "friction that may creep", proofs.no_noslip, feature="friction", on={"noslip": True}
     ),
     Effect(
         "impratio",
@@ -97,167 +80,111 @@ _EFFECTS = (
             off={"impratio": 1.0},
             on={"impratio": 10.0},
         ),
+    ).needed_by(
         "friction that may creep",
         proofs.no_friction,
+        feature="friction",
         on={"impratio": 10.0},
         off={"impratio": 1.0},
-        feature="friction",
     ),
     _flag(
-        "multiccd",
-        "numerical",
-        "several contacts between two convex shapes that meet in a face",
+        "multiccd", "numerical", "several contacts between two convex shapes that meet in a face"
+    ).needed_by(
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
         feature="contact",
     ),
-    _flag(
-        "nativeccd",
-        "numerical",
-        "the engine's own general collision function",
+    _flag("nativeccd", "numerical", "the engine's own general collision function").needed_by(
         "meshes, cylinders or other shapes of the general collision function",
         proofs.no_general_collision,
         feature="contact",
     ),
-    Effect(
-        "speculative",
-        "numerical",
-        "contacts with what a body would pass in a step",
-        by_flag("speculative"),
+    _flag("speculative", "numerical", "contacts with what a body would pass in a step").needed_by(
         "bodies that may move farther than their size in a step",
         proofs.no_contact,
-        on={"speculative": True},
         feature="contact",
+        on={"speculative": True},
     ),
     _flag(
-        "midphase",
-        "numerical",
-        "sorting the geoms of a body before they are compared",
-        "bodies of several geoms",
-        proofs.no_crowd,
-        feature="contact",
-    ),
-    Effect(
-        "filterparent",
-        "physical",
-        "no contact between a body and its parent",
-        by_flag("filterparent"),
-        "geoms that can touch",
-        studied=False,
-    ),
-    Effect(
+        "midphase", "numerical", "sorting the geoms of a body before they are compared"
+    ).needed_by("bodies of several geoms", proofs.no_crowd, feature="contact"),
+    _flag(
+        "filterparent", "physical", "no contact between a body and its parent", studied=False
+    ).needed_by("geoms that can touch"),
+    _flag(
         "constraint",
         "physical",
         "all that is solved: contact, limits, equalities, friction loss",
-        by_flag("constraint"),
-        "anything to solve",
         studied=False,
+    ).needed_by("anything to solve"),
+    _flag("island", "numerical", "groups of bodies that touch are solved apart").needed_by(
+        "several trees of bodies", proofs.one_tree
+    ),
+    # What sleeps is an island; where islands are left out, sleep brings them back.
+    _flag("sleep", "numerical", "bodies at rest are left alone").needed_by(
+        "bodies at rest", on={"sleep": True, "island": True}
+    ),
+    _flag("warmstart", "numerical", "the solver starts from the last step's solution").needed_by(
+        "anything to solve", proofs.no_constraint
+    ),
+    _flag("refsafe", "numerical", "time constants of at least two steps").needed_by(
+        "contacts too stiff for the timestep"
     ),
     _flag(
-        "island",
-        "numerical",
-        "groups of bodies that touch are solved apart",
-        "several trees of bodies",
-        proofs.one_tree,
-    ),
-    Effect(
-        "sleep",
-        "numerical",
-        "bodies at rest are left alone",
-        by_flag("sleep"),
-        "bodies at rest",
-        # What sleeps is an island; where islands are left out, sleep brings them back.
-        on={"sleep": True, "island": True},
-    ),
-    _flag(
-        "warmstart",
-        "numerical",
-        "the solver starts from the last step's solution",
-        "anything to solve",
-        proofs.no_constraint,
-    ),
-    _flag(
-        "refsafe",
-        "numerical",
-        "time constants of at least two steps",
-        "contacts too stiff for the timestep",
-    ),
-    Effect(
-        "diagexact",
-        "numerical",
-        "the exact inertia behind each contact, not its estimate",
-        by_flag("diagexact"),
-        "chains of bodies",
-        proofs.no_constraint,
-        on={"diagexact": True},
-    ),
-    Effect(
-        "gravity",
-        "physical",
-        "weight",
-        by_flag("gravity"),
+        "diagexact", "numerical", "the exact inertia behind each contact, not its estimate"
+    ).needed_by("chains of bodies", proofs.no_constraint, on={"diagexact": True}),
+    _flag("gravity", "physical", "weight").needed_by(
         "gravity above zero",
-        proofs.no_gravity,
-        off={"gravity": 0.0},
+        where("gravity is zero", lambda run: not run.model.opt.gravity.any()),
         feature="motion",
+        off={"gravity": 0.0},
     ),
     Effect(
         "air",
         "physical",
         "forces of the medium and of wind",
         by_options(off={"density": 0.0, "viscosity": 0.0, "wind": (0.0, 0.0, 0.0)}, on={}),
-        "a medium of some density or viscosity",
-        proofs.no_air,
-        feature="motion",
+    ).needed_by("a medium of some density or viscosity", proofs.no_air, feature="motion"),
+    _flag("spring", "physical", "springs of joints and tendons").needed_by(
+        "springs", proofs.no_spring, feature="motion"
+    ),
+    _flag("damper", "physical", "damping of joints and tendons").needed_by(
+        "damping", proofs.no_damping, feature="motion"
     ),
     _flag(
-        "spring", "physical", "springs of joints and tendons", "springs", proofs.no_spring, "motion"
-    ),
-    _flag(
-        "damper",
-        "physical",
-        "damping of joints and tendons",
-        "damping",
-        proofs.no_damping,
-        "motion",
-    ),
-    _flag(
-        "eulerdamp",
-        "numerical",
-        "joint damping taken at the step's end by the Euler integrator",
-        "joint damping",
-        zero("no joint is damped", "dof_damping", "dof_dampingpoly", "actuator_damping"),
-        feature="motion",
-    ),
-    _flag(
-        "frictionloss",
-        "physical",
-        "dry friction in joints and tendons",
+        "eulerdamp", "numerical", "joint damping taken at the step's end by the Euler integrator"
+    ).needed_by("joint damping", zero("no joint is damped", *proofs.DAMPING), feature="motion"),
+    _flag("frictionloss", "physical", "dry friction in joints and tendons").needed_by(
         "friction loss above zero",
-        zero("no joint or tendon has friction loss", "dof_frictionloss", "tendon_frictionloss"),
+        zero("no joint or tendon has friction loss", *proofs.FRICTION_LOSS),
         feature="motion",
     ),
-    _flag("limit", "physical", "ends of joints and tendons", "limits", proofs.no_limit, "limit"),
-    _flag(
-        "equality", "physical", "equality constraints", "equalities", proofs.no_equality, "equality"
+    _flag("limit", "physical", "ends of joints and tendons").needed_by(
+        "limits", proofs.no_limit, feature="limit"
+    ),
+    _flag("equality", "physical", "equality constraints").needed_by(
+        "equalities", proofs.no_equality, feature="equality"
     ),
     Effect(
         "tendon",
         "physical",
         "springs, damping, friction, inertia and limits of tendons",
-        by_tendons(),
+        by_compiling(lambda run: run.facts.tendons > 0, _REMOVE_TENDONS, *proofs.TENDON_EFFECTS),
+    ).needed_by(
         "tendons",
-        proofs.idle_tendons,
+        where(
+            "no tendon exerts a force",
+            lambda run: run.facts.idle_tendons and not acts(run.model, *proofs.TENDON_EFFECTS),
+        ),
         feature="tendon",
     ),
-    _flag("actuation", "physical", "actuators", "actuators", proofs.no_actuator, "actuation"),
-    _flag(
-        "clampctrl",
-        "physical",
-        "limits of controls",
+    _flag("actuation", "physical", "actuators").needed_by(
+        "actuators", zero("no actuator", "nu"), feature="actuation"
+    ),
+    _flag("clampctrl", "physical", "limits of controls").needed_by(
         "limited controls",
-        proofs.no_ctrl_limit,
-        "clamping",
+        zero("no control is limited", "actuator_ctrllimited"),
+        feature="clamping",
     ),
     Effect(
         "implicit",
@@ -268,36 +195,94 @@ _EFFECTS = (
             off={"integrator": "Euler"},
             on={"integrator": "implicitfast"},
         ),
-        "damping and actuators that are stiff for the timestep",
-        on={"implicit": True},
-    ),
-    Effect(
-        "invdiscrete",
-        "numerical",
-        "inverse dynamics of whole steps",
-        by_flag("invdiscrete"),
-        "inverse dynamics",
-        studied=False,
+    ).needed_by("damping and actuators that are stiff for the timestep", on={"implicit": True}),
+    _flag("invdiscrete", "numerical", "inverse dynamics of whole steps", studied=False).needed_by(
+        "inverse dynamics"
     ),
     Effect(
         "sensor",
         "recording",
         "sensors beyond those that record the run",
         by_compiling(lambda run: run.facts.sensors > 0, "remove the elements of <sensor>"),
+    ).needed_by(
         "whoever reads them; no metric does",
-        proofs.spare_sensors,
+        where("no metric reads the model's own sensors", lambda _: True),
     ),
     Effect(
         "energy",
         "recording",
         "kinetic and potential energy",
         by_compiling(lambda run: run.facts.energy),
-        "metrics of energy and speed",
-    ),
-    *(_flag(name, "numerical", "engine switch", "whoever sets it") for name in FLAGS),
+    ).needed_by("metrics of energy and speed"),
+    *(_flag(name, "numerical", "engine switch").needed_by("whoever sets it") for name in FLAGS),
 )
 
 for effect in _EFFECTS:
     supported = effect.switch.flag is None or effect.switch.flag in FLAGS
     if supported and effect.name not in EFFECTS:
         EFFECTS.add(effect)
+
+
+def is_straight(model: mujoco.MjModel, start: InitialStates) -> bool:
+    """Return whether everything at a start (n being 1) moves, and is pushed, along z at most."""
+    free = np.asarray(model.jnt_dofadr)[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)]
+    sideways = np.delete(start.qvel[0], free + 2)
+    pushed = np.delete(start.applied[0].reshape(-1, 6), 2, axis=1)
+    return not (sideways.any() or pushed.any() or start.driven.size)
+
+
+_COMPILED = ("sensor", "tendon", "energy")
+
+
+def choose(run: RunState, request: EffectRequest) -> dict[str, EffectState]:
+    """Decide every effect of a run, into whose model its settings and request are written."""
+    return {name: _choose(effect, run, request) for name, effect in EFFECTS.items()}
+
+
+def leave_out(run: RunState, chosen: Mapping[str, EffectState]) -> None:
+    """Turn off the effects that are not chosen in a run's model, in place."""
+    # All are read before any is written: friction effects share condim.
+    off = [each for name, each in EFFECTS.items() if not chosen[name].on and each.switch.is_on(run)]
+    for effect in off:
+        effect.switch.write(run.model, False)
+
+
+def _choose(effect: Effect, run: RunState, request: EffectRequest) -> EffectState:
+    on = effect.switch.is_on(run)
+    if effect.name in request.requested:
+        # A tendon that is left out may still be in the model, idle.
+        requested = request.requested[effect.name] or effect.name not in _COMPILED
+        return EffectState(on and requested, "as asked")
+    if not on:
+        return EffectState(on=False, reason=NOT_IN_MODEL)
+    if not request.auto:
+        return EffectState(on=True, reason="all that the model has is on")
+    if set_here := sorted(request.changed.intersection(effect.switch.settings)):
+        return EffectState(on=True, reason=f"the sweep sets {', '.join(set_here)}")
+    proof = effect.unused(run)
+    return EffectState(proof is None, proof or effect.called_by)
+
+
+def left_uncompiled(facts: ModelFacts, request: EffectRequest) -> frozenset[str]:
+    """Return the effects that a run's model is compiled without, by facts of the whole model."""
+    requested, default = request.requested, not request.auto
+    out: set[str] = set()
+    if facts.sensors and not requested.get("sensor", default):
+        out.add("sensor")
+    read = facts.sensors and "sensor" not in out
+    named = any(name.startswith("tendon_") for name in request.changed)
+    spare = facts.tendons and facts.idle_tendons and not read and not named
+    if spare and not requested.get("tendon", default):
+        out.add("tendon")
+    if not requested.get("energy", True):
+        out.add("energy")
+    return frozenset(out)
+
+
+def remove(spec: mujoco.MjSpec, without: Collection[str]) -> None:
+    """Delete sensors and tendons from a model's specification, before its run's own are added."""
+    for sensor in list(spec.sensors) if "sensor" in without else ():
+        if not sensor.name.startswith(PREFIX) and sensor.type != mujoco.mjtSensor.mjSENS_PLUGIN:
+            spec.delete(sensor)
+    for tendon in list(spec.tendons) if "tendon" in without else ():
+        spec.delete(tendon)

@@ -6,18 +6,33 @@ leaves the state as it is, to rounding.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
 
+from contactlab.scene.compile_model import PREFIX
+
 _GEOM = mujoco.mjtGeom
+_JOINT = mujoco.mjtJoint
+# Of more geoms, which can touch is not determined: the table of all pairs would be too large.
+_MAX_GEOMS = 2000
 _ROUND = {int(_GEOM.mjGEOM_SPHERE), int(_GEOM.mjGEOM_CAPSULE)}
 _BOX, _CYLINDER = int(_GEOM.mjGEOM_BOX), int(_GEOM.mjGEOM_CYLINDER)
 # Flags that not every version of MuJoCo has.
 _SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-_TENDON_FORCES = "stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss"
-_TENDON_EFFECTS = *_TENDON_FORCES, "armature", "limited"
+# Fields of the model, of which not every version has all.
+DAMPING = "dof_damping", "dof_dampingpoly", "actuator_damping", "actuator_dampingpoly"
+FRICTION_LOSS = "dof_frictionloss", "tendon_frictionloss"
+_TENDON_DAMPING, _TENDON_SPRINGS = (
+    (f"tendon_{name}", f"tendon_{name}poly") for name in ("damping", "stiffness")
+)
+_SPRINGS = "jnt_stiffness", "jnt_stiffnesspoly", *_TENDON_SPRINGS
+TENDON_EFFECTS = (
+    *(*_TENDON_SPRINGS, *_TENDON_DAMPING),
+    *("tendon_frictionloss", "tendon_armature", "tendon_limited"),
+)
 # Pairs with a collision function of their own; others go through the general one.
 _DIRECT = (
     {(first, second) for first in _ROUND for second in _ROUND if first <= second}
@@ -27,31 +42,115 @@ _DIRECT = (
 )
 
 
-@dataclass(frozen=True)
 class ModelFacts:
-    """What a compiled structure decides about its effects, whatever a run sets.
+    """What a compiled structure, recording sensors included, decides about its effects."""
 
-    Attributes:
-        kinds: pairs of geom types, the smaller first, among geoms that MuJoCo's filters let touch;
-            None where that is not known.
-        level: whether only spheres, free and alone with their mass at their centres, and fixed
-            horizontal planes can touch.
-        turning: whether a body that can touch another can turn.
-        crowded: whether a body has more than one geom.
-        sensors: how many sensors the model has that do not record the run.
-        tendons: how many tendons it has; 0 if they were not compiled.
-        idle_tendons: whether its tendons can do nothing but be measured.
-        energy: whether energies are recorded.
-    """
+    def __init__(self, model: mujoco.MjModel, *, energy: bool) -> None:
+        self._model = model
+        self.energy = energy
+        # Those that do not record the run, but for those of MuJoCo plugins.
+        self.sensors = sum(
+            not model.sensor(index).name.startswith(PREFIX)
+            and model.sensor_type[index] != mujoco.mjtSensor.mjSENS_PLUGIN
+            for index in range(model.nsensor)
+        )
+        self.tendons = int(model.ntendon)
 
-    kinds: frozenset[tuple[int, int]] | None
-    level: bool
-    turning: bool
-    crowded: bool
-    sensors: int
-    tendons: int
-    idle_tendons: bool
-    energy: bool
+    @cached_property
+    def _touching(self) -> np.ndarray | None:
+        """(n, 2) pairs of geoms that could touch, or None if that is unknown.
+
+        A superset of what MuJoCo lets touch: parents and children, and exclusions, are not
+        filtered.
+        """
+        model = self._model
+        if model.nflex or model.nplugin or model.ngeom > _MAX_GEOMS:
+            return None
+        if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+            return None
+        kind, affinity = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+        weld = np.asarray(model.body_weldid)[model.geom_bodyid]
+        bits = (kind[:, None] & affinity[None, :]) | (kind[None, :] & affinity[:, None])
+        possible = (bits != 0) & (weld[:, None] != weld[None, :])
+        filtered = np.argwhere(np.triu(possible, 1))
+        listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
+        return np.concatenate([filtered, listed]).astype(np.intp)
+
+    @cached_property
+    def kinds(self) -> frozenset[tuple[int, int]] | None:
+        """Pairs of geom types that can touch, the smaller first; None where that is not known."""
+        if self._touching is None:
+            return None
+        types = np.sort(np.asarray(self._model.geom_type)[self._touching], axis=1)
+        flat = {int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD)}
+        pairs = {(int(first), int(second)) for first, second in types}
+        return frozenset(pair for pair in pairs if not set(pair) <= flat)
+
+    @cached_property
+    def level(self) -> bool:
+        """Whether only free spheres, mass at their centres, and horizontal planes can touch."""
+        model, touching = self._model, self._touching
+        if model.nu or model.neq or model.ntendon or model.nplugin or model.nmocap:
+            return False
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        if touching is None or not len(touching):
+            return False
+        return all(_is_level_pair(model, data, *pair) for pair in touching)
+
+    @cached_property
+    def turning(self) -> bool:
+        """Whether a body that can touch another can turn."""
+        if self._touching is None or self._model.nmocap:
+            return True
+        bodies = np.unique(np.asarray(self._model.geom_bodyid)[self._touching.ravel()])
+        return any(_turns(self._model, int(body)) for body in bodies)
+
+    @property
+    def crowded(self) -> bool:
+        """Whether a body has more than one geom."""
+        return bool(self._model.nflex or (np.asarray(self._model.body_geomnum) > 1).any())
+
+    @cached_property
+    def idle_tendons(self) -> bool:
+        """Whether its tendons can do nothing but be measured, by sensors that can be left out."""
+        model = self._model
+        driven = (np.asarray(model.actuator_trntype) == mujoco.mjtTrn.mjTRN_TENDON).any()
+        tied = (np.asarray(model.eq_type) == mujoco.mjtEq.mjEQ_TENDON).any()
+        return not model.ntendon or not (
+            acts(model, *TENDON_EFFECTS) or driven or tied or model.nplugin
+        )
+
+
+def _is_level_pair(model: mujoco.MjModel, data: mujoco.MjData, first: int, second: int) -> bool:
+    plane, sphere = sorted((first, second), key=lambda geom: int(model.geom_type[geom]))
+    types = (int(model.geom_type[plane]), int(model.geom_type[sphere]))
+    if types != (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_SPHERE):
+        return False
+    body = int(model.geom_bodyid[sphere])
+    normal = np.asarray(data.geom_xmat[plane]).reshape(3, 3)[:, 2]
+    fixed = int(model.body_weldid[model.geom_bodyid[plane]]) == 0
+    return bool(fixed and not normal[:2].any() and _is_free_sphere(model, body, sphere))
+
+
+def _is_free_sphere(model: mujoco.MjModel, body: int, geom: int) -> bool:
+    """Return whether a body is free, alone, and has its centre of mass at a geom's centre."""
+    free = model.body_jntnum[body] == 1 and (
+        model.jnt_type[model.body_jntadr[body]] == _JOINT.mjJNT_FREE
+    )
+    alone = model.body_parentid[body] == 0 and not (np.asarray(model.body_parentid) == body).any()
+    centred = np.array_equal(model.geom_pos[geom], model.body_ipos[body])
+    return bool(free and alone and centred)
+
+
+def _turns(model: mujoco.MjModel, body: int) -> bool:
+    """Return whether a joint between a body and the world can turn it."""
+    while body:
+        first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+        if any(model.jnt_type[first : first + count] != _JOINT.mjJNT_SLIDE):
+            return True
+        body = int(model.body_parentid[body])
+    return False
 
 
 @dataclass(frozen=True)
@@ -73,76 +172,50 @@ Proof = Callable[[RunState], str | None]
 """Returns why nothing changes in a run without an effect; None where that is not proven."""
 
 
-def never(_: RunState) -> str | None:
-    """Prove nothing."""
-    return None
-
-
-def no_contact(run: RunState) -> str | None:
-    """No two geoms can touch."""
-    return "no two geoms can touch" if run.facts.kinds == frozenset() else None
+def where(reason: str, holds: Callable[[RunState], object]) -> Proof:
+    """Return a proof by what holds in a run."""
+    return lambda run: reason if holds(run) else None
 
 
 def zero(reason: str, *fields: str) -> Proof:
     """Return a proof that all coefficients in some fields of the model are zero."""
-
-    def prove(run: RunState) -> str | None:
-        acting = any(np.any(getattr(run.model, field, 0)) for field in fields)
-        return None if acting else reason
-
-    return prove
+    return where(reason, lambda run: not acts(run.model, *fields))
 
 
-def no_damping(run: RunState) -> str | None:
-    """No joint, tendon or flex is damped, and no other passive force needs the computation."""
-    reason = zero(
-        "no joint or tendon is damped",
-        "dof_damping",
-        "dof_dampingpoly",
-        "actuator_damping",
-        "tendon_damping",
-        "flex_damping",
-        "flex_edgedamping",
-    )(run)
-    return None if _has_other_forces(run.model) else reason
+def acts(model: mujoco.MjModel, *fields: str) -> bool:
+    """Return whether any coefficient in some fields of a model, if it has them, is not zero."""
+    return any(np.any(getattr(model, field, 0)) for field in fields)
 
 
-def no_spring(run: RunState) -> str | None:
-    """No joint, tendon or flex is a spring, and no other passive force needs the computation."""
-    reason = zero(
-        "no joint or tendon is a spring",
-        "jnt_stiffness",
-        "jnt_stiffnesspoly",
-        "tendon_stiffness",
-        "tendon_stiffnesspoly",
-        "flex_stiffness",
-        "flex_edgestiffness",
-    )(run)
-    return None if run.model.nflex or _has_other_forces(run.model) else reason
+never = where("", lambda _: False)
+no_contact = where("no two geoms can touch", lambda run: run.facts.kinds == frozenset())
+no_limit = zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
+# Where springs and damping are off, MuJoCo skips the other passive forces too.
+no_damping = where(
+    "no joint or tendon is damped",
+    lambda run: not (_has_other_forces(run.model) or acts(run.model, *DAMPING, *_TENDON_DAMPING)),
+)
+no_spring = where(
+    "no joint or tendon is a spring",
+    lambda run: not (_has_other_forces(run.model) or acts(run.model, *_SPRINGS)),
+)
 
 
 def _has_other_forces(model: mujoco.MjModel) -> bool:
-    """Return whether passive forces act that MuJoCo skips where springs and damping are off."""
+    """Return whether passive forces act besides those of joints and tendons."""
     air = model.opt.density or model.opt.viscosity
     return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
 
 
-no_limit = zero("no joint or tendon has a limit", "jnt_limited", "tendon_limited")
-
-
-def no_gravity(run: RunState) -> str | None:
-    """Gravity is zero."""
-    return None if run.model.opt.gravity.any() else "gravity is zero"
-
-
-def no_air(run: RunState) -> str | None:
-    """Without density and viscosity a medium exerts no force, whatever the wind."""
-    option = run.model.opt
-    return None if option.density or option.viscosity else "the medium has no density or viscosity"
+# Without density and viscosity a medium exerts no force, whatever the wind.
+no_air = where(
+    "the medium has no density or viscosity",
+    lambda run: not (run.model.opt.density or run.model.opt.viscosity),
+)
 
 
 def no_friction(run: RunState) -> str | None:
-    """No contact has friction, and no joint or tendon has friction loss."""
+    """No contact has friction."""
     if reason := no_contact(run):
         return reason
     return None if most_condim(run.model) > 1 else "no contact has friction"
@@ -150,8 +223,7 @@ def no_friction(run: RunState) -> str | None:
 
 def no_noslip(run: RunState) -> str | None:
     """No contact or joint has friction that could slip."""
-    lossless = zero("", "dof_frictionloss", "tendon_frictionloss")(run) is not None
-    return no_friction(run) if lossless else None
+    return None if acts(run.model, *FRICTION_LOSS) else no_friction(run)
 
 
 def most_condim(model: mujoco.MjModel) -> int:
@@ -222,11 +294,10 @@ def one_tree(run: RunState) -> str | None:
 
 def no_constraint(run: RunState) -> str | None:
     """No contact, limit, equality or friction loss: nothing is solved."""
-    model = run.model
-    solved = model.neq or model.nflex or np.any(model.dof_frictionloss)
-    if solved or np.any(model.tendon_frictionloss) or no_contact(run) is None:
+    solved = run.model.neq or run.model.nflex or acts(run.model, *FRICTION_LOSS)
+    if solved or no_contact(run) is None or no_limit(run) is None:
         return None
-    return None if no_limit(run) is None else "there is nothing to solve"
+    return "there is nothing to solve"
 
 
 def no_equality(run: RunState) -> str | None:
@@ -234,29 +305,3 @@ def no_equality(run: RunState) -> str | None:
     if not run.model.neq:
         return "no equality constraint"
     return None if np.any(run.model.eq_active0) else "no equality constraint is active"
-
-
-def no_actuator(run: RunState) -> str | None:
-    """The model has no actuator."""
-    return None if run.model.nu else "no actuator"
-
-
-def no_ctrl_limit(run: RunState) -> str | None:
-    """No control is limited."""
-    return None if np.any(run.model.actuator_ctrllimited) else "no control is limited"
-
-
-def idle_tendons(run: RunState) -> str | None:
-    """No tendon does anything."""
-    idle = run.facts.idle_tendons and not tendons_act(run.model)
-    return "no tendon exerts a force" if idle else None
-
-
-def tendons_act(model: mujoco.MjModel) -> bool:
-    """Return whether a tendon has a spring, damping, friction, a limit or inertia."""
-    return any(np.any(getattr(model, f"tendon_{each}", 0)) for each in _TENDON_EFFECTS)
-
-
-def spare_sensors(_: RunState) -> str | None:
-    """Sensors measure, and change nothing; no metric reads those of the model."""
-    return "no metric reads the model's own sensors"

@@ -66,11 +66,14 @@ def settings_mjcf(settings: Values) -> tuple[str, ...]:
         if not isinstance(value, bool):
             options[name] = "0 0 0" if name == "gravity" else str(as_written(value))
             continue
-        mjcf = EFFECTS[name].switch.mjcf(value)
-        options |= mjcf.options
-        flags |= mjcf.flags
-        condims += [] if mjcf.condim is None else [mjcf.condim]
-        comments += [] if mjcf.comment is None else [f"<!-- {mjcf.comment} -->"]
+        switch = EFFECTS[name].switch
+        options |= {
+            option: f"{each:g}" if isinstance(each, float) else str(as_written(each))
+            for option, each in switch.options[value].items()
+        }
+        flags |= {switch.flag: value} if switch.flag else {}
+        condims += [switch.condim[value]] if switch.condim else []
+        comments += [f"<!-- {switch.removal} -->"] if switch.removal and not value else []
     contact = {"condim": str(min(condims))} if condims else {}
     return (
         *option_lines(options, flags),
