@@ -1,6 +1,6 @@
 """Discretisation errors: every run against its reference, which runs share by families."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
 
@@ -8,9 +8,9 @@ import numpy as np
 
 from contactlab.accuracy.reference import (
     Discrepancy,
+    Family,
     PlannedModel,
     ReferenceSolution,
-    ReferenceSolver,
     with_reference_numerics,
 )
 from contactlab.contact.trace_arrays import Floats
@@ -88,19 +88,19 @@ def discretization_errors(
     `watch` is called before steps, to start their time limit.
     """
     local = request.error == "local"
-    longest = max(run.resolved.timestep for run in family)
+    timesteps = [run.resolved.timestep for run in family]
     samples = _samples(family)
-    times = [_restarts(run, longest) if local else _common(run, samples) for run in family]
+    times = [_restarts(run, max(timesteps)) if local else _common(run, samples) for run in family]
     needed = np.unique(np.concatenate([part for each in times for part in each]))
-    solver = ReferenceSolver(scene, family, request.refine, watch)
-    reference = solver.reference(needed)
+    solved = Family(scene, family[0], watch)
+    reference = solved.reference(needed, min(timesteps) / request.refine)
     if reference is None:
         return [{} for _ in family]
     compare = _compare_locally if local else _compare
-    notes = [compare(reference, run, each, watch) for run, each in zip(family, times, strict=True)]
+    notes = [compare(reference, run, each) for run, each in zip(family, times, strict=True)]
     shared: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
     if not local:
-        shared["chaotic"] = _is_chaotic(reference, solver.divergence(reference), notes)
+        shared["chaotic"] = _is_chaotic(reference, reference.divergence(), notes)
     return [{**note, **shared} for note in notes]
 
 
@@ -131,10 +131,9 @@ def _spread(first: int, last: int, most: int) -> Floats:
     return np.unique(numbers.round())
 
 
-def _compare(reference: ReferenceSolution, run: PlannedModel, times: _Times, watch: Watch) -> Note:
+def _compare(reference: ReferenceSolution, run: PlannedModel, times: _Times) -> Note:
     """Compare a whole run with its reference, by trajectory and by invariants."""
-    engine = reference.engine
-    sampled = engine.integrate_to(run.prepared.model, run.start, times.ends, watch=watch)
+    sampled = reference.family.integrate(run.prepared, times.ends, run.start)
     if sampled is None:
         return {}
     rows, coarse = reference.rows(times.ends), reference.coarse.sampled
@@ -145,16 +144,11 @@ def _compare(reference: ReferenceSolution, run: PlannedModel, times: _Times, wat
     }
 
 
-def _compare_locally(
-    reference: ReferenceSolution, run: PlannedModel, times: _Times, watch: Watch
-) -> Note:
+def _compare_locally(reference: ReferenceSolution, run: PlannedModel, times: _Times) -> Note:
     """Compare a run's model with its reference, restarted from many of the reference's states."""
-    engine = reference.engine
-    whole = engine.integrate_to(run.prepared.model, run.start, times.ends[-1:], watch=watch)
-    error, own = (
-        reference.local_error(prepared, *times, watch)
-        for prepared in (run.prepared, reference.coarse.prepared)
-    )
+    whole = reference.family.integrate(run.prepared, times.ends[-1:], run.start)
+    error = reference.local_error(run.prepared, *times)
+    own = reference.local_error(reference.coarse.prepared, *times)
     if whole is None or error is None or own is None:
         return {}
     return {"local": _error(error, own), "impacts": whole.impacts}
@@ -199,7 +193,8 @@ def accuracies(
             reference_timestep=note.get("timestep"),
             impacts=note.get("impacts"),
             solref_rule=rules[run_id],
-            solref_clamped=is_clamped(resolved, [pair.solref for pair in pairs.values()]),
+            solref_clamped=resolved.flags["refsafe"]
+            and any(raises_solref(pair.solref, resolved.timestep) for pair in pairs.values()),
         )
     return found
 
@@ -212,18 +207,11 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
     return "invariants" if sum(known) > len(known) / 2 else "trajectory"
 
 
-def is_clamped(run: ResolvedRun, solrefs: Iterable[Sequence[float]]) -> bool:
-    """Return whether refsafe, if on, raises any of these time constants to two timesteps.
+def raises_solref(solref: Sequence[float], timestep: float) -> bool:
+    """Return whether refsafe raises the time constant of a solref to two timesteps [s].
 
     A solref in direct form has none.
     """
-    if not run.flags["refsafe"]:
-        return False
-    return any(raises_solref(solref, run.timestep) for solref in solrefs)
-
-
-def raises_solref(solref: Sequence[float], timestep: float) -> bool:
-    """Return whether refsafe raises the time constant of a solref to two timesteps [s]."""
     return 0 < solref[0] < 2 * timestep
 
 

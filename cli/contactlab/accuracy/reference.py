@@ -12,10 +12,11 @@ Of settings that look numerical, these are part of the model:
 - multiccd, nativeccd, speculative, diagexact: these change the contacts or their impedances.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from types import MappingProxyType
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -87,44 +88,31 @@ def drifts(run: Invariants, reference: Invariants) -> Floats:
     return np.maximum.reduce(parts)
 
 
-@dataclass(frozen=True)
-class NumericSetting:
-    """A setting or flag that only discretises.
-
-    Attributes:
-        reference: its value in a reference; None where each reference chooses.
-        reason: why the limit does not depend on it.
-    """
-
-    reference: object
-    reason: str
-
-
-_SOLVED = "the constraint problem is convex: every converged solver gives the same answer"
-_DISTANCE = "how accurately the distance of convex shapes is computed"
-NUMERICS: Mapping[str, NumericSetting] = MappingProxyType(
+NUMERICS: Mapping[str, object] = MappingProxyType(
     {
-        "timestep": NumericSetting(None, "what goes to zero"),
-        "integrator": NumericSetting(
-            None, "all are consistent: they differ by powers of the timestep"
-        ),
-        "solver": NumericSetting("Newton", _SOLVED),
-        "iterations": NumericSetting(200, _SOLVED),
-        "tolerance": NumericSetting(1e-12, _SOLVED),
-        "ls_iterations": NumericSetting(50, _SOLVED),
-        "ls_tolerance": NumericSetting(0.01, _SOLVED),
-        "jacobian": NumericSetting("auto", "how the same matrix is stored"),
-        "ccd_iterations": NumericSetting(200, _DISTANCE),
-        "ccd_tolerance": NumericSetting(1e-9, _DISTANCE),
-        "warmstart": NumericSetting(True, "where the solver starts; " + _SOLVED),
-        "island": NumericSetting(
-            True, "bodies that do not touch are solved separately; " + _SOLVED
-        ),
-        "midphase": NumericSetting(True, "how distant pairs are skipped"),
-        "eulerdamp": NumericSetting(True, "damping evaluated at the end of a step or at its start"),
-        "sleep": NumericSetting(False, "skips bodies at rest, which should not move anyway"),
+        "timestep": None,  # what goes to zero
+        "integrator": None,  # all are consistent: they differ by powers of the timestep
+        # The constraint problem is convex: every converged solver gives the same answer.
+        "solver": "Newton",
+        "iterations": 200,
+        "tolerance": 1e-12,
+        "ls_iterations": 50,
+        "ls_tolerance": 0.01,
+        "warmstart": True,  # where the solver starts
+        "island": True,  # bodies that do not touch are solved separately
+        "jacobian": "auto",  # how the same matrix is stored
+        # How accurately the distance of convex shapes is computed.
+        "ccd_iterations": 200,
+        "ccd_tolerance": 1e-9,
+        "midphase": True,  # how distant pairs are skipped
+        "eulerdamp": True,  # damping evaluated at the end of a step or at its start
+        "sleep": False,  # skips bodies at rest, which should not move anyway
     }
 )
+"""Settings and flags that only discretise, and why the limit does not depend on them.
+
+The values are those of a reference; None where each reference chooses.
+"""
 
 
 def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:
@@ -132,8 +120,7 @@ def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) 
 
     Runs that differ only in numerics give equal references.
     """
-    chosen = {name: each.reference for name, each in NUMERICS.items()}
-    chosen |= {"integrator": integrator, "timestep": timestep}
+    chosen = {**NUMERICS, "integrator": integrator, "timestep": timestep}
     settings = Settings({name: chosen.get(name, value) for name, value in run.settings.items()})
     flags = {name: bool(chosen.get(name, state)) for name, state in run.flags.items()}
     written = {name for name in chosen if name in settings or name in flags}
@@ -149,31 +136,70 @@ _FALL = 1e-3
 Rows = NDArray[np.intp] | slice
 
 
-class PlannedModel(Protocol):
+@dataclass(frozen=True)
+class PlannedModel:
     """A run before it starts: what it resolves to, its model, and its start (n = 1)."""
 
-    @property
-    def resolved(self) -> ResolvedRun:
-        """Everything that decides the run."""
-        ...
-
-    @property
-    def prepared(self) -> PreparedModel:
-        """Its model."""
-        ...
-
-    @property
-    def start(self) -> InitialStates:
-        """Its start state."""
-        ...
+    resolved: ResolvedRun
+    prepared: PreparedModel
+    start: InitialStates
 
 
-@dataclass(frozen=True)
-class Solution:
+class Solution(NamedTuple):
     """A model, and its states at T times."""
 
     prepared: PreparedModel
     sampled: SampledStates
+
+
+@dataclass(frozen=True)
+class Family:
+    """Runs that differ in numerics alone, `run` among them, and whose engine solves references.
+
+    `watch` is called before steps, to start their time limit.
+    """
+
+    scene: Scene
+    run: PlannedModel
+    watch: Watch
+
+    def integrate(
+        self,
+        prepared: PreparedModel,
+        times: Floats,
+        start: InitialStates | None = None,
+        *,
+        begin: float = 0.0,
+        state: Floats | None = None,
+    ) -> SampledStates | None:
+        """Return a model's states at some times [s], or None; see `SolvesReferences`."""
+        engine = engine_of(self.run.resolved)
+        assert isinstance(engine, SolvesReferences)
+        start = start or self.run.start
+        return engine.integrate_to(
+            prepared.model, start, times, begin=begin, state=state, watch=self.watch
+        )
+
+    def solve(
+        self, integrator: str, timestep: float, times: Floats, start: InitialStates | None = None
+    ) -> Solution | None:
+        """Return the solution at a timestep [s], or None."""
+        resolved = with_reference_numerics(self.run.resolved, integrator, timestep)
+        prepared = self.scene.prepare(resolved, self.run.start)
+        sampled = self.integrate(prepared, times, start)
+        return sampled and Solution(prepared, sampled)
+
+    def reference(self, times: Floats, timestep: float) -> "ReferenceSolution | None":
+        """Return the family's reference at some times [s]; None if no integrator completes it.
+
+        The timestep is that of the coarse solution [s].
+        """
+        for integrator in _INTEGRATORS:
+            fine = self.solve(integrator, timestep / 2, times)
+            coarse = fine and self.solve(integrator, timestep, times)
+            if fine and coarse:
+                return ReferenceSolution(self, integrator, timestep / 2, times, fine, coarse)
+        return None
 
 
 @dataclass(frozen=True)
@@ -185,18 +211,19 @@ class ReferenceSolution:
         times: (T,) at which states are known [s].
         fine: the reference proper.
         coarse: its distance from the fine one is the estimate of the reference's own error.
-        free: whether nothing external acts on the model.
     """
 
-    start: InitialStates
+    family: Family
     integrator: str
     timestep: float
     times: Floats
     fine: Solution
     coarse: Solution
-    joints: Joints
-    free: bool
-    engine: SolvesReferences
+
+    @cached_property
+    def joints(self) -> Joints:
+        """The joints of the model."""
+        return joints_of(self.fine.prepared.model)
 
     def rows(self, times: Floats) -> NDArray[np.intp]:
         """Return the rows of the reference at some of its times."""
@@ -208,16 +235,13 @@ class ReferenceSolution:
 
     def drift(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return how far energy and momenta are from the reference's at these rows, as ratios."""
-        expected = self.fine.sampled
-        return Discrepancy.of(
-            drifts(
-                self._invariants(sampled.qpos, sampled.qvel),
-                self._invariants(expected.qpos[rows], expected.qvel[rows]),
-            )
-        )
+        expected, model = self.fine.sampled, self.fine.prepared.model
+        free = self.family.scene.base_of(self.family.run.resolved).free
+        both = (sampled.qpos, sampled.qvel), (expected.qpos[rows], expected.qvel[rows])
+        return Discrepancy.of(drifts(*(invariants(model, *each, free=free) for each in both)))
 
     def local_error(
-        self, prepared: PreparedModel, begins: Floats, ends: Floats, watch: Watch
+        self, prepared: PreparedModel, begins: Floats, ends: Floats
     ) -> Discrepancy | None:
         """Return how far a model gets from the reference when restarted from its states [m].
 
@@ -225,9 +249,7 @@ class ReferenceSolution:
         """
         states = self.fine.sampled.states[self.rows(begins)]
         restarts = [
-            self.engine.integrate_to(
-                prepared.model, self.start, end, begin=begin, state=state, watch=watch
-            )
+            self.family.integrate(prepared, end, begin=begin, state=state)
             for begin, end, state in zip(begins.tolist(), ends[:, None], states, strict=True)
         ]
         qpos = [each.qpos for each in restarts if each is not None]
@@ -236,71 +258,20 @@ class ReferenceSolution:
         expected = self.fine.sampled.qpos[self.rows(ends)]
         return Discrepancy.of(distances(self.joints, np.concatenate(qpos), expected))
 
-    def _invariants(self, qpos: Floats, qvel: Floats) -> Invariants:
-        return invariants(self.fine.prepared.model, qpos, qvel, free=self.free)
-
-
-class ReferenceSolver:
-    """Solves the models of one family at finer timesteps.
-
-    Its runs differ in numerics alone, and their engine solves references. `refine` is the family's
-    shortest timestep over that of the coarse solution; `watch` is called before steps, to start
-    their time limit.
-    """
-
-    def __init__(
-        self, scene: Scene, runs: Sequence[PlannedModel], refine: int, watch: Watch
-    ) -> None:
-        self._scene = scene
-        self._run = runs[0]
-        self._timestep = min(run.resolved.timestep for run in runs) / refine
-        self._watch = watch
-        engine = engine_of(self._run.resolved)
-        assert isinstance(engine, SolvesReferences)
-        self._engine = engine
-
-    def reference(self, times: Floats) -> ReferenceSolution | None:
-        """Return the family's reference at some times [s]; None if no integrator completes it."""
-        start = self._run.start
-        for integrator in _INTEGRATORS:
-            fine = self._solve(integrator, self._timestep / 2, times, start)
-            coarse = fine and self._solve(integrator, self._timestep, times, start)
-            if fine and coarse:
-                return ReferenceSolution(
-                    start=start,
-                    integrator=integrator,
-                    timestep=self._timestep / 2,
-                    times=times,
-                    fine=fine,
-                    coarse=coarse,
-                    joints=joints_of(fine.prepared.model),
-                    free=self._scene.base_of(self._run.resolved).free,
-                    engine=self._engine,
-                )
-        return None
-
-    def divergence(self, reference: ReferenceSolution) -> float | None:
+    def divergence(self) -> float | None:
         """Return how far a start perturbed by 1e-8 gets from the coarse solution [m].
 
         It is solved at the timestep of the coarse solution, not at those of the runs: there any
         perturbation may move an impact to another step, which changes what follows, though by less
         than the runs' own errors.
         """
-        start = perturbed_copy(reference.start, reference.joints, self._run.resolved.seed)
-        times, timestep = reference.times, 2 * reference.timestep
-        perturbed = self._solve(reference.integrator, timestep, times, start)
+        run = self.family.run
+        start = perturbed_copy(run.start, self.joints, run.resolved.seed)
+        perturbed = self.family.solve(self.integrator, 2 * self.timestep, self.times, start)
         if perturbed is None:
             return None
-        qpos = reference.coarse.sampled.qpos
-        return Discrepancy.of(distances(reference.joints, perturbed.sampled.qpos, qpos)).peak
-
-    def _solve(
-        self, integrator: str, timestep: float, times: Floats, start: InitialStates
-    ) -> Solution | None:
-        resolved = with_reference_numerics(self._run.resolved, integrator, timestep)
-        prepared = self._scene.prepare(resolved, self._run.start)
-        sampled = self._engine.integrate_to(prepared.model, start, times, watch=self._watch)
-        return sampled and Solution(prepared, sampled)
+        qpos = self.coarse.sampled.qpos
+        return Discrepancy.of(distances(self.joints, perturbed.sampled.qpos, qpos)).peak
 
 
 def invariants(model: mujoco.MjModel, qpos: Floats, qvel: Floats, *, free: bool) -> Invariants:

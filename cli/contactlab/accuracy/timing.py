@@ -112,16 +112,14 @@ class InterleavedTimer:
             ]
         for (run_id, resolved), taken in zip(runs.items(), zip(*rounds, strict=True), strict=True):
             times, p50, p99 = zip(*taken, strict=True)
-            yield (
-                run_id,
-                {
-                    "time_min": min(times),
-                    "time_median": median(times),
-                    "step_p50": median(p50),
-                    "step_p99": median(p99),
-                    "compile_time": self._model(resolved)[1],
-                },
+            clocked = (
+                min(times),
+                median(times),
+                median(p50),
+                median(p99),
+                self._model(resolved)[1],
             )
+            yield run_id, dict(zip(_CLOCKED, clocked, strict=True))
 
     def _time(
         self, segments: Segments, resolved: ResolvedRun, portion: _Portion

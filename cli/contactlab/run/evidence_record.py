@@ -15,15 +15,14 @@ from typing import Any
 
 import numpy as np
 
+from contactlab.accuracy.reference import PlannedModel
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.engines import Rollout, engine_of, trajectory_hash
 from contactlab.measure import METRICS, Assessment
 from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task
-from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import EffectState
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.evidence import (
     Cost,
     Engine,
@@ -46,13 +45,10 @@ def metric_versions() -> dict[str, int]:
 
 
 @dataclass(frozen=True)
-class RunPlan:
-    """All that determines one run; its start is a batch of one."""
+class RunPlan(PlannedModel):
+    """All that determines one run."""
 
     run: PlannedRun
-    resolved: ResolvedRun
-    prepared: PreparedModel
-    start: InitialStates
 
 
 @dataclass(frozen=True)

@@ -269,7 +269,7 @@ class Preparer:
         starts = self.scene.starts(resolved)
         initial = [self._acted_on(run, starts.pick(place)) for place, run in enumerate(job)]
         return [
-            RunPlan(run, each, self._prepared(each, start), start)
+            RunPlan(each, self._prepared(each, start), start, run)
             for run, each, start in zip(job, resolved, initial, strict=True)
         ]
 
