@@ -1,18 +1,17 @@
 """Small safe expressions over named values: arithmetic, comparisons and a few functions.
 
-Python's `ast` parses the text, which is then compiled to nested functions. Only the nodes that are
-listed here are accepted. Numbers are computed as floats, so that no expression can run away:
-`9**9**9` overflows at once.
+Python parses the text, and evaluates it once every node of its tree is one of those that are listed
+here. Numbers are computed as floats, so that no expression can run away: `9**9**9` overflows at
+once.
 """
 
 import ast
 import math
-import operator
 import warnings
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 Result = float | bool | str
-Evaluate = Callable[[Mapping[str, object]], Result]
 
 _MAX_CHARACTERS = 1000
 
@@ -56,7 +55,8 @@ class Expression:
         if len(text) > _MAX_CHARACTERS:
             raise ExpressionError(f"longer than {_MAX_CHARACTERS} characters", 0, len(text))
         try:
-            self._evaluate = _Compiler(text, self.places).visit(_parse(text))
+            tree = ast.Expression(_Checker(text, self.places).visit(_parse(text)))
+            self._code = compile(ast.fix_missing_locations(tree), "expression", "eval")
         except (RecursionError, MemoryError) as error:
             raise ExpressionError("nested too deeply", 0, len(text)) from error
 
@@ -71,13 +71,28 @@ class Expression:
         Raises:
             ExpressionError: a name has no value, or the result is not a finite number.
         """
+
+        def read(name: str) -> "float | bool | _Word":
+            start, width = self.places[name], len(name)
+            if name not in values:
+                raise NoValueError(f"'{name}' has no value", start, width)
+            value = values[name]
+            if not isinstance(value, bool | int | float | str):
+                raise ExpressionError(f"'{name}' is not a single number", start, width)
+            if isinstance(value, str):
+                return _Word(value)
+            return value if isinstance(value, bool) else float(value)
+
         try:
-            result = self._evaluate(values)
+            # All that it can call is in these names.
+            result = eval(self._code, {"__builtins__": {}, **_CALLED, "read": read})  # noqa: S307
         except (ArithmeticError, TypeError) as error:
             raise ExpressionError(_reason(error), 0, len(self.text)) from error
-        if isinstance(result, float) and not math.isfinite(result):
+        if isinstance(result, _Word | bool):
+            return result.text if isinstance(result, _Word) else result
+        if not math.isfinite(result):
             raise ExpressionError("the result is not a finite number", 0, len(self.text))
-        return result
+        return float(result)
 
     def __reduce__(self) -> tuple[type["Expression"], tuple[str]]:
         """Pickle as text."""
@@ -103,27 +118,38 @@ def _indent(text: str) -> int:
     return len(text) - len(text.lstrip())
 
 
-def _number(value: object) -> float:
-    if isinstance(value, int | float):
-        return float(value)
-    raise TypeError(f"{value!r} is not a number")
+@dataclass(frozen=True)
+class _Word:
+    """Text, which can be compared, but neither counted nor ordered."""
+
+    text: str
 
 
 def _power(base: float, exponent: float) -> float:
-    result: float | complex = base**exponent
+    result: float | complex = float(base) ** exponent
     if isinstance(result, complex):
-        raise TypeError("a root of a negative number")
+        raise ArithmeticError("a root of a negative number")
     return result
 
 
-def _of_numbers(compute: Callable[[float, float], Result]) -> Callable[[Result, Result], Result]:
-    return lambda left, right: compute(_number(left), _number(right))
-
-
 def _reason(error: Exception) -> str:
+    if isinstance(error, TypeError):
+        return "a word is not a number"
     if isinstance(error, ZeroDivisionError):
         return "division by zero"
     return "a number is too large" if isinstance(error, OverflowError) else str(error)
+
+
+def _named(name: str, function: Callable[..., float]) -> Callable[..., float]:
+    """Return a function whose errors name it."""
+
+    def apply(*arguments: float) -> float:
+        try:
+            return function(*arguments)
+        except ValueError as error:
+            raise ArithmeticError(f"{name} is not defined for this value") from error
+
+    return apply
 
 
 _FUNCTIONS: dict[str, Callable[..., float]] = {
@@ -139,126 +165,75 @@ _FUNCTIONS: dict[str, Callable[..., float]] = {
     "sqrt": math.sqrt,
     "tan": math.tan,
 }
-_UNARY: dict[type[ast.unaryop], Callable[[Result], Result]] = {
-    ast.Not: operator.not_,
-    ast.UAdd: _number,
-    ast.USub: lambda value: -_number(value),
+_CALLED = {name: _named(name, function) for name, function in _FUNCTIONS.items()} | {
+    "power": _power,
+    "word": _Word,
 }
-_ARITHMETIC: dict[type[ast.operator], Callable[[Result, Result], Result]] = {
-    ast.Add: _of_numbers(operator.add),
-    ast.Sub: _of_numbers(operator.sub),
-    ast.Mult: _of_numbers(operator.mul),
-    ast.Div: _of_numbers(operator.truediv),
-    ast.Pow: _of_numbers(_power),
+_OPERATORS: dict[type[ast.AST], tuple[tuple[type[ast.AST], ...], str]] = {
+    ast.UnaryOp: ((ast.Not, ast.UAdd, ast.USub), "the unary operators are + - and not"),
+    ast.BinOp: (
+        (ast.Add, ast.Sub, ast.Mult, ast.Div, ast.Pow),
+        "the arithmetic operators are + - * / and **",
+    ),
+    ast.BoolOp: ((ast.And, ast.Or), ""),
+    ast.Compare: (
+        (ast.Eq, ast.NotEq, ast.Lt, ast.LtE, ast.Gt, ast.GtE),
+        "the comparisons are < <= > >= == and !=",
+    ),
 }
-_COMPARISONS: dict[type[ast.cmpop], Callable[[Result, Result], Result]] = {
-    ast.Eq: operator.eq,
-    ast.NotEq: operator.ne,
-    ast.Lt: _of_numbers(operator.lt),
-    ast.LtE: _of_numbers(operator.le),
-    ast.Gt: _of_numbers(operator.gt),
-    ast.GtE: _of_numbers(operator.ge),
-}
+"""By node, the operators that it may have, and what is said of others."""
 
 
-class _Compiler(ast.NodeVisitor):
-    """Turns syntax trees into nested functions of the values.
+def _call(name: str, *arguments: ast.expr) -> ast.expr:
+    return ast.Call(ast.Name(name, ast.Load()), list(arguments), [])
 
-    Args:
-        text: the whole expression.
-        places: filled with every name that is used, with the start of its first use.
-    """
+
+class _Checker(ast.NodeTransformer):
+    """Refuses what is not listed here; has names, words and powers called, and notes the names."""
 
     def __init__(self, text: str, places: dict[str, int]) -> None:
         self._text = text
         self._places = places
 
-    def visit(self, node: ast.AST) -> Evaluate:
-        return super().visit(node)
+    def generic_visit(self, node: ast.AST) -> ast.AST:
+        if isinstance(node, ast.operator | ast.unaryop | ast.boolop | ast.cmpop):
+            return node
+        if not isinstance(node, ast.UnaryOp | ast.BinOp | ast.BoolOp | ast.Compare):
+            raise self._error(node, "only numbers, names, operators and functions are allowed here")
+        allowed, message = _OPERATORS[type(node)]
+        operators = node.ops if isinstance(node, ast.Compare) else [node.op]
+        if not all(isinstance(each, allowed) for each in operators):
+            raise self._error(node, message)
+        return super().generic_visit(node)
 
-    def generic_visit(self, node: ast.AST) -> Evaluate:
-        raise self._error(node, "only numbers, names, operators and functions are allowed here")
-
-    def visit_Constant(self, node: ast.Constant) -> Evaluate:
+    def visit_Constant(self, node: ast.Constant) -> ast.expr:
         value = node.value
-        if not isinstance(value, int | float | str):
+        if isinstance(value, str):
+            return _call("word", node)
+        if not isinstance(value, int | float):
             raise self._error(node, "only numbers and quoted words are literals here")
         try:
-            fixed = value if isinstance(value, bool | str) else float(value)
+            return ast.Constant(value if isinstance(value, bool) else float(value))
         except OverflowError as error:
             raise self._error(node, "a number is too large") from error
-        return lambda _: fixed
 
-    def visit_Name(self, node: ast.Name | ast.Attribute) -> Evaluate:
+    def visit_Name(self, node: ast.Name | ast.Attribute) -> ast.expr:
         name = self._dotted(node)
         if name == "pi":
-            return lambda _: math.pi
+            return ast.Constant(math.pi)
         if name in _FUNCTIONS:
             raise self._error(node, f"'{name}' is a function: write {name}(...)")
-        start, width = self._span(node)
-        self._places.setdefault(name, start)
+        self._places.setdefault(name, self._span(node)[0])
+        return _call("read", ast.Constant(name))
 
-        def read(values: Mapping[str, object]) -> Result:
-            if name not in values:
-                raise NoValueError(f"'{name}' has no value", start, width)
-            value = values[name]
-            if isinstance(value, bool | str):
-                return value
-            if isinstance(value, int | float):
-                return float(value)
-            raise ExpressionError(f"'{name}' is not a single number", start, width)
-
-        return read
-
-    def visit_Attribute(self, node: ast.Attribute) -> Evaluate:
+    def visit_Attribute(self, node: ast.Attribute) -> ast.expr:
         return self.visit_Name(node)
 
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> Evaluate:
-        compute = _UNARY.get(type(node.op))
-        if compute is None:
-            raise self._error(node, "the unary operators are + - and not")
-        operand = self.visit(node.operand)
-        return lambda values: compute(operand(values))
+    def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        checked = self.generic_visit(node)
+        return _call("power", node.left, node.right) if isinstance(node.op, ast.Pow) else checked
 
-    def visit_BinOp(self, node: ast.BinOp) -> Evaluate:
-        compute = _ARITHMETIC.get(type(node.op))
-        if compute is None:
-            raise self._error(node, "the arithmetic operators are + - * / and **")
-        left, right = self.visit(node.left), self.visit(node.right)
-        return lambda values: compute(left(values), right(values))
-
-    def visit_BoolOp(self, node: ast.BoolOp) -> Evaluate:
-        terms = [self.visit(value) for value in node.values]
-        stops_at = isinstance(node.op, ast.Or)
-
-        def apply(values: Mapping[str, object]) -> Result:
-            result: Result = not stops_at
-            for term in terms:
-                result = term(values)
-                if bool(result) is stops_at:
-                    break
-            return result
-
-        return apply
-
-    def visit_Compare(self, node: ast.Compare) -> Evaluate:
-        if not all(type(each) in _COMPARISONS for each in node.ops):
-            raise self._error(node, "the comparisons are < <= > >= == and !=")
-        tests = [_COMPARISONS[type(each)] for each in node.ops]
-        first, *others = [self.visit(each) for each in (node.left, *node.comparators)]
-
-        def apply(values: Mapping[str, object]) -> Result:
-            left = first(values)
-            for test, term in zip(tests, others, strict=True):
-                right = term(values)
-                if not test(left, right):
-                    return False
-                left = right
-            return True
-
-        return apply
-
-    def visit_Call(self, node: ast.Call) -> Evaluate:
+    def visit_Call(self, node: ast.Call) -> ast.expr:
         name = node.func.id if isinstance(node.func, ast.Name) else ""
         if name not in _FUNCTIONS:
             raise self._error(node.func, "the functions are " + ", ".join(_FUNCTIONS))
@@ -266,16 +241,7 @@ class _Compiler(ast.NodeVisitor):
         if node.keywords or (len(node.args) < 2 if several else len(node.args) != 1):
             takes = "two or more numbers" if several else "one number"
             raise self._error(node, f"{name} takes {takes}")
-        function, terms = _FUNCTIONS[name], [self.visit(each) for each in node.args]
-
-        def apply(values: Mapping[str, object]) -> Result:
-            arguments = [_number(term(values)) for term in terms]
-            try:
-                return function(*arguments)
-            except ValueError as error:
-                raise ArithmeticError(f"{name} is not defined for this value") from error
-
-        return apply
+        return _call(name, *[self.visit(each) for each in node.args])
 
     def _dotted(self, node: ast.expr) -> str:
         if isinstance(node, ast.Name):
