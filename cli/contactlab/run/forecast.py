@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache, lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
@@ -53,7 +52,11 @@ class Forecast:
 
 @dataclass
 class _Sums:
-    """Sums over the runs, how many are `_Timestep.fast` or `clamped`, and a sample of them."""
+    """Sums over the runs, and a sample of them.
+
+    So many are too fast: their timestep is too long for a contact; or clamped: so long that refsafe
+    changes its solref.
+    """
 
     steps: int = 0
     bytes: int = 0
@@ -65,27 +68,24 @@ class _Sums:
 def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     """Estimate the cost of a sweep from a few hundred steps of a few of its runs."""
     index = RunIndex(plan, scene)
-    sums, sweep = _summed(index, scene), plan.sweep
+    sums, sweep, workers = _summed(index, scene), plan.sweep, max(1, workers)
     per_step = [_step_cost(scene, resolved) for resolved in sums.sampled] or [0.0]
-    share = sums.steps / max(1, workers)
-    likely = float(np.median(per_step))
-    passes = index.runs() if sweep.accuracy or sweep.timing else ()
-    resolved = {run.run_id: each for run, each in passes}
-    evaluations = reference_steps(sweep.accuracy, resolved, scene) if sweep.accuracy else 0.0
-    accuracy = likely * evaluations / max(1, workers)
-    # What is counted is run once more by the workers, before the clock runs.
-    counting = likely * share if sweep.timing else 0.0
-    steps = [each.steps for each in resolved.values()]
-    clocked = timing_seconds(sweep.timing, steps, likely) if sweep.timing else 0.0
-    timing = counting + clocked
-    size = sums.bytes * _traced(sweep.trace, len(index))
+    least, likely, most = np.quantile(per_step, (0.25, 0.5, 0.75)).tolist()
+    share = sums.steps / workers
+    accuracy = timing = 0.0
+    if sweep.accuracy or sweep.timing:
+        resolved = {run.run_id: each for run, each in index.runs()}
+        if sweep.accuracy:
+            accuracy = likely * reference_steps(sweep.accuracy, resolved, scene) / workers
+        if sweep.timing:
+            steps = [each.steps for each in resolved.values()]
+            # What is counted is run once more by the workers, before the clock runs.
+            timing = likely * share + timing_seconds(sweep.timing, steps, likely)
+    size, passes = sums.bytes * _traced(sweep.trace, len(index)), accuracy + timing
     return Forecast(
         runs=len(index),
         steps=sums.steps,
-        seconds=(
-            float(np.quantile(per_step, 0.25)) * share * _OVERHEAD[0] + accuracy + timing,
-            float(np.quantile(per_step, 0.75)) * share * _OVERHEAD[1] + accuracy + timing,
-        ),
+        seconds=(least * share * _OVERHEAD[0] + passes, most * share * _OVERHEAD[1] + passes),
         accuracy_seconds=accuracy,
         timing_seconds=timing,
         bytes=(size * _COMPRESSED[0], size * _COMPRESSED[1]),
@@ -105,9 +105,10 @@ def _summed(index: RunIndex, scene: Scene) -> _Sums:
         sums.steps += count * steps
         sums.bytes += count * bytes_of(shape, steps)
         if isinstance(solref, tuple):
-            contact = _timestep(solref, row.timestep, shape.first.flags["refsafe"])
-            sums.fast += count * contact.fast
-            sums.clamped += count * contact.clamped
+            clamped = shape.first.flags["refsafe"] and raises_solref(solref, row.timestep)
+            used = (2 * row.timestep, solref[1]) if clamped else solref
+            sums.fast += count * (round(row.timestep * _frequency(used), 1) > _FASTEST)
+            sums.clamped += count * clamped
         # One for each multiple of the stride among the indices of the row's runs.
         samples = -(-(runs + count) // stride) - -(-runs // stride)
         sums.sampled += [row.resolved(seed) for seed in range(samples)]
@@ -144,19 +145,6 @@ def _warnings(plan: Plan, runs: int, sums: _Sums) -> Iterator[str]:
             f"in {sums.clamped:,} of {runs:,} runs refsafe raises the time constant of solref to "
             "2 timesteps, so that the solref of the sweep is not the one in use"
         )
-
-
-class _Timestep(NamedTuple):
-    """Whether a timestep is too long for a contact, or so long that refsafe changes its solref."""
-
-    fast: bool
-    clamped: bool
-
-
-def _timestep(solref: tuple[float, ...], timestep: float, refsafe: bool) -> _Timestep:
-    clamped = refsafe and raises_solref(solref, timestep)
-    used = (2 * timestep, solref[1]) if clamped else solref
-    return _Timestep(round(timestep * _frequency(used), 1) > _FASTEST, clamped)
 
 
 @lru_cache(_MAX_CACHED)

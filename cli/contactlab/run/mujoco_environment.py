@@ -18,6 +18,7 @@ from contactlab import resources
 from contactlab.errors import EngineError
 from contactlab.run.evidence_record import engine
 
+_PACKAGE = __name__.partition(".")[0]
 _VERSION = re.compile(r"\d+(\.\w+)+")
 _NAME = re.compile(r"[\w.-]+")
 _OLDEST, _TOO_NEW = (3, 3), (5,)
@@ -66,9 +67,7 @@ def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
 
     So exit codes, signals and all output are those of the other process.
     """
-    module, function = _command()
-    code = f"from {module} import {function}; {function}()"
-    command = [str(interpreter.python), "-c", code, *arguments]
+    command = [str(interpreter.python), "-m", _PACKAGE, *arguments]
     os.execve(interpreter.python, command, _environment_variables())  # noqa: S606
 
 
@@ -139,8 +138,7 @@ def _failure(mujoco: str, output: str) -> str:
 
 def _probe(python: Path, name: str) -> str:
     """Return the version of MuJoCo that contactlab finds there."""
-    module, _ = _command()
-    code = f"import mujoco, {__name__}, {module}; print(mujoco.__version__)"
+    code = f"import mujoco, {__name__}; print(mujoco.__version__)"
     done = subprocess.run(  # noqa: S603
         [python, "-c", code],
         capture_output=True,
@@ -175,13 +173,6 @@ def _uv() -> list[str] | None:
     if path := shutil.which("uv"):
         return [path]
     return [sys.executable, "-P", "-m", "uv"] if importlib.util.find_spec("uv") else None
-
-
-def _command() -> tuple[str, str]:
-    """Return module and function of the command `contactlab`, as the package declares it."""
-    name = __name__.partition(".")[0]
-    (entry,) = distribution(name).entry_points.select(group="console_scripts", name=name)
-    return entry.module, entry.attr
 
 
 def _environment_variables() -> dict[str, str]:

@@ -154,8 +154,7 @@ def replay(store: Store, run: str) -> ReplayResult:
     """Simulate a stored run again; return whether it is equal, or where it first differs."""
     silence_mujoco()
     start = prepare_replay(store, run)
-    record = start.record
-    rollout = start.roll_out()
+    record, rollout = start.record, start.roll_out()
     new_hash = trajectory_hash(rollout, 0)
     equal = new_hash == record.trajectory_hash
     step, difference = (None, None) if equal else _first_difference(store, record, rollout)
@@ -210,8 +209,6 @@ def _first_difference(
 
 MAX_STEPS = 2_000
 """Steps that are timed from each of the places along a run."""
-_END_TIMEOUT = 10.0
-"""How long a process may take to end once its input is closed [s]."""
 
 
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:
@@ -279,9 +276,7 @@ class TimingProcess:
     """Times runs, stepped by MuJoCo of a version or by other engines; see `timing_process`."""
 
     def __init__(self, python: Path, requests: IO[str], answers: IO[str]) -> None:
-        self._python = python
-        self._requests = requests
-        self._answers = answers
+        self._python, self._requests, self._answers = python, requests, answers
         greeting = self._answer()
         self.engine = str(greeting["engine"])
         # Older versions time their own engine alone.
@@ -331,15 +326,6 @@ def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
     try:
         yield TimingProcess(python, process.stdin, process.stdout)
     finally:
-        _end(process, process.stdin, process.stdout)
-
-
-def _end(process: subprocess.Popen[str], requests: IO[str], answers: IO[str]) -> None:
-    with suppress(BrokenPipeError):
-        requests.close()
-    try:
-        process.wait(_END_TIMEOUT)
-    except subprocess.TimeoutExpired:
+        # It has nothing to lose: it only answers.
         process.kill()
-        process.wait()
-    answers.close()
+        process.communicate()
