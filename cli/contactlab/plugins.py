@@ -27,13 +27,10 @@ GROUPS = {f"contactlab.{kind}s": kind for kind in ("metric", "label", "oracle", 
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plug-in that is loaded in this process.
+    """A plug-in that is loaded in this process: a file, or else an installed distribution.
 
-    Attributes:
-        name: the distribution's name, or that of the file without its suffix.
-        version: the distribution's version, or the file's `__version__`; empty if it has none.
-        sha256: of the file, or of all files of the packages that the entry points name.
-        file: the file; None for an installed package.
+    Its version is the distribution's, or the file's `__version__`, and empty if it has none. The
+    hash is that of the file, or of all files of the packages that the entry points name.
     """
 
     name: str

@@ -49,7 +49,13 @@ if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
     import ctypes, os, signal, time
     from contextlib import contextmanager
     from contactlab.run.planned_runs import Preparer
+    from contactlab.run.worker import Worker
     watchdog = Preparer.watchdog
+    start = Worker.__init__
+
+    def starting(self, *arguments):
+        start(self, *arguments)
+        self._preparer.proceed = self._proceed
 
     @contextmanager
     def slow(self):
@@ -62,6 +68,7 @@ if "forkserver" in " ".join(sys.orig_argv) or "0" in sys.orig_argv:
             yield begin
 
     Preparer.watchdog = slow
+    Worker.__init__ = starting
 """
 # All but the first three runs end when their worker should stop.
 UNTIL_STOPPED = """

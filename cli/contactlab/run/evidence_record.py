@@ -55,14 +55,9 @@ class RunPlan(PlannedModel):
 class RunOutcome:
     """All that one run produced.
 
-    Attributes:
-        assessment: of the group of runs that it was measured with.
-        row: its place in that group.
-        rollout: of its job.
-        place: its place in that job.
-        started: when its job started.
-        twin_label: the label of the same run from an initial state 1e-6 away; None unless the
-            sweep asks for it.
+    It has a row in the assessment of the runs that it was measured with, and a place in the rollout
+    of its job. The twin label is that of the same run from an initial state 1e-6 away, if the sweep
+    asks for it.
     """
 
     plan: RunPlan

@@ -30,15 +30,10 @@ _COMPRESSED = (0.1, 0.6)
 
 @dataclass(frozen=True)
 class Forecast:
-    """The expected cost of a sweep.
+    """The expected cost of a sweep of distinct runs, and warnings of settings that look wrong.
 
-    Attributes:
-        runs: distinct runs.
-        seconds: wall time of all passes, lower and upper estimate [s].
-        accuracy_seconds: of it, for references and errors [s].
-        timing_seconds: of it, for times and work [s].
-        bytes: size of the traces, lower and upper estimate.
-        warnings: about settings that look wrong but do not prevent the sweep.
+    Wall time [s] and size of the traces are estimated from below and above; of the time, some is
+    for references and errors, some for times and work.
     """
 
     runs: int

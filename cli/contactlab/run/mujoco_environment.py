@@ -38,11 +38,8 @@ class Interpreter(NamedTuple):
 def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter | None:
     """Return a Python with another version of MuJoCo; None if this one has the right version.
 
-    An environment is made when it is needed for the first time, and kept in the user's cache.
-
-    Args:
-        request: a version of MuJoCo, or the path of a Python that has one.
-        notify: called with a message before anything that takes time.
+    The request is a version, or the path of a Python that has one. An environment is made when it
+    is needed for the first time, after a notification, and kept in the user's cache.
 
     Raises:
         EngineError: there is no such version, or it cannot be installed.

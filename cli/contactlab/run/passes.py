@@ -38,9 +38,7 @@ from contactlab.store.table_layout import Column, as_ratios
 class RecordedOutcome(NamedTuple):
     """The outcome of a recorded run, as far as later passes need it.
 
-    Attributes:
-        tolerances_met: whether every tolerance is met except those of errors; None without any.
-        controls: hash of what its policy did, or None.
+    Tolerances are those of all but errors; `controls` is the hash of what its policy did.
     """
 
     status: str
@@ -50,12 +48,7 @@ class RecordedOutcome(NamedTuple):
 
 @dataclass(frozen=True)
 class SweepSession:
-    """A sweep that is running, and what runs it.
-
-    Attributes:
-        begin: called with the number of runs of a pass and how many of them are done already.
-        progress: called with runs as a pass finishes them.
-    """
+    """A sweep that is running, and what runs it."""
 
     task: Task
     scene: Scene

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from contactlab.engines import ENGINES, Proceed, bytes_of_run, engine_of, proceed_always
+from contactlab.engines import ENGINES, bytes_of_run, engine_of
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
 from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
@@ -145,17 +145,12 @@ class _Check:
             )
         if not engine.accepts_every_run and (why := engine.refusal(self._scene, row.resolved(0))):
             raise SceneError(why)
-        if row.group.first.drive not in ("none", "hold"):
-            key = (*row.start, row.timestep)
-        elif self._scene.is_timed:
-            key = row.start
-        else:
-            return
-        if key in self._checked:
-            return
-        self._scene.check_start(row.resolved(0))
-        if len(self._checked) < _MAX_CHECKED:
-            self._checked.add(key)
+        driven = row.group.first.drive not in ("none", "hold")
+        key = (*row.start, row.timestep) if driven else row.start
+        if (driven or self._scene.is_timed) and key not in self._checked:
+            self._scene.check_start(row.resolved(0))
+            if len(self._checked) < _MAX_CHECKED:
+                self._checked.add(key)
 
     def _check_steps(self, row: ResolvedRow) -> None:
         """Check that a run has steps, and that memory holds what it records."""
@@ -193,9 +188,13 @@ def pack_jobs(
     waiting: dict[Key, list[PlannedRun]] = {}
     bounds: dict[Key, int] = {}
     for taken, (run, resolved) in enumerate(runs):
-        key = _key(resolved)
+        sleep = resolved.flags.get("sleep")
+        structure = resolved.structure.items()
+        key = (*structure, resolved.steps, resolved.engine, sleep, resolved.without)
         if key not in bounds:
-            bounds[key] = _max_runs(scene, resolved, most)
+            base = scene.base_of(resolved)
+            size = bytes_of_run(base.model, resolved.steps)
+            bounds[key] = max(1, min(most, JOB_BYTES // size, _max_models(base)))
         group = waiting.setdefault(key, [])
         group.append(run)
         if len(group) >= min(bounds[key], max(1, (count - taken) // shares)):
@@ -203,22 +202,6 @@ def pack_jobs(
         elif len(waiting) > _MAX_OPEN:
             yield tuple(waiting.pop(next(iter(waiting))))
     yield from (tuple(group) for group in waiting.values())
-
-
-def _key(resolved: ResolvedRun) -> Key:
-    return (
-        *resolved.structure.items(),
-        resolved.steps,
-        resolved.engine,
-        resolved.flags.get("sleep"),
-        resolved.without,
-    )
-
-
-def _max_runs(scene: Scene, resolved: ResolvedRun, most: int) -> int:
-    base = scene.base_of(resolved)
-    size = bytes_of_run(base.model, resolved.steps)
-    return max(1, min(most, JOB_BYTES // size, _max_models(base)))
 
 
 def _max_models(base: CompiledScene) -> int:
@@ -244,17 +227,12 @@ def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
 _MAX_MODELS = 64
 
 
-class AbandonedError(Exception):
-    """A pass over runs was abandoned, since the sweep should stop."""
-
-
 class Preparer:
     """Prepares the runs of one sweep; its scene is the store's copy."""
 
-    def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:
+    def __init__(self, task: Task, marker: Path | None) -> None:
         silence_mujoco()
         self.task = task
-        self.proceed = proceed
         folder = local_scene(task.store, task.scene_folder)
         self.scene = stored_sweep_scene(task.identity, folder)
         if self.scene.hash != task.scene_folder.name:
@@ -308,18 +286,6 @@ class Preparer:
             finally:
                 signal.setitimer(signal.ITIMER_REAL, 0)
                 faulthandler.unregister(signal.SIGALRM)
-
-    @contextmanager
-    def watchdog_or_give_up(self) -> Generator[Callable[[], None]]:
-        """Do the same, but what is yielded raises AbandonedError if the sweep should stop."""
-
-        def watch() -> None:
-            if not self.proceed():
-                raise AbandonedError
-            start_clock()
-
-        with self.watchdog() as start_clock:
-            yield watch
 
     def _start_clock(self) -> None:
         signal.setitimer(signal.ITIMER_REAL, self.task.sweep.timeout)

@@ -34,11 +34,8 @@ _RESULT_BYTES = 100 << 20
 def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]:
     """Yield a Ray cluster as an executor.
 
-    Args:
-        address: HOST:PORT of one that runs, or `auto` for the one that runs on this machine; None
-            to start one here for as long as this lasts.
-        workers: without an address, its CPUs, one for each core if None; with one, how many jobs
-            may be on it at once.
+    It is the one at HOST:PORT, or for `auto` the one that runs on this machine; so many jobs may be
+    on it at once. Without an address one is started here, with so many CPUs or one for each core.
 
     Raises:
         ClusterError: it cannot be reached.

@@ -42,8 +42,7 @@ _STOP_INTERVAL, _END_TIMEOUT = 0.5, 10.0
 class RayExecutor:
     """The cluster that this process is connected to.
 
-    Attributes:
-        max_jobs: how many jobs may be on it at once; None for two for each CPU, so that none idles.
+    So many jobs may be on it at once; None for two for each CPU, so that none idles.
     """
 
     max_jobs: int | None = None
@@ -91,11 +90,8 @@ class _Sent(NamedTuple):
 class InFlight:
     """The jobs that are on a cluster: sent, cancelled, and sent again if their node was lost.
 
-    Attributes:
-        send: sends a job and returns a reference to its result.
-        capacity: how many may be on the cluster at once.
-        stop: once it is set, jobs that have not begun are cancelled, and the others may end with
-            a part of their runs.
+    `send` returns a reference to a job's result. Once `stop` is set, jobs that have not begun are
+    cancelled, and the others may end with a part of their runs.
     """
 
     send: Callable[[Job], Any]

@@ -20,13 +20,10 @@ _accepted: set[str] = set()
 
 @dataclass(frozen=True)
 class NodeRequirements:
-    """What a node must have to run jobs of a sweep.
+    """What a node must have to run jobs of a sweep, which the token identifies.
 
-    Attributes:
-        token: what identifies this sweep.
-        versions: of packages, by name.
-        sentinel: a file that the sweep made in the store's folder, which nodes must see, and be
-            able to write beside; None if the store is no folder.
+    It must see the sentinel, a file that the sweep made in the store's folder, and be able to write
+    beside it; there is none if the store is no folder.
     """
 
     token: str

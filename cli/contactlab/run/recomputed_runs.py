@@ -36,11 +36,7 @@ def unresolved(store: Store) -> str | None:
 
 
 def recomputed_problems(store: Store) -> Iterator[str]:
-    """Yield where scene, run ids and settings are not what the stored files give.
-
-    Raises:
-        StoreError: the table is damaged.
-    """
+    """Yield where scene, run ids and settings are not what the stored files give."""
     identity = store.manifest.sweep
     try:
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)

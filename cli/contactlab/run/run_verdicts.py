@@ -1,7 +1,8 @@
 """What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from operator import itemgetter
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +13,8 @@ from contactlab.scene.effects.effect import NOT_IN_MODEL
 from contactlab.schema.sweep_schema import Expectation
 
 
-@dataclass(frozen=True)
-class ExpectationVerdict:
-    """Whether a run meets its expectations.
-
-    Attributes:
-        expected: labels of which one is expected; None without such an expectation.
-        met: None without any expectation.
-        reason: which are not met, or None.
-    """
+class ExpectationVerdict(NamedTuple):
+    """Labels of which one is expected, whether a run is so, and why not; None if unasked."""
 
     expected: tuple[str, ...] | None
     met: bool | None
@@ -100,16 +94,16 @@ def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str
 def _motion(trace: Trace, run: int, name: str) -> str | None:
     """Return the first motion in a contact that a friction effect would oppose."""
     word, unit, least, measure = _MOTIONS[name]
-    first: tuple[int, str, float] | None = None
+    moving: list[tuple[int, str, float]] = []
     for pair in trace.pairs:
         bearing = pair.touching[run] & (pair.force[run, ..., 0] > 0)
         speed = np.where(bearing, measure(pair, run), 0.0).max(axis=-1, initial=0.0)
         steps = np.flatnonzero(speed > least)
-        if len(steps) and (first is None or steps[0] < first[0]):
-            first = int(steps[0]), pair.name, float(speed.max())
-    if first is None:
+        moving += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
+    if not moving:
         return None
-    return f"{first[1]} {word} from step {first[0]}, at up to {first[2]:.3g} {unit}"
+    step, pair_name, fastest = min(moving, key=itemgetter(0))
+    return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
 
 
 def _sliding(pair: PairTrace, run: int) -> NDArray[np.float64]:
@@ -134,13 +128,15 @@ _MOTIONS: Mapping[str, tuple[str, str, float, Moving]] = {
 def _limit(trace: Trace, run: int, prepared: PreparedModel) -> str | None:
     """Return which joint exceeds its limit first, and when."""
     model = prepared.model
-    first: tuple[int, str] | None = None
+    beyond: list[tuple[int, str]] = []
     for joint in np.flatnonzero(np.asarray(model.jnt_limited)).tolist():
         low, high = model.jnt_range[joint]
         # Of joints with one coordinate: a ball joint's limit is on its angle.
         if model.jnt_type[joint] >= _SLIDE_JOINT:
             place = trace.qpos[run, :, int(model.jnt_qposadr[joint])]
             steps = np.flatnonzero((place < low) | (place > high))
-            if len(steps) and (first is None or steps[0] < first[0]):
-                first = int(steps[0]), model.joint(joint).name
-    return None if first is None else f"{first[1]} passes its limit from step {first[0]}"
+            beyond += [(step, model.joint(joint).name) for step in steps[:1].tolist()]
+    if not beyond:
+        return None
+    step, name = min(beyond, key=itemgetter(0))
+    return f"{name} passes its limit from step {step}"

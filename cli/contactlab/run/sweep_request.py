@@ -25,18 +25,13 @@ from contactlab.store.table_layout import RESERVED_COLUMNS
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """A sweep to run.
+    """A sweep to run, from the text of its file and the options that changed it.
 
     Attributes:
-        source: the sweep file's text.
-        overrides: the options that changed it, as given.
-        store: where the store is written.
         workers: worker processes; 0 to run everything in this process.
         fresh: whether to replace an existing store.
         left_out: why runs that only newer engines support are left out of the plan.
         cluster: what runs the jobs, if not worker processes of this machine.
-        retry_failed: whether stored runs that failed are run again.
-        repair: whether stored runs that are damaged are run again.
         allow_code: whether a policy may run, which is code.
     """
 

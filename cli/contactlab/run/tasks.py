@@ -21,11 +21,9 @@ from contactlab.store.store_address import Address
 
 
 class Stop:
-    """A request to stop: runs in flight end, and no more begin.
+    """A request to stop: runs in flight end by themselves, and no more begin.
 
-    Attributes:
-        is_set: whether to stop.
-        is_watched: whether runs are in flight that end by themselves once this is set.
+    It is watched while runs are in flight.
     """
 
     is_set = is_watched = False
@@ -74,13 +72,10 @@ class Task:
 
 @dataclass(frozen=True, slots=True)
 class PlannedRun:
-    """One run of a plan.
+    """One run of a plan, at its place in it, with canonical axis values by name.
 
-    Attributes:
-        index: its place in the plan.
-        values: canonical axis values by name.
-        seed: of the perturbation of its initial state.
-        controls: hash of what its policy did, for passes over recorded runs.
+    The seed is that of its initial state; `controls` is the hash of what its policy did, for passes
+    over recorded runs.
     """
 
     index: int
@@ -95,13 +90,9 @@ Job = tuple[PlannedRun, ...]
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """A finished run; its trace, if one is kept, is in the store.
+    """The journal line of a finished run, its worst label, and how it ended.
 
-    Attributes:
-        row: its journal line.
-        label: its worst label.
-        status: `ok`, or why it ended early.
-        expectation_met: whether it met its expectations; None without any.
+    Its trace, if one is kept, is in the store.
     """
 
     row: bytes
@@ -112,13 +103,7 @@ class Finished:
 
 @dataclass(frozen=True, slots=True)
 class Crashed:
-    """A job whose worker process died.
-
-    Attributes:
-        job: its runs.
-        reason: how the worker died.
-        timed_out: whether its own watchdog ended it.
-    """
+    """A job whose worker process died, and how; its own watchdog may have ended it."""
 
     job: Job
     reason: str

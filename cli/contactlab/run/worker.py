@@ -34,7 +34,7 @@ from contactlab.run.evidence_record import (
     time_now,
     with_cost,
 )
-from contactlab.run.planned_runs import AbandonedError, Preparer
+from contactlab.run.planned_runs import Preparer
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.initial_states import InitialStates
@@ -116,6 +116,10 @@ def _without_momentum(trace: Trace, setup: Setup) -> Trace:
     )
 
 
+class _AbandonedError(Exception):
+    """A pass over runs was abandoned, since the sweep should stop."""
+
+
 class Worker:
     """Runs jobs of one sweep, keeping models and memory between them.
 
@@ -127,7 +131,7 @@ class Worker:
         require_plugins(task.plugins)
         self._task = task
         self._proceed = proceed
-        self._preparer = Preparer(task, marker, proceed)
+        self._preparer = Preparer(task, marker)
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
         self._traces = TraceSink(task.store)
@@ -140,19 +144,25 @@ class Worker:
             return []
         if self._task.purpose == "record":
             return self._record(job)
-        with suppress(AbandonedError):
+        with suppress(_AbandonedError):
             return self._repeat(job)
         return []
 
     def _repeat(self, job: Job) -> list[Finished]:
         """Return a note of each run of a job: of its work, or of the errors of a family."""
         plans, request = self._preparer.plans(job), self._task.sweep.accuracy
-        with self._preparer.watchdog_or_give_up() as watch:
-            if self._task.purpose == "errors" and request is not None:
+        purpose = self._task.purpose
+
+        def watch() -> None:
+            if not self._proceed():
+                raise _AbandonedError
+            start_clock()
+
+        with self._preparer.watchdog() as start_clock:
+            if purpose == "errors" and request is not None:
                 found = discretization_errors(self._scene, plans, request, watch)
             else:
                 found = list(work_of_runs(self._scene, plans, watch))
-        purpose = self._task.purpose
         return [note(purpose, run.run_id, each) for run, each in zip(job, found, strict=True)]
 
     def _record(self, job: Job) -> list[Finished]:
@@ -267,22 +277,14 @@ class Worker:
 
 
 def _finished(record: EvidenceRecord) -> Finished:
-    return Finished(
-        row=to_json(record_to_row(record)),
-        label=record.label,
-        status=record.status,
-        expectation_met=record.expectation_met,
-    )
+    row = to_json(record_to_row(record))
+    return Finished(row, record.label, record.status, record.expectation_met)
 
 
 def _metadata(record: EvidenceRecord, activations: int) -> dict[str, str]:
+    fields = ("run_id", "sweep", "scene", "scene_hash", "seed", "label")
     return {
-        "run_id": record.run_id,
-        "sweep": record.sweep,
-        "scene": record.scene,
-        "scene_hash": record.scene_hash,
-        "seed": str(record.seed),
-        "label": record.label,
+        **{name: str(getattr(record, name)) for name in fields},
         "engine": f"{record.engine.name} {record.engine.version}",
         "contactlab": record.provenance.contactlab,
         ACTIVATIONS: str(activations),

@@ -45,13 +45,11 @@ _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 
 @dataclass
 class WorkerHandle:
-    """A worker process.
+    """A worker process, whose pipe takes jobs and brings results.
 
     Attributes:
-        pipe: takes jobs and brings results.
         marker: the file where the worker writes a traceback when a run times out.
         job: the job that it is on; None while it waits for one.
-        stop_requested: whether it was asked to stop after the current run.
         halted: how often in a row it was seen halted, as by SIGSTOP.
     """
 
