@@ -85,22 +85,11 @@ class HeldPose:
     position: Floats
     rotation: Floats
 
-    def select(self, runs: slice | list[int], steps: int) -> "HeldPose":
-        """Return the given runs, cut to their first `steps` steps."""
-        return HeldPose(self.position[runs, :steps], self.rotation[runs, :steps])
 
-
-_ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _BY_STATE = ("time", "qpos", "qvel")
-_BY_STEP = (
-    *_ENERGIES,
-    "contacts",
-    "least_distance",
-    "iterations",
-    "iterations_most",
-    "forces",
-    "lengths",
-)
+_ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
+_COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
+_BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths")
 _OF_WHOLE_RUN = ("control_ranges", "equality_loads")
 
 
@@ -172,9 +161,10 @@ class Trace:
         contiguous = range(runs[0], runs[-1] + 1)
         index = slice(runs[0], runs[-1] + 1) if list(runs) == list(contiguous) else list(runs)
         steps = self.steps if steps is None else steps
-        states = {name: getattr(self, name)[index, : steps + 1] for name in _BY_STATE}
-        recorded = {name: getattr(self, name) for name in _BY_STEP}
-        summed = {name: getattr(self, name) for name in _OF_WHOLE_RUN}
+        ends: dict[str, int | None] = dict.fromkeys(_OF_WHOLE_RUN)
+        ends |= dict.fromkeys(_BY_STATE, steps + 1) | dict.fromkeys(_BY_STEP, steps)
+        arrays = {name: getattr(self, name) for name in ends}
+        held = self.held
         return replace(
             self,
             timestep=self.timestep[index],
@@ -183,13 +173,11 @@ class Trace:
                 for pair in self.pairs
             ),
             warnings=tuple(self.warnings[run] for run in runs),
-            held=self.held and self.held.select(index, steps),
-            **states,
+            held=held and HeldPose(held.position[index, :steps], held.rotation[index, :steps]),
             **{
-                name: None if each is None else each[index, :steps]
-                for name, each in recorded.items()
+                name: None if each is None else each[index, : ends[name]]
+                for name, each in arrays.items()
             },
-            **{name: None if each is None else each[index] for name, each in summed.items()},
         )
 
 

@@ -227,14 +227,15 @@ class Oracle:
 class _WorstFirst(Registry[Label]):
     """Labels in order of severity, and of declaration where that is equal."""
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(sorted(super().__iter__(), key=lambda name: -self[name].severity))
-
     def add(self, entry: Label) -> Label:
         """Add a label and its thresholds."""
         for threshold in entry.thresholds:
             THRESHOLDS.add(threshold)
-        return super().add(entry)
+        super().add(entry)
+        worst_first = sorted(self.values(), key=lambda label: -label.severity)
+        self.clear()
+        self.update({label.name: label for label in worst_first})
+        return entry
 
 
 METRICS: Registry[Metric] = Registry("metric")

@@ -7,8 +7,7 @@ runs of two machines can be paired.
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -44,8 +43,8 @@ def listed_values(axis: Axis) -> Sequence[object]:
     """Return the values of an axis that is not sampled, in order, not yet canonical."""
     match axis:
         case Linspace(linspace=(first, last, count)):
-            start, end = _exact(first), _exact(last)
-            return [_plain(start + (end - start) * Fraction(k, count - 1)) for k in range(count)]
+            start, stride = _exact(first), (_exact(last) - _exact(first)) / (count - 1)
+            return [_plain(start + stride * k) for k in range(count)]
         case Logspace(logspace=(first, last, count)):
             steps, low, high = count - 1, math.log(first), math.log(last)
             inner = [_rounded(math.exp(low + (high - low) * k / steps)) for k in range(1, steps)]
@@ -112,7 +111,7 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
     """Return the blocks of the product, or None where the file only lists rows to include."""
     sweep = context.sweep
     blocks = [
-        Block((name,), tuple((value,) for value in _listed(context, ("axes", name), name, axis)))
+        Block((name,), tuple((value,) for value in _listed(context, ("axes", name), axis)))
         for name, axis in sweep.axes.items()
         if not is_sampled(axis)
     ]
@@ -122,10 +121,10 @@ def read_blocks(context: SweepContext) -> tuple[Block, ...] | None:
     return tuple(blocks) if blocks or not sweep.include else None
 
 
-def _listed(context: SweepContext, path: KeyPath, name: str, axis: Axis) -> list[object]:
+def _listed(context: SweepContext, path: KeyPath, axis: Axis) -> list[object]:
     written = isinstance(axis, Values | tuple)
     below = path if isinstance(axis, tuple) else (*path, _form(axis))
-    return _canonical(context, name, listed_values(axis), below, written=written)
+    return _canonical(context, str(path[-1]), listed_values(axis), below, written=written)
 
 
 def _form(axis: Ranged) -> str:
@@ -148,19 +147,20 @@ def _canonical(
 def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> Block:
     document = context.document
     columns: dict[str, list[object]] = {}
-    first, expected = "", 0
+    counts: dict[str, int] = {}
     for name, axis in axes.items():
         if is_sampled(axis):
-            message = f"'{name}' is sampled, so it cannot advance with others"
-            place = document.key((*path, name))
-            document.add("sampled-in-zip", place, message, "move it to `axes`")
+            place, message = (
+                document.key((*path, name)),
+                f"'{name}' is sampled, so it cannot advance",
+            )
+            document.add("sampled-in-zip", place, f"{message} with others", "move it to `axes`")
             continue
-        columns[name] = _listed(context, (*path, name), name, axis)
-        count = len(listed_values(axis))
-        if not first:
-            first, expected = name, count
-        if count != expected:
-            message = f"'{name}' has {count} values, but '{first}' has {expected}"
+        columns[name] = _listed(context, (*path, name), axis)
+        counts[name] = len(listed_values(axis))
+        first = next(iter(counts))
+        if counts[name] != counts[first]:
+            message = f"'{name}' has {counts[name]} values, but '{first}' has {counts[first]}"
             document.add("zip-length", (*path, name), message)
     return Block(tuple(columns), tuple(zip(*columns.values(), strict=False)))
 
@@ -194,15 +194,6 @@ def _drawn(
     return Block(tuple(axes), tuple(zip(*columns, strict=False)))
 
 
-@dataclass(frozen=True)
-class CsvCell:
-    """One cell: a value, and the axis of its column. Empty cells are left out."""
-
-    name: str
-    value: object
-    place: Place
-
-
 def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
     """Return the rows to include, with canonical values; add their mistakes to the document.
 
@@ -210,59 +201,71 @@ def read_rows(context: SweepContext, folder: Path) -> tuple[RowValues, ...]:
     """
     include, document = context.sweep.include, context.document
     if isinstance(include, IncludeFile):
-        header, *lines = _read_csv(document, folder, include.file) or [[]]
-        _check_header(context, header)
-        return tuple(
-            {cell.name: context.canonical(cell.name, cell.value, cell.place) for cell in cells}
-            for cells in lines
-        )
+        source = _table(document, folder, include.file)
+        return tuple(_table_rows(context, source)) if source else ()
     rows: list[RowValues] = []
     for index, row in enumerate(include):
         path = context.path("include", index)
-        keys = {name: document.key((*path, name)) for name in row}
-        for name, place in keys.items():
-            check_axis(context, name, place)
-        check_conflicts(context, keys)
+        _check_row(context, {name: document.key((*path, name)) for name in row})
         places = {name: document.value((*path, name)) for name in row}
         rows.append({name: context.canonical(name, row[name], places[name]) for name in row})
     return tuple(rows)
 
 
-def _check_header(context: SweepContext, header: Iterable[CsvCell]) -> None:
-    places: dict[str, Place] = {}
-    for cell in header:
-        if not cell.name:
-            context.document.add("bad-table", cell.place, "a column without a name")
-            continue
-        if cell.name in places:
-            context.document.add("bad-table", cell.place, f"a second column '{cell.name}'")
-        check_axis(context, cell.name, cell.place)
-        places[cell.name] = cell.place
+def _check_row(context: SweepContext, places: dict[str, Place]) -> None:
+    for name, place in places.items():
+        check_axis(context, name, place)
     check_conflicts(context, places)
 
 
-def _read_csv(document: Document, folder: Path, name: str) -> list[list[CsvCell]]:
-    """Return the header of a CSV file and its rows, or nothing; add its mistakes to a document."""
-    at, path = ("include", "file"), folder / name
+def _table(document: Document, folder: Path, name: str) -> SourceText | None:
+    """Return the text of a CSV file that has a row; or None, and add the mistake."""
+    path, lines, hint = folder / name, (), ""
     if not path.resolve().is_relative_to(folder.resolve()):
-        document.add("bad-table", at, f"{path} lies outside of the sweep's folder", "put it there")
-        return []
-    if path.exists() and not path.is_file():
-        document.add("bad-table", at, f"{path} is no file")
-        return []
-    try:
-        source = SourceText(str(path), tuple(read_text(path).splitlines()))
-    except SweepFileError as error:
-        document.add("bad-table", at, str(error))
-        return []
-    numbers = [number for number, line in enumerate(source.lines, 1) if line.strip()]
-    if len(numbers) < 2:
+        message, hint = f"{path} lies outside of the sweep's folder", "put it there"
+    elif path.exists() and not path.is_file():
+        message = f"{path} is no file"
+    else:
+        message = f"{path} has no rows"
         hint = "the first line names the axes, each further line is a row"
-        document.add("bad-table", at, f"{path} has no rows", hint)
-        return []
-    header = [CsvCell(text, text, place) for text, place in _cells(source, numbers[0])]
-    rows = (_row(document, header, source, number) for number in numbers[1:])
-    return [header, *(row for row in rows if row)]
+        try:
+            lines = tuple(read_text(path).splitlines())
+        except SweepFileError as error:
+            message, hint = str(error), ""
+    if sum(bool(line.strip()) for line in lines) > 1:
+        return SourceText(str(path), lines)
+    document.add("bad-table", ("include", "file"), message, hint)
+    return None
+
+
+def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues]:
+    """Yield the rows of a table that name a value; add its mistakes to the document."""
+    document = context.document
+    first, *numbers = [number for number, line in enumerate(source.lines, 1) if line.strip()]
+    header = list(_cells(source, first))
+    places: dict[str, Place] = {}
+    for name, place in header:
+        if not name:
+            document.add("bad-table", place, "a column without a name")
+        elif name in places:
+            document.add("bad-table", place, f"a second column '{name}'")
+        else:
+            places[name] = place
+    _check_row(context, places)
+    for number in numbers:
+        cells = list(_cells(source, number))
+        if len(cells) != len(header):
+            place = Place(source, number, 1, len(source.lines[number - 1]))
+            message = f"{len(cells)} cells under {len(header)} columns"
+            document.add("bad-table", place, message, "quote a cell that holds a comma")
+            continue
+        row = {
+            name: context.canonical(name, _scalar(text), place)
+            for (name, _), (text, place) in zip(header, cells, strict=True)
+            if text
+        }
+        if row:
+            yield row
 
 
 def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
@@ -274,21 +277,7 @@ def _cells(source: SourceText, number: int) -> Iterator[tuple[str, Place]]:
         start = match.end()
         if not match.group(3):
             return
-    rest = Place(source, number, start + 1, max(len(line) - start, 1))
-    yield line[start:], rest
-
-
-def _row(
-    document: Document, header: Sequence[CsvCell], source: SourceText, number: int
-) -> list[CsvCell]:
-    cells = list(_cells(source, number))
-    if len(cells) != len(header):
-        place = Place(source, number, 1, len(source.lines[number - 1]))
-        message = f"{len(cells)} cells under {len(header)} columns"
-        document.add("bad-table", place, message, "quote a cell that holds a comma")
-        return []
-    named = zip(header, cells, strict=True)
-    return [CsvCell(top.name, _scalar(text), place) for top, (text, place) in named if text]
+    yield line[start:], Place(source, number, start + 1, max(len(line) - start, 1))
 
 
 def _scalar(text: str) -> object:
