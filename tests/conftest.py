@@ -49,6 +49,18 @@ CLOCK = {"started", "finished", "compile_time"}
 COSTS = ("cost_", "time_", "step_p")
 
 
+@pytest.fixture
+def _registries_restored() -> Iterator[None]:
+    """Forget after the test what it adds to registries."""
+    from contactlab.registry import REGISTRIES  # noqa: PLC0415 - as below
+
+    before = [(registry, dict(registry)) for registry in REGISTRIES.values()]
+    yield
+    for registry, entries in before:
+        registry.clear()
+        registry.update(entries)
+
+
 @dataclass
 class ObjectServer:
     """A server that speaks as S3 does, on a port of this machine."""

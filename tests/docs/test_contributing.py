@@ -12,12 +12,7 @@ from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS
 TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"^```python\n(.*?)^```", TEXT, re.MULTILINE | re.DOTALL)
 
-
-@pytest.fixture(autouse=True)
-def _restored(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forget after each test what it declared."""
-    for registry in (METRICS, LABELS, THRESHOLDS, ORACLES, ENGINES):
-        monkeypatch.setattr(registry, "_entries", dict(registry))
+pytestmark = pytest.mark.usefixtures("_registries_restored")
 
 
 def test_each_example_adds_its_entries() -> None:

@@ -102,9 +102,8 @@ checks: all
 
 
 @pytest.fixture(autouse=True)
-def _added(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def _added(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, _registries_restored: None) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(ENGINES, "_entries", dict(ENGINES))
     ENGINES.add(FreeFallEngine())
     Path("stone.xml").write_text(STONE)
 
@@ -188,11 +187,10 @@ def test_the_axis_lists_it() -> None:
     assert axis.description.endswith("or the closed form of free fall")
 
 
-def test_without_it_a_stored_run_says_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_it_a_stored_run_says_what_is_missing() -> None:
     store = swept(SWEEP)
     run = by_engine(store)["free_fall"][0].run_id
-    others = {name: engine for name, engine in ENGINES.items() if name != "free_fall"}
-    monkeypatch.setattr(ENGINES, "_entries", others)
+    ENGINES.pop("free_fall")
     with pytest.raises(EngineError, match="no engine 'free_fall'; if a plug-in adds it"):
         replay(store, run)
 

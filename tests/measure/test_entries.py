@@ -13,7 +13,6 @@ from contactlab.measure import (
     LABELS,
     METRICS,
     ORACLES,
-    THRESHOLDS,
     Context,
     Finding,
     Findings,
@@ -29,12 +28,7 @@ from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
 
-
-@pytest.fixture(autouse=True)
-def _restored(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Forget after each test what it declared."""
-    for registry in (METRICS, LABELS, THRESHOLDS, ORACLES):
-        monkeypatch.setattr(registry, "_entries", dict(registry))
+pytestmark = pytest.mark.usefixtures("_registries_restored")
 
 
 def declare_top_speed() -> Callable[[Context], Floats]:
