@@ -10,6 +10,7 @@ from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -159,7 +160,9 @@ def compile_model(
     with _model_file(source, structure) as path, _said_once(source):
         try:
             spec = mujoco.MjSpec.from_file(str(path))
-            _place_resources(spec, source.content.resources)
+            for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
+                if found := source.content.resources.get(plain_name(element.file)):
+                    element.file = str(found)
             name_by_address(spec)
             edit(spec)
             return spec.compile()
@@ -239,30 +242,19 @@ def _computed_text(name: str, value: object, braces: re.Match[str]) -> str:
         raise SceneError(f"structure '{name}': cannot compute {braces[0]}: {error}") from error
 
 
-def _place_resources(spec: mujoco.MjSpec, resources: Mapping[str, Path]) -> None:
-    for element in (*spec.meshes, *spec.hfields, *spec.skins, *spec.textures):
-        if found := resources.get(plain_name(element.file)):
-            element.file = str(found)
-
-
 def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     """Return why a model, or the copy of it that was tried, does not compile, and what to write."""
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
-    hints = [*_missing_file(lines[0], model), *_impossible_inertias(lines[0], tried)]
+    hints = list(_missing_file(lines[0], model))
+    if "inertia" in lines[0]:
+        # MuJoCo gives no access to a specification that it failed to compile.
+        faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
+        hints += [f"body '{each.body}': {each.reason}" for each in islice(faults, _MAX_LISTED)]
     if "no decoder found" in lines[0]:
         hints.append(
             "MuJoCo reads meshes from .stl, .obj and .msh files; convert it to one of them"
         )
     return SceneError("\n  ".join([f"{model}: does not compile", *lines, *hints]))
-
-
-def _impossible_inertias(message: str, tried: Path) -> Iterator[str]:
-    """Yield the inertias that no real body has."""
-    if "inertia" in message:
-        # MuJoCo gives no access to a specification that it failed to compile.
-        spec = mujoco.MjSpec.from_file(str(tried))
-        for fault in written_inertia_faults(spec)[:_MAX_LISTED]:
-            yield f"body '{fault.body}': {fault.reason}"
 
 
 def _missing_file(message: str, model: Path) -> Iterator[str]:

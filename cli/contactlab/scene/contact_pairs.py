@@ -8,14 +8,14 @@ has. Source: MuJoCo's documentation, Modeling > Contact parameters.
 
 from collections import Counter
 from dataclasses import dataclass
-from itertools import combinations, pairwise
+from itertools import combinations, pairwise, product
 
 import mujoco
 import numpy as np
 
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.scene.initial_states import QPOS0, start_data
-from contactlab.scene.model_names import find_id, matching
+from contactlab.scene.model_names import known_id, matching
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.schema.evidence import PairRecord
 from contactlab.schema.scene_manifest import PairEntry
@@ -78,24 +78,13 @@ def _entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]
         raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]
-    chain = _expand(model, entry.chain) if entry.chain else [*(entry.geoms or ())]
-    ids = [_geom_id(model, name) for name in chain]
+    names = [model.geom(index).name for index in range(model.ngeom)]
+    parts = entry.chain or ()
+    chain = [name for part in parts for name in matching(names, part) or [part]]
+    ids = [known_id(model, "geom", name) for name in chain or entry.geoms or ()]
     if len(ids) < 2:
         raise SceneError(f"the chain {', '.join(chain)} has fewer than two geoms")
     return [_geom_pair(model, first, second, entry.slots) for first, second in pairwise(ids)]
-
-
-def _expand(model: mujoco.MjModel, patterns: tuple[str, ...]) -> list[str]:
-    names = [model.geom(index).name for index in range(model.ngeom)]
-    return [name for pattern in patterns for name in matching(names, pattern) or [pattern]]
-
-
-def _geom_id(model: mujoco.MjModel, name: str) -> int:
-    index = find_id(model, "geom", name)
-    if index < 0:
-        known = [model.geom(each).name for each in range(model.ngeom)]
-        raise SceneError(f"no geom '{name}' in the model{did_you_mean(name, known)}")
-    return index
 
 
 def _geom_pair(model: mujoco.MjModel, first: int, second: int, slots: int | None) -> MonitoredPair:
@@ -110,20 +99,13 @@ def _body_pair(model: mujoco.MjModel, first: str, second: str, slots: int | None
 
 
 def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
-    body = find_id(model, "body", name)
-    if body < 0:
-        known = [model.body(each).name for each in range(model.nbody)]
-        raise SceneError(f"no body '{name}' in the model{did_you_mean(name, known)}")
-    geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
-    solid = tuple(geom for geom in geoms if _is_solid(model, geom))
-    if not solid:
+    own = np.asarray(model.geom_bodyid) == known_id(model, "body", name)
+    listed = np.isin(np.arange(model.ngeom), [model.pair_geom1, model.pair_geom2])
+    solid = listed | (model.geom_contype != 0) | (model.geom_conaffinity != 0)
+    geoms: list[int] = np.flatnonzero(own & solid).tolist()
+    if not geoms:
         raise SceneError(f"body '{name}' has no geom that can collide")
-    return solid
-
-
-def _is_solid(model: mujoco.MjModel, geom: int) -> bool:
-    listed = geom in model.pair_geom1 or geom in model.pair_geom2
-    return bool(listed or model.geom_contype[geom] or model.geom_conaffinity[geom])
+    return tuple(geoms)
 
 
 def _default_slots(first: int, second: int) -> int:
@@ -137,12 +119,7 @@ def _default_slots(first: int, second: int) -> int:
 
 def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int]]:
     """Return the geoms of a pair, one of each side, that MuJoCo's collision filters let touch."""
-    return [
-        (first, second)
-        for first in pair.geoms[0]
-        for second in pair.geoms[1]
-        if _may_touch(model, first, second)
-    ]
+    return [geoms for geoms in product(*pair.geoms) if _may_touch(model, *geoms)]
 
 
 def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
@@ -201,11 +178,11 @@ def effective_parameters(model: mujoco.MjModel, pair: MonitoredPair) -> PairReco
     record = _explicit(model, explicit) if explicit is not None else _mixed(model, first, second)
     frictions = [record.friction]
     if pair.bodies:
-        frictions += [_friction(model, a, b) for a in pair.geoms[0] for b in pair.geoms[1]]
-    changes: dict[str, object] = {"friction": _bounded(np.max(frictions, axis=0))}
+        frictions += [_friction(model, *geoms) for geoms in product(*pair.geoms)]
+    changes: dict[str, object] = {"friction": _floats(np.max(frictions, axis=0), mujoco.mjMINMU)}
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
         changes = {
-            "friction": _bounded(model.opt.o_friction),
+            "friction": _floats(model.opt.o_friction, mujoco.mjMINMU),
             "solref": _floats(model.opt.o_solref),
             "solimp": _floats(model.opt.o_solimp),
             "margin": float(model.opt.o_margin),
@@ -231,20 +208,17 @@ def _explicit(model: mujoco.MjModel, index: int) -> PairRecord:
 
 
 def _mixed(model: mujoco.MjModel, first: int, second: int) -> PairRecord:
-    deciding = _deciding(model, first, second)
+    both, deciding = [first, second], _deciding(model, first, second)
     weight = _weight(model, first, second)
-    one, two = model.geom_solref[first], model.geom_solref[second]
-    standard = one[0] > 0 and two[0] > 0
-    mean = standard or len(deciding) == 1
-    solref = weight * one + (1 - weight) * two if mean else np.minimum(one, two)
-    solimp = weight * model.geom_solimp[first] + (1 - weight) * model.geom_solimp[second]
+    (one, two), (solimp, other) = model.geom_solref[both], model.geom_solimp[both]
+    mean = len(deciding) == 1 or (one[0] > 0 and two[0] > 0)
     return PairRecord(
         condim=int(model.geom_condim[deciding].max()),
         friction=_friction(model, first, second),
-        solref=_floats(solref),
-        solimp=_floats(solimp),
-        margin=float(model.geom_margin[first] + model.geom_margin[second]),
-        gap=float(model.geom_gap[first] + model.geom_gap[second]),
+        solref=_floats(weight * one + (1 - weight) * two if mean else np.minimum(one, two)),
+        solimp=_floats(weight * solimp + (1 - weight) * other),
+        margin=float(model.geom_margin[both].sum()),
+        gap=float(model.geom_gap[both].sum()),
     )
 
 
@@ -265,17 +239,9 @@ def _weight(model: mujoco.MjModel, first: int, second: int) -> float:
     deciding = _deciding(model, first, second)
     if len(deciding) == 1:
         return float(deciding == [first])
-    mix1, mix2 = float(model.geom_solmix[first]), float(model.geom_solmix[second])
-    if mix1 >= _MIN_WEIGHT and mix2 >= _MIN_WEIGHT:
-        return mix1 / (mix1 + mix2)
-    if mix1 < _MIN_WEIGHT and mix2 < _MIN_WEIGHT:
-        return 0.5
-    return 0.0 if mix1 < _MIN_WEIGHT else 1.0
+    mixes = np.where(model.geom_solmix[deciding] < _MIN_WEIGHT, 0.0, model.geom_solmix[deciding])
+    return float(mixes[0] / mixes.sum()) if mixes.any() else 0.5
 
 
-def _bounded(friction: np.ndarray) -> tuple[float, ...]:
-    return _floats(np.maximum(friction, mujoco.mjMINMU))
-
-
-def _floats(values: np.ndarray | tuple[float, ...]) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
+def _floats(values: np.ndarray | tuple[float, ...], least: float = -np.inf) -> tuple[float, ...]:
+    return tuple(np.maximum(values, least).tolist())

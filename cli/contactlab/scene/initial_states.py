@@ -172,7 +172,6 @@ def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> 
 
 
 _ARRAYS = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
-_FIELDS = ("qpos", "qvel", "ctrl", "xfrc_applied", "act", "mocap")
 _SEED_SCALE = 1e-4
 _FREE_DOFS = 6
 _NUDGE = 1e-6
@@ -191,9 +190,8 @@ class InitialStateRule:
     """How the initial states of one structure are made.
 
     Attributes:
-        state: qpos, qvel, ctrl, xfrc_applied, act and poses of mocap bodies, of a keyframe or of
-            `QPOS0`.
-        ends: where each of them ends.
+        state: one state of `InitialStates` in a row, of a keyframe or of `QPOS0`.
+        ends: where each of its parts ends.
         formulas: expressions over the initial values, with the indices that each sets.
         profiles: what inputs do over time.
         perturbed: indices that a seed perturbs, by at most `scale`.
@@ -222,7 +220,8 @@ class InitialStateRule:
         poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])
         fields = (data.qpos, data.qvel, data.ctrl, data.xfrc_applied.ravel(), data.act, poses)
         ends: list[int] = np.cumsum([len(field) for field in fields]).tolist()
-        offset: dict[str, int] = dict(zip(_FIELDS, [0, *ends], strict=False))
+        offset: dict[str, int] = dict(zip(_ARRAYS, [0, *ends], strict=False))
+        offset["xfrc_applied"] = offset["applied"]
         coordinates, scale = _perturbed_coordinates(model, manifest)
         return cls(
             state=np.concatenate(fields),
@@ -250,8 +249,8 @@ class InitialStateRule:
         """Indices of the controls that the scene sets itself, at the start or over time."""
         first, last = self.ends[1:3]
         places = {place for each in self.profiles for place in each.inputs}
-        set_here = {place - first for _, indices in self.formulas for place in indices}
-        return {place for place in places | set_here if 0 <= place < last - first}
+        places |= {place - first for _, indices in self.formulas for place in indices}
+        return {place for place in places if 0 <= place < last - first}
 
     def nominal(self, initial: Mapping[str, float]) -> Floats:
         """Return (nq,) the configuration of some initial values, which no seed perturbs."""
@@ -283,8 +282,8 @@ def at_begin(starts: InitialStates) -> InitialStates:
     first = np.zeros(1, np.intp)
     inputs = np.concatenate([starts.inputs(run, 0.0, first) for run in range(len(starts.ctrl))])
     ends = np.cumsum([starts.ctrl.shape[1], starts.applied.shape[1]])
-    ctrl, applied, mocap = np.split(inputs, ends, axis=1)
-    return starts._replace(ctrl=ctrl, applied=applied, mocap=mocap)
+    parts = zip(("ctrl", "applied", "mocap"), np.split(inputs, ends, axis=1), strict=True)
+    return starts._replace(**dict(parts))
 
 
 def nudged_states(
@@ -346,12 +345,11 @@ def _perturbed_coordinates(
 
     Without a manifest: the horizontal position of free bodies, and every slide and hinge.
     """
-    if manifest and manifest.perturb:
-        patterns, scale = manifest.perturb.coordinates, manifest.perturb.scale
-        coordinates = [each for pattern in patterns for each in match_coordinates(model, pattern)]
-        return [(each.field, each.index) for each in coordinates], scale
     if manifest:
-        return [], 0.0
+        perturb = manifest.perturb
+        patterns = perturb.coordinates if perturb else ()
+        found = [each for pattern in patterns for each in match_coordinates(model, pattern)]
+        return [(each.field, each.index) for each in found], perturb.scale if perturb else 0.0
     joints = zip(model.jnt_type.tolist(), model.jnt_qposadr.tolist(), strict=True)
     places = [start + place for kind, start in joints for place in range(_LOOSE.get(kind, 1))]
     return [("qpos", place) for place in places], _SEED_SCALE

@@ -85,6 +85,19 @@ def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
     return _id(model, kind, f"geom[{old[1]}]") if old else found
 
 
+def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) -> int:
+    """Return the id of a body or geom.
+
+    Raises:
+        SceneError: there is none of this name.
+    """
+    index = find_id(model, kind, name)
+    if index < 0:
+        known = [getattr(model, kind)(each).name for each in range(getattr(model, f"n{kind}"))]
+        raise SceneError(f"no {kind} '{name}' in the model{did_you_mean(name, known)}")
+    return index
+
+
 def matching(names: Iterable[str], pattern: str) -> list[str]:
     """Return the names that are or match a pattern such as `box*.x`, `leg[12]` or `actuator[*]`."""
     known = list(names)

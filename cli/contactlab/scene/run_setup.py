@@ -22,7 +22,6 @@ from contactlab.scene.contact_pairs import MonitoredPair, colliding
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_names import is_address
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.scene.timed_inputs import HoldSpec
 from contactlab.schema.drive import FileDrive
 from contactlab.schema.scene_manifest import SceneManifest
 
@@ -39,8 +38,9 @@ def make_setup(
     thresholds: Mapping[str, float],
 ) -> Setup:
     """Return the setup of n runs of one structure; thresholds override those of the scene."""
-    bodies = _free_bodies(models)
+    bodies, holding = _free_bodies(models), base.holding
     values = [run.values for run in runs]
+    windows = [holding.window(run.initial) for run in runs] if holding else []
     modes = manifest.modes if manifest else None
     oracle = manifest.oracle if manifest else None
     return Setup(
@@ -61,17 +61,12 @@ def make_setup(
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
-        hold=base.holding and _hold(base.holding, runs),
+        hold=HoldWindow(*np.transpose(windows)) if holding else None,
         mechanism=find_mechanism(base.model),
     )
 
 
-def _hold(holding: HoldSpec, runs: Sequence[ResolvedRun]) -> HoldWindow:
-    windows = np.array([holding.window(run.initial) for run in runs])
-    return HoldWindow(windows[:, 0], windows[:, 1])
-
-
-def _gravity(model: mujoco.MjModel) -> np.ndarray:
+def _gravity(model: mujoco.MjModel) -> Floats:
     off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     return np.zeros(3) if off else np.array(model.opt.gravity)
 
@@ -83,56 +78,43 @@ def _is_passive(model: mujoco.MjModel) -> bool:
 
 def _is_pushed(manifest: SceneManifest | None, runs: Sequence[ResolvedRun]) -> bool:
     """Return whether anything but the model itself may move bodies in any of the runs."""
-    if any(isinstance(run.drive, FileDrive) for run in runs):
-        return True
-    if manifest is None:
-        return False
-    pushed = any(_PUSH.search(name) for each in manifest.initial.values() for name in each.sets)
-    return pushed or bool(manifest.control)
+    initial = manifest.initial.values() if manifest else ()
+    pushed = any(_PUSH.search(name) for each in initial for name in each.sets)
+    driven = any(isinstance(run.drive, FileDrive) for run in runs)
+    return pushed or driven or bool(manifest and manifest.control)
 
 
 def _free_bodies(models: Sequence[mujoco.MjModel]) -> dict[int, FreeBody]:
     model = models[0]
     bodies: dict[int, FreeBody] = {}
-    for joint in np.flatnonzero(model.jnt_type == mujoco.mjtJoint.mjJNT_FREE):
+    for joint in np.flatnonzero(model.jnt_type == _JOINT.mjJNT_FREE):
         body = int(model.jnt_bodyid[joint])
-        bodies[body] = FreeBody(
-            name=model.body(body).name,
-            qpos=int(model.jnt_qposadr[joint]),
-            dof=int(model.jnt_dofadr[joint]),
-            mass=np.array([each.body_subtreemass[body] for each in models]),
-        )
+        places = int(model.jnt_qposadr[joint]), int(model.jnt_dofadr[joint])
+        mass = np.array([each.body_subtreemass[body] for each in models])
+        bodies[body] = FreeBody(model.body(body).name, *places, mass)
     return bodies
 
 
-def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> list[Barrier]:
+def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[Barrier]:
+    """Yield the planes and boxes, fixed to the world, that free bodies can touch."""
     model = base.model
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    barriers: list[Barrier] = []
     for index, pair in enumerate(base.pairs):
         for wall, other in ((0, 1), (1, 0)):
             geom, mover = pair.geoms[wall][0], int(model.geom_bodyid[pair.geoms[other][0]])
             still = model.body_weldid[model.geom_bodyid[geom]] == 0
-            root = int(model.body_weldid[mover])
-            if pair.bodies or not still or root not in bodies:
+            body = bodies.get(int(model.body_weldid[mover]))
+            if pair.bodies or not still or body is None:
                 continue
-            if int(model.geom_type[geom]) in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_BOX):
-                barriers.append(_barrier(model, data, geom, index, bodies[root]))
-    return barriers
-
-
-def _barrier(
-    model: mujoco.MjModel, data: mujoco.MjData, geom: int, pair: int, body: FreeBody
-) -> Barrier:
-    axes = np.array(data.geom_xmat[geom]).reshape(3, 3)
-    point = np.array(data.geom_xpos[geom])
-    if model.geom_type[geom] == int(_GEOM.mjGEOM_PLANE):
-        return Barrier(pair, body, point, axes[:, 2], np.inf)
-    size = model.geom_size[geom]
-    thin = int(np.argmin(size))
-    reach = float(np.delete(size, thin).min())
-    return Barrier(pair, body, point, axes[:, thin], reach)
+            point, axes = data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)
+            size = model.geom_size[geom]
+            if int(model.geom_type[geom]) == _GEOM.mjGEOM_PLANE:
+                yield Barrier(index, body, point, axes[:, 2].copy(), np.inf)
+            elif int(model.geom_type[geom]) == _GEOM.mjGEOM_BOX:
+                thin = int(np.argmin(size))
+                reach = float(np.delete(size, thin).min())
+                yield Barrier(index, body, point, axes[:, thin].copy(), reach)
 
 
 def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
@@ -239,9 +221,8 @@ def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
 
     A limb is a child of the free body with all of its descendants.
     """
-    driven = {int(model.jnt_bodyid[joint]) for joint in _driven_joints(model)}
     limbs: dict[int, set[int]] = {}
-    for body in driven:
+    for body in {int(model.jnt_bodyid[joint]) for joint in _driven_joints(model)}:
         chain = [body]
         while model.body_parentid[chain[-1]]:
             chain.append(int(model.body_parentid[chain[-1]]))
@@ -252,19 +233,11 @@ def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
 
 
 def _driven_joints(model: mujoco.MjModel) -> Iterator[int]:
-    kinds = mujoco.mjtTrn
-    for actuator in range(model.nu):
-        kind, item = int(model.actuator_trntype[actuator]), int(model.actuator_trnid[actuator, 0])
-        if kind in (kinds.mjTRN_JOINT, kinds.mjTRN_JOINTINPARENT):
-            yield item
-        elif kind == kinds.mjTRN_TENDON:
-            yield from _joints_of(model, item)
-
-
-def _joints_of(model: mujoco.MjModel, tendon: int) -> Iterator[int]:
-    """Yield the joints that a fixed tendon couples; a spatial tendon names none."""
-    start = int(model.tendon_adr[tendon])
-    wraps = np.arange(start, start + int(model.tendon_num[tendon]))
-    for wrap in wraps:
-        if int(model.wrap_type[wrap]) == mujoco.mjtWrap.mjWRAP_JOINT:
-            yield int(model.wrap_objid[wrap])
+    """Yield the joints that actuators move; a spatial tendon names none."""
+    for kind, item in zip(model.actuator_trntype, model.actuator_trnid[:, 0], strict=True):
+        if kind in _AT_JOINT:
+            yield int(item)
+        elif kind == mujoco.mjtTrn.mjTRN_TENDON:
+            wraps = slice(model.tendon_adr[item], model.tendon_adr[item] + model.tendon_num[item])
+            joints = model.wrap_type[wraps] == int(mujoco.mjtWrap.mjWRAP_JOINT)
+            yield from model.wrap_objid[wraps][joints].tolist()

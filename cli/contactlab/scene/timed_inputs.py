@@ -51,13 +51,9 @@ _INPUTS = "ACTUATOR.ctrl, BODY.fx to .tz, or MOCAP_BODY.x to .qz"
 
 @dataclass(frozen=True)
 class ControlProfile:
-    """What the inputs that match one pattern do over time.
+    """What the inputs that match a pattern, its name, do over time: levels at knots.
 
-    Attributes:
-        name: the pattern, for messages.
-        inputs: indices among the inputs; see `InitialStates`.
-        times: of its knots [s].
-        levels: values at its knots.
+    Inputs are indices among those of `InitialStates`.
     """
 
     name: str
@@ -143,15 +139,18 @@ def read_control(
     """
     if manifest is None:
         return ()
-    profiles = [_profile(model, manifest, name) for name in manifest.control]
-    taken: dict[int, str] = _set_at_start(model, manifest)
-    for profile in profiles:
-        for place in profile.inputs:
-            if place in taken:
-                raise SceneError(
-                    f"control {profile.name}: {taken[place]} sets the same input; keep one of them"
-                )
-            taken[place] = f"control {profile.name}"
+    profiles: list[ControlProfile] = []
+    taken = _set_at_start(model, manifest)
+    for name, entry in manifest.control.items():
+        inputs = _inputs(model, name)
+        if clash := next((taken[each] for each in inputs if each in taken), None):
+            raise SceneError(f"control {name}: {clash} sets the same input; keep one of them")
+        taken |= dict.fromkeys(inputs, f"control {name}")
+        times, levels = (
+            tuple(read_formula(term, f"control {name} sets its {part}", manifest) for term in terms)
+            for part, terms in (("times", entry.at), ("values", entry.to))
+        )
+        profiles.append(ControlProfile(name, inputs, times, levels))
     return tuple(profiles)
 
 
@@ -168,19 +167,6 @@ def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, fl
     rows = [_knots(each, initial, most) for each in profiles for _ in each.inputs]
     times, levels = (np.array(part, np.float64) for part in zip(*rows, strict=True))
     return Signals(np.array(places, np.intp), times, levels)
-
-
-def _profile(model: mujoco.MjModel, manifest: SceneManifest, name: str) -> ControlProfile:
-    entry = manifest.control[name]
-
-    def formulas(terms: Sequence[Term], part: str) -> tuple[Expression, ...]:
-        return tuple(
-            read_formula(term, f"control {name} sets its {part}", manifest) for term in terms
-        )
-
-    return ControlProfile(
-        name, _inputs(model, name), formulas(entry.at, "times"), formulas(entry.to, "values")
-    )
 
 
 def _inputs(model: mujoco.MjModel, pattern: str) -> tuple[int, ...]:

@@ -30,17 +30,14 @@ class InertiaFault:
     reason: str
 
 
-def written_inertia_faults(spec: mujoco.MjSpec) -> tuple[InertiaFault, ...]:
-    """Return the faults of the inertias that a model file writes out, before it is compiled."""
-    return tuple(_faults(spec))
-
-
-def _faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
+def written_inertia_faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
+    """Yield the faults of the inertias that a model file writes out, before it is compiled."""
     compiler = spec.compiler
     if compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE:
         return
     for body in spec.bodies[1:]:
-        alone = _moves_alone(body)
+        # With joints, and no body fixed to it that could bring the inertia.
+        alone = bool(body.joints) and all(child.joints for child in body.bodies)
         if not body.explicitinertial and (body.geoms or not alone):
             continue
         name = body.name or f"body {body.id}"
@@ -54,11 +51,6 @@ def _faults(spec: mujoco.MjSpec) -> Iterator[InertiaFault]:
             yield open_triangle(name, moments, balanced=bool(compiler.balanceinertia))
 
 
-def _moves_alone(body: MjsBody) -> bool:
-    """Return whether a body has joints, and no body fixed to it that could bring the inertia."""
-    return bool(body.joints) and all(child.joints for child in body.bodies)
-
-
 def _moments(body: MjsBody) -> Floats:
     xx, yy, zz, xy, xz, yz = (float(each) for each in body.fullinertia)
     # The first number is NaN where diaginertia gives the moments.
@@ -70,15 +62,12 @@ def _moments(body: MjsBody) -> Floats:
 
 def not_positive(name: str, mass: float, moments: Floats) -> InertiaFault:
     """Return the fault of a body whose mass or inertia is zero or negative."""
-    return InertiaFault(
-        name,
-        "not_positive",
-        float(np.min([mass, *moments])),
-        0.0,
-        "kg or kg m^2",
+    reason = (
         f"its mass is {mass:g} kg and its principal moments are {_listed(moments)} kg m^2; "
-        "write all of them above 0",
+        "write all of them above 0"
     )
+    least = float(np.min([mass, *moments]))
+    return InertiaFault(name, "not_positive", least, 0.0, "kg or kg m^2", reason)
 
 
 def closes(moments: Floats) -> bool:
@@ -88,24 +77,18 @@ def closes(moments: Floats) -> bool:
 
 
 def open_triangle(name: str, moments: Floats, *, balanced: bool) -> InertiaFault:
-    """Return the fault of moments that violate the triangle inequality.
+    """Return the fault of principal moments [kg m^2] that violate the triangle inequality.
 
-    Args:
-        name: the body.
-        moments: (3,) principal moments [kg m^2].
-        balanced: whether the compiler replaced them by their mean.
+    Balanced ones were replaced by their mean, by the compiler.
     """
     low, middle, high = np.sort(moments).tolist()
     end = f"; balanceinertia replaced all three by their mean, {np.mean(moments):g}"
-    return InertiaFault(
-        name,
-        "balanced" if balanced else "triangle",
-        high,
-        low + middle,
-        "kg m^2",
+    reason = (
         f"its principal moments are {_listed(moments)} kg m^2, and no mass distribution has "
-        f"{low:g} + {middle:g} < {high:g}" + (end if balanced else ""),
+        f"{low:g} + {middle:g} < {high:g}" + (end if balanced else "")
     )
+    kind = "balanced" if balanced else "triangle"
+    return InertiaFault(name, kind, high, low + middle, "kg m^2", reason)
 
 
 def _listed(moments: Floats) -> str:

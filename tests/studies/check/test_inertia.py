@@ -42,7 +42,7 @@ def kinds(faults: tuple[InertiaFault, ...]) -> list[tuple[str, str]]:
 
 def test_what_is_sound_has_no_fault() -> None:
     assert inertia_faults(model_of(SOUND)) == ()
-    assert written_inertia_faults(mujoco.MjSpec.from_string(text(SOUND))) == ()
+    assert list(written_inertia_faults(mujoco.MjSpec.from_string(text(SOUND)))) == []
 
 
 @pytest.mark.parametrize(
@@ -189,7 +189,7 @@ def test_a_balanced_inertia_is_told_although_it_compiles(tmp_path: Path) -> None
 def test_an_inertia_that_is_not_used_is_no_fault() -> None:
     wrong = 'mass="1" pos="0 0 0" diaginertia="1 1 3"'
     spec = mujoco.MjSpec.from_string(text(wrong, 'inertiafromgeom="true"'))
-    assert written_inertia_faults(spec) == ()
+    assert list(written_inertia_faults(spec)) == []
 
 
 @pytest.mark.parametrize(
@@ -213,7 +213,7 @@ def test_what_moves_alone_needs_an_inertia(body: str, compiles: bool) -> None:
     spec = mujoco.MjSpec.from_string(
         f"<mujoco><worldbody><body name='first'>{body}</body></worldbody></mujoco>"
     )
-    assert (written_inertia_faults(spec) == ()) == compiles
+    assert (list(written_inertia_faults(spec)) == []) == compiles
     if compiles:
         assert inertia_faults(spec.compile()) == ()
     else:
@@ -265,7 +265,7 @@ def test_shipped_scenes(name: str) -> None:
 def test_the_identified_inertias_are_those_of_bodies() -> None:
     """Positive and within the triangle, as Gaz et al. demand of them."""
     spec = mujoco.MjSpec.from_file(str(resources.models() / "panda_free" / "scene.xml"))
-    assert written_inertia_faults(spec) == ()
+    assert list(written_inertia_faults(spec)) == []
     moments = np.sort(spec.compile().body_inertia[1:], axis=1)
     assert moments.min() > 0
     assert (moments[:, 0] + moments[:, 1] >= moments[:, 2]).all()
