@@ -81,6 +81,7 @@ class Posture:
     Attributes:
         qpos: (nq,) the configuration.
         lengths: (nu,) lengths of the actuators.
+        rates: (nu,) how they change with the joint that each depends on most.
         gain: (nu,) how forces change with their inputs.
         inputs: (nu,) what their forces follow: activations where there are any, else controls.
         ctrl: (nu,) controls.
@@ -90,6 +91,7 @@ class Posture:
 
     qpos: Floats
     lengths: Floats
+    rates: Floats
     gain: Floats
     inputs: Floats
     ctrl: Floats
@@ -146,7 +148,8 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     inputs[kept] = ctrl[kept]
     lengths, chosen = np.array(data.actuator_length), servos.actuators
     inputs[chosen] += servos.stiffness * lengths[chosen] / gain[chosen]
-    return Posture(qpos, lengths, gain, inputs, *_with_states(model, inputs), strained)
+    rates = np.abs(moment).max(axis=1, initial=0)
+    return Posture(qpos, lengths, rates, gain, inputs, *_with_states(model, inputs), strained)
 
 
 def unheld(model: mujoco.MjModel, posture: Posture) -> str:

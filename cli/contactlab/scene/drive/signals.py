@@ -20,14 +20,14 @@ _KNOTS = 12
 _STREAM = 3
 """The seed's stream of random numbers for controls; the first perturbs the start."""
 
-# Peak speed of an exercise [rad/s or m/s].
+# Peak speed of joints [rad/s or m/s], and how far those without limits go [rad or m].
 _SPEED = 6.0
 _WAY = 0.5
-"""How far joints and tendons without limits go [rad or m]."""
 _ALONE = 0.7
 _LEAST_WINDOW = 0.4
 """How long each actuator moves at least [s]; with less time for each, they overlap."""
-_ARC = np.linspace(0.0, 1.0, 25)
+# Knots of each of the three legs of a way: to one end, to the other, and back.
+_KNOTS_OF_LEG = 13
 
 
 def exercise_duration(model: mujoco.MjModel) -> float:
@@ -56,7 +56,7 @@ def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> Con
     stiffness = np.where(model.actuator_biastype == 0, 0.0, -model.actuator_biasprm[:, 1])
     stiffness[servos.actuators] += servos.stiffness
     slope = stiffness / usable
-    ways = _ways(model, posture.lengths) - posture.lengths[:, None]
+    ways = _ways(model, posture) - posture.lengths[:, None]
     ranges = (
         (model.actuator_ctrllimited, model.actuator_ctrlrange, 1.0),
         (model.actuator_forcelimited, model.actuator_forcerange, usable),
@@ -69,10 +69,9 @@ def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> Con
     straight = np.stack([low, high], axis=1)
     straight[~np.isfinite(straight)] = 0.0
     travel = np.where(slope[:, None] != 0, np.sort(ways * slope[:, None]), straight)
-    speed = _SPEED * np.abs(slope)
-    # The leg from the held control to an end is up to twice as fast as the one across.
+    speed = _SPEED * np.abs(slope) * posture.rates
     rated = is_integrated(model) & model.actuator_ctrllimited.astype(bool)
-    most = np.abs(model.actuator_ctrlrange).min(axis=1, initial=np.inf) / 2
+    most = np.abs(model.actuator_ctrlrange).min(axis=1, initial=np.inf)
     speed[rated] = np.minimum(speed, most)[rated]
     return ControlRoom(half, np.clip(travel, low[:, None], high[:, None]), speed)
 
@@ -90,9 +89,10 @@ def _offsets(model: mujoco.MjModel, servos: Servos, posture: Posture) -> tuple[F
     return np.minimum(offsets[:, 0], 0.0), np.maximum(offsets[:, 1], 0.0)
 
 
-def _ways(model: mujoco.MjModel, lengths: Floats) -> Floats:
+def _ways(model: mujoco.MjModel, posture: Posture) -> Floats:
     """Return (nu, 2) the lengths of actuators between limits of their joint or tendon."""
-    ways = lengths[:, None] + np.array([-_WAY, _WAY]) * np.abs(model.actuator_gear[:, :1])
+    lengths = posture.lengths
+    ways = lengths[:, None] + np.array([-_WAY, _WAY]) * posture.rates[:, None]
     kinds, items = np.asarray(model.actuator_trntype), np.asarray(model.actuator_trnid)[:, 0]
     tables = (
         (mujoco.mjtTrn.mjTRN_JOINT, model.jnt_limited, model.jnt_range),
@@ -157,40 +157,37 @@ def exercise_signals(
     integrated = is_integrated(model)
     lines: list[tuple[Floats, Floats]] = []
     for each, start in enumerate(starts):
-        own = start, _arc(room, each, window), window
-        together = alone, _arc(room, each, end - alone), end - alone
-        lines.append(_line(posture.ctrl[each], [own, together], rate=bool(integrated[each])))
+        own, together = _way(room, each, start, window), _way(room, each, alone, end - alone)
+        times, offsets = np.concatenate([own, together], axis=1)
+        lines.append((times, offsets) if not integrated[each] else _rates(times, offsets))
     most = max(len(times) for times, _ in lines)
     padded = [[np.pad(part, (0, most - len(part)), "edge") for part in line] for line in lines]
-    times, levels = (np.array(part) for part in zip(*padded, strict=True))
-    return Signals(np.arange(count), times, levels)
+    times, levels = np.moveaxis(np.array(padded), 1, 0)
+    return Signals(np.arange(count), times, posture.ctrl[:, None] + levels)
 
 
-def _arc(room: ControlRoom, actuator: int, window: float) -> Floats:
-    """Return how far from its held value a control is along one arc: there, across, and back."""
-    ends = room.travel[actuator]
-    # The fastest leg goes from end to end in half the window, as half a period of a cosine.
-    fastest = np.pi / 2 * np.ptp(ends) / (window / 2) if window > 0 else np.inf
-    speed = room.speed[actuator]
-    shrink = min(1.0, speed / fastest) if speed and fastest else 1.0
-    first = (1 - np.cos(4 * np.pi * _ARC)) / 2
-    across = np.where(_ARC < 0.25, first * ends[1], 0.0)
-    middle = (_ARC >= 0.25) & (_ARC < 0.75)
-    between = (1 + np.cos(2 * np.pi * (_ARC - 0.25))) / 2
-    across = np.where(middle, ends[0] + between * (ends[1] - ends[0]), across)
-    across = np.where(_ARC >= 0.75, first * ends[0], across)
-    return shrink * across
+def _way(room: ControlRoom, actuator: int, begin: float, window: float) -> Floats:
+    """Return (2, K) times, and how far from its held value a control is then.
+
+    It goes to one end of its travel, to the other, and back: each leg half a period of a cosine, at
+    one peak speed, so that its time is as its length.
+    """
+    low, high = room.travel[actuator]
+    stops = np.array([0.0, high, low, 0.0])
+    lengths = np.abs(np.diff(stops))
+    whole, speed = lengths.sum(), room.speed[actuator]
+    peak = np.pi / 2 * whole / window if window > 0 else np.inf
+    shrink = min(1.0, speed / peak) if speed and whole else 1.0
+    along = np.linspace(0.0, 1.0, _KNOTS_OF_LEG)
+    ease = (1 - np.cos(np.pi * along)) / 2
+    ends = np.cumsum([0.0, *lengths]) / max(whole, np.finfo(float).tiny)
+    times = ends[:-1, None] + np.diff(ends)[:, None] * along
+    offsets = stops[:-1, None] + np.diff(stops)[:, None] * ease
+    return np.stack([begin + window * times.ravel(), shrink * offsets.ravel()])
 
 
-def _line(
-    held: float, arcs: list[tuple[float, Floats, float]], *, rate: bool
-) -> tuple[Floats, Floats]:
-    """Return the knots of one control; of an integrated one, their rate of change."""
-    times = np.concatenate([start + window * _ARC for start, _, window in arcs])
-    offsets = np.concatenate([arc for _, arc, _ in arcs])
-    if not rate:
-        return times, held + offsets
+def _rates(times: Floats, offsets: Floats) -> tuple[Floats, Floats]:
+    """Return the knots of a control that is the rate of what goes along some offsets."""
     steps = np.diff(times)
     rates = np.where(steps > 0, np.diff(offsets) / np.where(steps > 0, steps, 1.0), 0.0)
-    doubled = np.repeat(times, 2)[1:-1]
-    return np.append(doubled, times[-1]), np.append(np.repeat(rates, 2), held)
+    return np.append(np.repeat(times, 2)[1:-1], times[-1]), np.append(np.repeat(rates, 2), 0.0)
