@@ -10,6 +10,7 @@ from contactlab.engines import Buffers, PreparedRuns, find_engine
 from contactlab.errors import UnheldWarning
 from contactlab.scene.drive.hold import find_servos, hold_posture
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import NoiseDrive
 
 # Two links of 1 kg, stretched out against gravity: 2 kg at 0.5 m on average, 9.81 N m and more.
 ARM = """<mujoco><option timestep="0.002" {option}/><worldbody>
@@ -176,6 +177,66 @@ def test_what_is_not_held_is_said(actuators: str, said: str, tmp_path: Path) -> 
     with pytest.warns(UnheldWarning, match=f"arm.xml: not held: .*{said}") as caught:
         arm(tmp_path, actuators).with_drive("exercise", tmp_path)
     assert len(caught) == 1
+
+
+STANDING = """<mujoco><option timestep="0.002"/><worldbody>
+<geom type="plane" size="1 1 .1"/>
+<body pos="0 0 {height}"><joint type="slide" axis="0 0 1"/>
+<geom type="sphere" size=".1" mass="30" contype="0" conaffinity="0"/>
+<body><joint name="hip" axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .3 0 -.4"
+  mass=".5" contype="0" conaffinity="0"/>
+<body pos=".3 0 -.4"><joint name="knee" axis="0 1 0" range="{knee}" limited="true"/>
+<geom type="capsule" size=".02" fromto="0 0 0 -.3 0 -.4" mass=".5" contype="0" conaffinity="0"/>
+<geom type="sphere" pos="-.3 0 -.4" size=".05" condim="1"/>
+</body></body></body></worldbody><actuator>
+<motor joint="hip" gear="50"/><motor joint="knee" gear="50"/></actuator></mujoco>"""
+
+
+def standing(folder: Path, height: float, knee: str = "-2 2") -> Scene:
+    """Return a leg that carries a weight, guided along the vertical."""
+    (folder / "leg.xml").write_text(STANDING.format(height=height, knee=knee))
+    return Scene.open(str(folder / "leg.xml")).with_drive("hold", folder)
+
+
+def test_a_robot_stands_in_its_posture(tmp_path: Path) -> None:
+    """The ground bears 31 kg at the foot, which is below the hip: the knee, 0.3 m beside, turns.
+
+    What the control lacks of its 91 N m the spring bears, by giving way.
+    """
+    scene = standing(tmp_path, 0.86)
+    assert np.abs(end_of(scene, 2.0)[1:]).max() < 0.02
+    knee = scene.starts([scene.resolve({}, 0, None)]).ctrl[0, 1] * 50
+    model = scene.base({}).model
+    stiffness = find_servos(model, model.qpos0).stiffness[1] * 50**2
+    assert knee == pytest.approx(-0.3 * 31 * 9.81, abs=0.02 * stiffness)
+
+
+def test_a_posture_ends_where_limits_of_joints_do(tmp_path: Path) -> None:
+    """A knee that starts 0.2 rad beyond its limit is held there: nothing pulls it back."""
+    scene = standing(tmp_path, 20.0, "11.459156 90")
+    qpos = end_of(scene, 0.5)
+    assert qpos[2] == pytest.approx(0.2, abs=0.01)
+
+
+def test_signals_start_when_a_robot_is_at_rest(tmp_path: Path) -> None:
+    """One that stands comes to rest soon; one that falls for longer than a second does not."""
+    starts: list[float] = []
+    for height in (0.8501, 20.0):
+        noisy = standing(tmp_path, height).with_drive(NoiseDrive(noise=0.1), tmp_path)
+        signals = noisy.starts([noisy.resolve({}, 0, 4.0)]).signals[0]
+        starts.append(signals.times[0, 0])
+    assert 0.05 <= starts[0] < starts[1] == 1.0
+
+
+def test_a_body_that_a_mocap_body_holds_is_said(tmp_path: Path) -> None:
+    (tmp_path / "led.xml").write_text(
+        '<mujoco><worldbody><body name="hand" mocap="true"/><body name="tool"><freejoint/>'
+        '<geom size=".1"/><body><joint name="turn"/><geom size=".1"/></body></body></worldbody>'
+        '<equality><weld body1="hand" body2="tool"/></equality>'
+        '<actuator><motor joint="turn"/></actuator></mujoco>'
+    )
+    with pytest.warns(UnheldWarning, match="not held: fixed to a mocap body: tool$"):
+        Scene.open(str(tmp_path / "led.xml")).with_drive("hold", tmp_path)
 
 
 def test_nothing_is_said_of_what_is_held(tmp_path: Path, recwarn: pytest.WarningsRecorder) -> None:

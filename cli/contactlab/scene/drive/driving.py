@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -10,8 +11,9 @@ from contactlab.errors import SceneError
 from contactlab.scene.drive.hold import (
     Posture,
     Servos,
-    carries_its_root,
+    Support,
     find_servos,
+    find_support,
     hold_posture,
     unheld,
 )
@@ -32,8 +34,6 @@ from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import Drive, FileDrive, NoiseDrive, PolicyDrive
 
-SETTLING = 0.5
-"""How long a robot that stands on its limbs settles before signals start [s]."""
 _HOLDING = 0.1
 """Share of an exercise in which it holds first."""
 _TURN, _SHIFT = 1.0, 0.2
@@ -56,7 +56,6 @@ class Driving:
         servos: springs of the actuators that are held.
         held: actuators that are held; others are driven by a file or by the scene itself.
         recorded: what the drive's file says, if it has one.
-        settling: how long they hold before signals start [s].
     """
 
     model: mujoco.MjModel
@@ -65,7 +64,6 @@ class Driving:
     servos: Servos
     held: frozenset[int]
     recorded: RecordedInputs | None
-    settling: float
     _postures: dict[tuple[float, ...], tuple[Posture, ControlRoom]] = field(
         default_factory=dict[tuple[float, ...], tuple[Posture, ControlRoom]]
     )
@@ -94,8 +92,12 @@ class Driving:
             servos=find_servos(model, rule.qpos).of(held),
             held=held,
             recorded=recorded,
-            settling=SETTLING if carries_its_root(model, rule.qpos) else 0.0,
         )
+
+    @cached_property
+    def _support(self) -> Support:
+        """How a robot stands, found once: for its start as written."""
+        return find_support(self.model, self.servos, self.rule.qpos, self.rule.held_ctrl)
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the initial states of runs, driven.
@@ -128,8 +130,8 @@ class Driving:
         """Return what holds the start of some initial values, before any seed perturbs it."""
         key = tuple(initial.values())
         if key not in self._postures:
-            qpos = self.rule.nominal(initial)
-            posture = hold_posture(self.model, self.servos, qpos, self.rule.held_ctrl)
+            start = self.rule.nominal(initial), self.rule.held_ctrl
+            posture = hold_posture(self.model, self.servos, *start, self._support.forces)
             self._postures[key] = posture, control_room(self.model, self.servos, posture)
         return self._postures[key]
 
@@ -137,7 +139,8 @@ class Driving:
         """Return what of a run's start is not held, though nothing else drives it."""
         if self.recorded or (self.drive == "exercise" and not self.model.nu):
             return ""
-        return unheld(self.model, self._posture(run.initial)[0])
+        qpos = self.rule.nominal(run.initial)
+        return unheld(self.model, hold_posture(self.model, self.servos, qpos, self.rule.held_ctrl))
 
     def _signals(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if isinstance(self.drive, NoiseDrive):
@@ -147,7 +150,7 @@ class Driving:
                     f"{0.5 / self.drive.rate:g} s, but one is {run.timestep:g} s; "
                     "write a lower `rate`"
                 )
-            span = min(self.settling, run.duration / 2), run.duration
+            span = min(self._support.settling, run.duration / 2), run.duration
             return self._of_held(noise_signals(posture, room.half, self.drive, span, run.seed))
         key = (run.timestep, run.duration, *run.initial.values())
         if key not in self._shared:
@@ -160,7 +163,7 @@ class Driving:
             return self.recorded.snapped(run.timestep)
         if self.drive != "exercise" or not self.model.nu:
             return Signals.none()
-        begin = min(max(self.settling, _HOLDING * run.duration), 0.4 * run.duration)
+        begin = min(max(self._support.settling, _HOLDING * run.duration), 0.4 * run.duration)
         return self._of_held(exercise_signals(self.model, posture, room, begin, run.duration))
 
     def _of_held(self, signals: Signals) -> Signals:

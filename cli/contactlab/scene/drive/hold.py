@@ -9,16 +9,22 @@ on the degrees of freedom that actuators move. An actuator without position feed
 balance there, stable or not, so a spring and a damper along its own length l are written into the
 model: b_i grows by -k l - d dl/dt, and its control by k l_0 / g_i. With M the inertia matrix, K and
 D the springs and dampers in joint space, and h the model's timestep, k and d are those of a
-critically damped oscillator of the inertia that the actuator moves, but no larger than
+critically damped oscillator of the inertia that the actuator moves, and stiffer by what damped
+joints take. But with M grown by h times their damping, as implicit integration has it,
 
     h^2 eig(M^-1 K) <= 0.1    and    h eig(M^-1 D) <= 0.25
 
 so that a spring stays well inside of what an explicit step carries (4 and 2).
+
+What stands on the ground bears more than gravity and springs: the ground pushes back. So a robot
+whose root no actuator moves settles first, in a simulation of its own: the forces that its
+actuators then exert balance there, and take the place of those above.
 """
 
 import copy
 from collections.abc import Collection
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -30,7 +36,12 @@ from contactlab.contact.trace_arrays import Floats
 _FREQUENCY = 2 * np.pi * 4
 _CARRYING = 2 * np.pi * 12
 _SPRING_LIMIT, _DAMPER_LIMIT = 0.1, 0.25
+# A robot has settled below these speeds [rad/s, m/s]; it is looked at so often, and so long [s].
+_STILL, _LOOK, _LONGEST = 0.02, 0.05, 1.0
+# How often it settles at most, and how near to its posture is near enough [rad or m].
+_ROUNDS, _NEAR = 4, 0.01
 
+_SCALARS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 _NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -82,6 +93,7 @@ class Posture:
         qpos: (nq,) the configuration.
         lengths: (nu,) lengths of the actuators.
         rates: (nu,) how they change with the joint that each depends on most.
+        forces: (nu,) of the actuators there.
         gain: (nu,) how forces change with their inputs.
         inputs: (nu,) what their forces follow: activations where there are any, else controls.
         ctrl: (nu,) controls.
@@ -92,11 +104,19 @@ class Posture:
     qpos: Floats
     lengths: Floats
     rates: Floats
+    forces: Floats
     gain: Floats
     inputs: Floats
     ctrl: Floats
     act: Floats
     strained: NDArray[np.bool_]
+
+
+class Support(NamedTuple):
+    """How a robot stands: (nu,) forces for it beside gravity's, and how long it settles [s]."""
+
+    forces: Floats
+    settling: float
 
 
 def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
@@ -110,28 +130,36 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     moving = np.abs(moment).max(axis=1, initial=0) > 0
     chosen = np.flatnonzero(moving & (gain != 0) & _without_feedback(model))
     rows = moment[chosen]
-    # The inertia of the motion that the actuator's own joints make, along its length.
+    # Inertia and damping of the motion that the actuator's own joints make, along its length.
     along = rows / np.square(rows).sum(axis=1, keepdims=True)
     masses = np.einsum("ij,jk,ik->i", along, inertia, along)
+    dampers = np.square(along) @ model.dof_damping
     frequency = _CARRYING if _hangs_on_its_root(model, moment) else _FREQUENCY
     # A model may leave its timestep to the sweep.
-    step, carried = float(model.opt.timestep) or 1e-9, _carried(inertia, rows)
-    stiffness = np.minimum(masses * frequency**2, _SPRING_LIMIT / step**2 * carried)
+    step = float(model.opt.timestep) or 1e-9
+    # MuJoCo integrates the damping of joints implicitly, as if it were inertia.
+    carried = _carried(inertia + step * np.diag(model.dof_damping), rows)
+    wanted = frequency * (frequency * masses + dampers)
+    stiffness = np.minimum(wanted, _SPRING_LIMIT / step**2 * carried)
     damping = np.minimum(2 * np.sqrt(stiffness * masses), _DAMPER_LIMIT / step * carried)
     damping = np.maximum(damping + model.actuator_biasprm[chosen, 2], 0.0)
     low, high = _force_limits(model, gain, bias)
     return Servos(chosen, stiffness, damping, np.stack([low, high], axis=1)[chosen])
 
 
-def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floats) -> Posture:
-    """Return the controls that hold a configuration.
+def hold_posture(
+    model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floats, support: Floats | float = 0.0
+) -> Posture:
+    """Return the controls that hold a configuration, or the next one within limits of joints.
 
     Args:
         model: as written.
         servos: of its actuators.
         qpos: (nq,) the configuration.
         ctrl: (nu,) controls of actuators with feedback that are kept; NaN where there is none.
+        support: (nu,) forces beside those that balance gravity and springs.
     """
+    qpos = _within_limits(model, qpos)
     data = _at(model, qpos)
     gain, bias = _force_law(model, qpos)
     moment = _moment(model, data)
@@ -141,6 +169,7 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     force = _bounded(moment.T[moved], wanted, low, high)
     missing = np.abs(moment.T[moved] @ force - wanted) > 1e-6 * np.abs(wanted).max(initial=0)
     strained = ((force <= low) | (force >= high)) & moment[:, moved][:, missing].any(axis=1)
+    force = np.clip(force + support, low, high)
     usable = np.where(gain == 0, np.inf, gain)
     inputs = (force - bias) / usable
     kept = np.isfinite(ctrl)
@@ -149,7 +178,60 @@ def hold_posture(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     lengths, chosen = np.array(data.actuator_length), servos.actuators
     inputs[chosen] += servos.stiffness * lengths[chosen] / gain[chosen]
     rates = np.abs(moment).max(axis=1, initial=0)
-    return Posture(qpos, lengths, rates, gain, inputs, *_with_states(model, inputs), strained)
+    states = _with_states(model, inputs)
+    return Posture(qpos, lengths, rates, force, gain, inputs, *states, strained)
+
+
+def find_support(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floats) -> Support:
+    """Return how a robot stands that starts at qpos (nq,); see `hold_posture` for the rest.
+
+    Each round settles with what actuators exerted at the end of the last one, as long as that
+    brings their lengths closer.
+    """
+    found, least = Support(np.zeros(model.nu), 0.0), np.inf
+    if not carries_its_root(model, qpos):
+        return found
+    held, support = copy.copy(model), found.forces
+    servos.write(held)
+    held.opt.timestep = held.opt.timestep or 2e-3
+    for _ in range(_ROUNDS):
+        posture = hold_posture(model, servos, qpos, ctrl, support)
+        lengths, forces, settling = _settled(held, posture, qpos)
+        ways = np.abs(lengths - posture.lengths) / np.maximum(posture.rates, 1e-9)
+        if not ways.max(initial=0.0) < least:
+            break
+        least, found = ways.max(initial=0.0), Support(support, settling)
+        if least < _NEAR:
+            break
+        support = support + forces - posture.forces
+    return found
+
+
+def _settled(model: mujoco.MjModel, posture: Posture, qpos: Floats) -> tuple[Floats, Floats, float]:
+    """Return (nu,) lengths and forces of actuators at rest, and when [s]; NaN if it diverges.
+
+    What still moves after a while has those of the second half of that while, on average.
+    """
+    data, looks = mujoco.MjData(model), list[tuple[Floats, Floats]]()
+    data.qpos[:], data.ctrl[:], data.act[:] = qpos, posture.ctrl, posture.act
+    steps = max(1, round(_LOOK / model.opt.timestep))
+    while data.time < _LONGEST:
+        mujoco.mj_step(model, data, nstep=steps)
+        looks.append((data.actuator_length.copy(), data.actuator_force.copy()))
+        if data.warning.number.any():
+            return np.full(model.nu, np.nan), np.full(model.nu, np.nan), _LONGEST
+        if np.abs(data.qvel).max(initial=0.0) < _STILL:
+            return *looks[-1], float(data.time)
+    return *np.mean(looks[len(looks) // 2 :], axis=0), _LONGEST
+
+
+def _within_limits(model: mujoco.MjModel, qpos: Floats) -> Floats:
+    """Return a configuration (nq,) with hinges and slides within their limits."""
+    qpos, limited = qpos.copy(), np.asarray(model.jnt_limited).astype(bool)
+    scalar = np.flatnonzero(limited & np.isin(model.jnt_type, _SCALARS))
+    places = np.asarray(model.jnt_qposadr)[scalar]
+    qpos[places] = np.clip(qpos[places], *np.asarray(model.jnt_range)[scalar].T)
+    return qpos
 
 
 def unheld(model: mujoco.MjModel, posture: Posture) -> str:
@@ -161,6 +243,7 @@ def unheld(model: mujoco.MjModel, posture: Posture) -> str:
         ("no actuator moves", model.joint, np.setdiff1d(jointed, model.dof_jntid[moved])),
         ("without feedback:", model.actuator, np.flatnonzero(muscles)),
         ("too weak at the start:", model.actuator, np.flatnonzero(posture.strained)),
+        ("fixed to a mocap body:", model.body, _fixed_to_mocap(model)),
     )
     said: list[str] = []
     for what, element, ids in parts:
@@ -168,6 +251,18 @@ def unheld(model: mujoco.MjModel, posture: Posture) -> str:
         more = [f"{len(names) - 4} more"] if len(names) > 4 else []
         said += [f"{what} {', '.join(names[:4] + more)}"] if names else []
     return "; ".join(said)
+
+
+def _fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
+    """Return the bodies that a weld or connection fixes to a mocap body."""
+    kinds = int(mujoco.mjtEq.mjEQ_WELD), int(mujoco.mjtEq.mjEQ_CONNECT)
+    chosen = np.isin(model.eq_type, kinds) & np.asarray(model.eq_active0).astype(bool)
+    sides = np.stack([model.eq_obj1id, model.eq_obj2id], axis=1)[chosen]
+    sites = np.asarray(model.eq_objtype)[chosen] == int(mujoco.mjtObj.mjOBJ_SITE)
+    if sites.any():
+        sides[sites] = np.asarray(model.site_bodyid)[sides[sites]]
+    moved = np.asarray(model.body_mocapid)[sides] >= 0
+    return np.unique(sides[~moved & moved.any(axis=1, keepdims=True)])
 
 
 def _moment(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:
