@@ -27,6 +27,9 @@ LINEAR_VELOCITY = slice(17, 20)
 ANGULAR_VELOCITY = slice(20, 23)
 SLOT_WIDTH = 23
 
+ACTUATORS, CONSTRAINTS, OTHERS = 0, 1, 2
+"""The last axis of `Trace.work`."""
+
 
 def hash_of_states(rows: Floats) -> str:
     """Return the trajectory hash of a run: SHA-256 of its state rows' bytes, 32 hex digits of it.
@@ -89,8 +92,8 @@ class HeldPose:
 _BY_STATE = ("time", "qpos", "qvel")
 _ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
-_BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths")
-_OF_WHOLE_RUN = ("control_ranges", "equality_loads")
+_BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
+_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "surplus")
 
 
 @dataclass(frozen=True)
@@ -114,10 +117,14 @@ class Trace:
         pairs: the monitored contact pairs.
         warnings: for each run, engine warnings by name with their counts.
         held: pose of the subject relative to its holder, or None where nothing should be held.
-        forces: (n, N, nu) force of each actuator, or None if not recorded, like the next three.
+        forces: (n, N, nu) force of each actuator, or None if not recorded, like all that follow.
         lengths: (n, N, ntendon) length of each tendon.
         control_ranges: (n, nu, 2) least and greatest control of each actuator.
         equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
+        work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
+            gravity and springs; NaN where not known.
+        surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
+            first and the last step in which they did.
     """
 
     timestep: Floats
@@ -140,6 +147,8 @@ class Trace:
     lengths: Floats | None = None
     control_ranges: Floats | None = None
     equality_loads: Floats | None = None
+    work: Floats | None = None
+    surplus: Floats | None = None
 
     @property
     def runs(self) -> int:

@@ -115,7 +115,9 @@ class Setup:
         elliptic: (n,) whether the friction cone is elliptic (else pyramidal).
         iterations: (n,) the solver's iteration limit.
         gravity: (n, 3) gravity [m/s^2, world].
+        moving_mass: (n,) mass of all that is not fixed to the world [kg].
         passive: whether nothing but gravity and contact acts, so that energy cannot grow.
+        conservative: whether it is passive, and loses energy in contacts only.
         quaternions: indices in qpos where a unit quaternion starts.
         free_bodies: bodies on free joints.
         barriers: fixed surfaces that free bodies of monitored pairs must not pass.
@@ -137,7 +139,9 @@ class Setup:
     elliptic: NDArray[np.bool_]
     iterations: NDArray[np.int32]
     gravity: Floats
+    moving_mass: Floats
     passive: bool
+    conservative: bool
     quaternions: tuple[int, ...]
     free_bodies: tuple[FreeBody, ...]
     barriers: tuple[Barrier, ...]
@@ -165,6 +169,7 @@ class Setup:
             elliptic=self.elliptic[rows],
             iterations=self.iterations[rows],
             gravity=self.gravity[rows],
+            moving_mass=self.moving_mass[rows],
             duration=self.duration[rows],
             speculative=None if self.speculative is None else self.speculative[rows],
             hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -18,6 +19,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.engines.step_work import Books
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch
 
@@ -92,6 +94,7 @@ def roll_out(
     record_starts(models[0], starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
+    books = Books(models, steps)
     for run in range(count):
         if run and not proceed():
             count = run
@@ -100,6 +103,7 @@ def roll_out(
             int(STATE): arrays.state[run : run + 1, 1:],
             "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
+            **books.forces,
         }
         inputs = driven(models[run], starts, run, steps)
         watch()
@@ -109,7 +113,12 @@ def roll_out(
         except SimulationError:
             errors[run] = batch.error(run)
         cost[run] = time.thread_time() - start
-    return recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
+        if not errors[run]:
+            books.enter(run, models[run], starts, arrays.state[run])
+    rollout = recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
+    if books.work is None or books.surplus is None:
+        return rollout
+    return replace(rollout, work=books.work[:count], surplus=books.surplus[:count])
 
 
 def record_starts(model: mujoco.MjModel, starts: InitialStates, arrays: RolloutArrays) -> None:

@@ -47,6 +47,8 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
         control_ranges=rollout.control_ranges,
         equality_loads=rollout.equality_loads,
+        work=rollout.work,
+        surplus=rollout.surplus,
     )
 
 

@@ -17,6 +17,7 @@ from contactlab.measure.context import (
     speed_squared,
     worst_body,
 )
+from contactlab.measure.energy_balance import INTEGRATION_GAIN, integration_gains
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 _ENERGY_GAIN = Threshold(
@@ -205,9 +206,13 @@ def turn(context: Context) -> Floats:
     return worst_body(context, angle) * context.trace.timestep
 
 
-@label(60, (_ENERGY_GAIN, _SPEED_RATIO))
+@label(60, (_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN))
 def energy_injection(runs: MeasuredRuns) -> Found:
-    """A passive scene gained energy, or ejected a body faster than its energy allows."""
+    """Energy that nothing had to give.
+
+    A passive scene gained it, or ejected a body faster than its energy allows; or, whatever acts,
+    the integrator added it.
+    """
     for run, gain, limit in runs.over("energy_gain"):
         values = energy(runs.context)[run]
         risen = values - values[0] > limit * energy_scale(runs.context)[run]
@@ -217,6 +222,7 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         reason = f"a body moved {ratio:.3g} times as fast as the energy at the start allows"
         step = _first_fast_step(runs.context, run, limit)
         yield run, Finding(f"{reason} (limit {limit:g})", step)
+    yield from integration_gains(runs)
 
 
 @label(44, (_DRIFT,), name="drift")

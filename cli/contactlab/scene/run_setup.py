@@ -43,12 +43,15 @@ def make_setup(
     windows = [holding.window(run.initial) for run in runs] if holding else []
     modes = manifest.modes if manifest else None
     oracle = manifest.oracle if manifest else None
+    passive = all(map(_is_passive, models)) and not _is_pushed(manifest, runs)
     return Setup(
         settings={name: [each[name] for each in values] for name in values[0]},
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([_gravity(model) for model in models]),
-        passive=all(map(_is_passive, models)) and not _is_pushed(manifest, runs),
+        moving_mass=np.array([_moving_mass(model) for model in models]),
+        passive=passive,
+        conservative=passive and all(map(is_conservative, models)),
         quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
@@ -71,9 +74,23 @@ def _gravity(model: mujoco.MjModel) -> Floats:
     return np.zeros(3) if off else np.array(model.opt.gravity)
 
 
+def _moving_mass(model: mujoco.MjModel) -> float:
+    return float(model.body_mass[model.body_weldid != 0].sum())
+
+
 def _is_passive(model: mujoco.MjModel) -> bool:
     driven = model.nu or model.nplugin or model.opt.wind.any() or model.body_gravcomp.any()
     return not driven and not getattr(model, "geom_surfacevel", np.zeros(1)).any()
+
+
+def is_conservative(model: mujoco.MjModel) -> bool:
+    """Return whether a model has nothing but gravity, springs and contacts, as far as is known."""
+    opt = model.opt
+    acts = not _is_passive(model) or model.nflex or model.neq or opt.density or opt.viscosity
+    limits = model.jnt_limited.any() or model.tendon_limited.any()
+    drag = (model.dof_damping, model.dof_frictionloss, model.tendon_damping)
+    brakes = any(each.any() for each in (*drag, model.tendon_frictionloss))
+    return not (acts or limits or brakes)
 
 
 def _is_pushed(manifest: SceneManifest | None, runs: Sequence[ResolvedRun]) -> bool:

@@ -1,0 +1,172 @@
+"""The work that forces do in each step: the books by which the energy of any model is judged.
+
+A step changes the velocity from v to v', so a force F that acts in it does the work
+h F . (v + v') / 2: with a constant mass matrix that is exactly its part of the change of kinetic
+energy. Where the integrator is implicit in a force, the force at the end of the step counts.
+"""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
+from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.scene.run_setup import is_conservative
+
+_RK4 = mujoco.mjtIntegrator.mjINT_RK4
+_IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+_EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
+_INSIDE_ONE_BRANCH = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_OF_ACTUATORS = ("actuator_velocity", "actuator_force")
+_FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
+
+
+class Books:
+    """The work in n runs of N steps, entered run by run.
+
+    Where nothing but gravity, springs and contacts acts, energy alone says what happened; and RK4
+    keeps no forces but those of its last stage. Such runs have no books.
+
+    Attributes:
+        forces: what a batch is to record of one run: arrays (1, N, ...) by field of MjData.
+        work: (n, N, 3) [J] as `Trace.work` says; None where it is not known.
+        surplus: (n, 3) as `Trace.surplus` says; None likewise.
+    """
+
+    def __init__(self, models: Sequence[mujoco.MjModel], steps: int) -> None:
+        """Open the books of runs of one structure."""
+        model, fields = models[0], _fields(models)
+        widths = {name: model.nu if name in _OF_ACTUATORS else model.nv for name in fields}
+        self.forces = {name: np.empty((1, steps, width)) for name, width in widths.items()}
+        self.work = np.full((len(models), steps, 3), np.nan) if fields else None
+        self.surplus = np.zeros((len(models), 3)) if fields else None
+        self._data = mujoco.MjData(model) if fields else None
+
+    def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
+        """Enter a run that was just recorded.
+
+        Args:
+            run: its row, here and in `starts`.
+            model: its own.
+            starts: of all runs.
+            states: (N + 1, nstate) its time, qpos, qvel, act.
+        """
+        if self.work is None or self.surplus is None or self._data is None:
+            return
+        velocity = states[:, 1 + model.nq : 1 + model.nq + model.nv]
+        forces = {name: rows[0] for name, rows in self.forces.items()}
+        self.work[run] = _work(model, velocity, forces)
+        places = starts.signals[run].places
+        pushed = starts.applied[run].any() or (places >= model.nu).any()
+        if pushed or model.nflex or model.nplugin or _couples_branches(model):
+            self.work[run, :, OTHERS] = np.nan
+        moved = (places >= model.nu + 6 * model.nbody).any()
+        if moved or _conveys(model):
+            self.surplus[run] = np.nan
+            return
+        first, last, gain = _largest_rise(self.work[run, :, CONSTRAINTS])
+        if gain > 0:
+            inputs = starts.inputs(run, model.opt.timestep, np.array([first]))[0]
+            gain -= _stored(model, self._data, states[first], inputs)
+        self.surplus[run] = gain, first, last
+
+
+def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
+    if any(model.opt.integrator == _RK4 for model in models) or all(map(is_conservative, models)):
+        return []
+    fields = ["qfrc_constraint"]
+    if models[0].nu:
+        fields.append("qfrc_actuator")
+        if any(model.opt.integrator in _IMPLICIT for model in models):
+            fields += _OF_ACTUATORS
+    if any(map(_has_others, models)):
+        fields += _FORCES_OF_OTHERS
+    return fields
+
+
+def _has_others(model: mujoco.MjModel) -> bool:
+    """Return whether anything but constraints, actuators, gravity and springs may act."""
+    opt = model.opt
+    damped = model.dof_damping.any() or model.tendon_damping.any() or model.nflex
+    return bool(damped or opt.density or opt.viscosity or model.body_gravcomp.any())
+
+
+def _conveys(model: mujoco.MjModel) -> bool:
+    """Return whether contacts may do work that surfaces or adhesion put into them."""
+    moving = getattr(model, "geom_surfacevel", np.zeros(1)).any()
+    return bool(moving or (model.actuator_trntype == mujoco.mjtTrn.mjTRN_BODY).any())
+
+
+def _couples_branches(model: mujoco.MjModel) -> bool:
+    """Return whether velocity feedback may act between branches of a tree.
+
+    The integrator implicitfast leaves out what it does from one to the other.
+    """
+    feeds = model.actuator_biasprm[:, 2] != 0
+    inside = np.isin(model.actuator_trntype, _INSIDE_ONE_BRANCH)
+    return model.opt.integrator == _IMPLICIT[1] and bool((feeds & ~inside).any())
+
+
+def _work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats]) -> Floats:
+    """Return (N, 3) the work in each step; velocity (N + 1, nv)."""
+    step = model.opt.timestep * (velocity[1:] + velocity[:-1]) / 2
+    work = np.zeros((len(step), 3))
+    work[:, CONSTRAINTS] = _dot(step, forces["qfrc_constraint"])
+    if model.nu:
+        work[:, ACTUATORS] = _dot(step, forces["qfrc_actuator"])
+        if model.opt.integrator in _IMPLICIT:
+            work[:, ACTUATORS] += _implicit_feedback(
+                model, *(forces[each] for each in _OF_ACTUATORS)
+            )
+    if _FORCES_OF_OTHERS[0] in forces:
+        smooth, bias, spring, damper, fluid = (forces[name] for name in _FORCES_OF_OTHERS)
+        others = smooth + bias - spring
+        if model.nu:
+            others -= forces["qfrc_actuator"]
+        implicit = model.opt.integrator in _IMPLICIT
+        if implicit or not model.opt.disableflags & _EULER_IS_EXPLICIT:
+            others += _change(damper + fluid if implicit else damper)
+        work[:, OTHERS] = _dot(step, others)
+    return work
+
+
+def _dot(step: Floats, force: Floats) -> Floats:
+    return np.einsum("ij,ij->i", step, force)
+
+
+def _change(force: Floats) -> Floats:
+    """Return how something changes over each step; it is not known over the last one."""
+    return np.diff(force, axis=0, append=force[-1:])
+
+
+def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> Floats:
+    """Return (N,) the work that velocity feedback does more with the speeds after a step.
+
+    MuJoCo takes none of an actuator whose force is at its limit.
+    """
+    change = _change(speed)
+    low, high = model.actuator_forcerange.T
+    free = ~model.actuator_forcelimited.astype(bool) | ((force > low) & (force < high))
+    feedback = free * (speed + change / 2) * change
+    return model.opt.timestep * feedback @ model.actuator_biasprm[:, 2]
+
+
+def _largest_rise(work: Floats) -> tuple[int, int, float]:
+    """Return the stretch of steps in which most work was done, first and last, and the work [J]."""
+    given = np.concatenate(([0.0], np.cumsum(work)))
+    rise = given - np.minimum.accumulate(given)
+    end = int(rise.argmax())
+    return int(given[: end + 1].argmin()), max(end - 1, 0), float(rise[end])
+
+
+def _stored(model: mujoco.MjModel, data: mujoco.MjData, state: Floats, inputs: Floats) -> float:
+    """Return the most energy that constraints can have stored in a state [J].
+
+    It is force times violation: a constraint is a spring that does not soften.
+    """
+    positions, velocities = model.nq, model.nq + model.nv
+    data.qpos[:], data.qvel[:], data.act[:] = np.split(state[1:], [positions, velocities])
+    apply_inputs(model, data, inputs)
+    mujoco.mj_forward(model, data)
+    return float(np.abs(data.efc_force * (data.efc_pos - data.efc_margin)).sum())

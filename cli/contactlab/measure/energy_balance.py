@@ -1,0 +1,120 @@
+"""The energy of a run against the work of all that acts in it, whatever drives the model."""
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.measure.context import Context, cached, energy, first_step, peak_kinetic
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+
+INTEGRATION_GAIN = Threshold(
+    "integration_gain",
+    0.2,
+    "1",
+    "Largest metric integration_gain. Public robots under noise stay below 0.05 with Euler and "
+    "implicit integrators; double pendulums and plates whose step is too long reach 0.7 and more.",
+)
+_INTEGRATION_LOSS = Threshold(
+    "integration_loss",
+    0.2,
+    "1",
+    "Largest metric integration_loss. Public robots under noise stay below 0.1.",
+)
+_CONSTRAINT_GAIN = Threshold(
+    "constraint_gain",
+    0.1,
+    "1",
+    "Largest metric constraint_gain. Bounces that gain beside a motor or in wind reach 0.5 to 1; "
+    "those that are damped, and public robots under noise, lose.",
+)
+
+
+@cached
+def _scale(context: Context) -> Floats:
+    """Return (n,) the energy [J] that others are a share of.
+
+    The largest kinetic energy, at least what lifts all that moves by 1 mm or gives it 1 cm/s.
+    """
+    fall = np.linalg.norm(context.setup.gravity, axis=1)
+    least = context.setup.moving_mass * (fall * 1e-3 + 0.5e-4)
+    return np.maximum(peak_kinetic(context), np.maximum(least, 1e-12))
+
+
+@cached
+def _unexplained(context: Context) -> Floats:
+    """Return (n, N) the energy before each step that no force explains, as a share of the scale.
+
+    Without books, it is what changed in steps without contact, if then nothing may change.
+    """
+    trace, values = context.trace, energy(context)
+    change = np.diff(values, axis=1)
+    if trace.work is not None:
+        change -= trace.work[:, :-1].sum(axis=2)
+    elif context.setup.conservative:
+        change[trace.contacts[:, :-1] > 0] = 0
+    else:
+        change[:] = np.nan
+    share = np.cumsum(change, axis=1) / _scale(context)[:, None]
+    return np.concatenate([np.zeros((len(share), 1)), share], axis=1)
+
+
+@metric("1", "lower", 1e-9, kind="detail", requires="energy")
+def integration_gain(context: Context) -> Floats:
+    """Most energy that the integrator added, over the largest kinetic energy.
+
+    The change of kinetic and potential energy since the start less the work of actuators,
+    constraints, dampers, fluids, gravity compensation and applied forces, each with the mean of
+    the velocities before and after a step. The largest kinetic energy counts as at least what
+    lifts all that moves by 1 mm. Where nothing but gravity, springs and contacts acts, it is what
+    changed in steps without contact. Else not defined with RK4, flexes and plug-ins.
+    """
+    return _unexplained(context).max(axis=1)
+
+
+@metric("1", "lower", 1e-9, kind="detail", requires="energy")
+def integration_loss(context: Context) -> Floats:
+    """Most energy that the integrator took away, over the largest kinetic energy.
+
+    See integration_gain.
+    """
+    return -_unexplained(context).min(axis=1)
+
+
+@metric("1", "lower", 1e-9, kind="detail", requires="energy")
+def constraint_gain(context: Context) -> Floats:
+    """Most energy that constraints gave beyond what they had stored, over the largest kinetic one.
+
+    Of all stretches of the run that one counts in which contacts, limits and equalities gave most;
+    what they had stored where it begins is at most the sum of force times violation. Not defined
+    with RK4, where nothing but gravity, springs and contacts acts, so that energy_gain judges, and
+    where moving mocap bodies, surface velocities or adhesion act through constraints.
+    """
+    surplus = context.trace.surplus
+    return context.undefined() if surplus is None else surplus[:, 0] / _scale(context)
+
+
+def integration_gains(runs: MeasuredRuns) -> Found:
+    """Yield the runs whose integrator added energy."""
+    for run, gain, limit in runs.over("integration_gain"):
+        reason = f"the integrator added {gain:.3g} of the largest kinetic energy (limit {limit:g})"
+        yield run, Finding(reason, first_step(_unexplained(runs.context)[run] > limit))
+
+
+@label(58, (_INTEGRATION_LOSS,))
+def energy_loss(runs: MeasuredRuns) -> Found:
+    """The integrator took energy away that no damper, friction or contact did."""
+    for run, loss, limit in runs.over("integration_loss"):
+        reason = f"the integrator took {loss:.3g} of the largest kinetic energy (limit {limit:g})"
+        yield run, Finding(reason, first_step(-_unexplained(runs.context)[run] > limit))
+
+
+@label(39, (_CONSTRAINT_GAIN,), name="constraint_gain")
+def generous_constraints(runs: MeasuredRuns) -> Found:
+    """Contacts, limits or equalities gave more energy than they had stored.
+
+    They are too stiff, or damped too little, for the step.
+    """
+    surplus = runs.context.trace.surplus
+    for run, gain, limit in runs.over("constraint_gain"):
+        reason = f"constraints gave {gain:.3g} of the largest kinetic energy beyond what they had"
+        step = 0 if surplus is None else int(surplus[run, 2])
+        yield run, Finding(f"{reason} stored (limit {limit:g})", step)

@@ -1,0 +1,58 @@
+"""Energy is judged whatever drives a model: by what its forces did."""
+
+from typing import Any
+
+import pytest
+
+# A ball beside an idle motor, so that the energy at the start bounds nothing.
+BOUNCE = """
+<mujoco>
+  <option timestep="{timestep}"/>
+  <worldbody>
+    <geom type="plane" size="1 1 .1"/>
+    <body pos="0 0 .6"><freejoint/><geom size=".05" mass=".5" solref="{solref}" priority="1"/></body>
+    <body pos="1 0 1"><joint axis="0 1 0" damping=".1"/><geom size=".05" mass=".5"/></body>
+  </worldbody>
+  <actuator><motor joint="joint[1]" ctrlrange="-1 1"/></actuator>
+</mujoco>
+"""
+# RK4 multiplies the energy of an oscillator by 1 - (omega h)^6 / 72 in a step.
+SPRING = """
+<mujoco>
+  <option timestep="{timestep}" integrator="RK4" gravity="0 0 0"/>
+  <worldbody><body><joint type="slide" stiffness="100" ref="0" springref="0"/>
+    <geom size=".1" mass="1" contype="0" conaffinity="0"/></body></worldbody>
+  <keyframe><key qpos=".1"/></keyframe>
+</mujoco>
+"""
+SWEEP = "version: 1\nscene: model.xml\nduration: {seconds}\ndrive: none\ntrace: none\naxes: {{}}\n"
+
+
+def labels(sweeper: Any, model: str, seconds: float) -> tuple[dict[str, Any], set[str]]:
+    (sweeper.folder / "model.xml").write_text(model)
+    sweeper.run(SWEEP.format(seconds=seconds))
+    (row,) = sweeper.rows()
+    return row, set(row["labels"])
+
+
+@pytest.mark.parametrize(
+    ("solref", "timestep", "gains"), [("0.0138 0.1809", 0.004, True), ("0.02 0.6", 0.002, False)]
+)
+def test_a_bounce_that_gains_is_found_beside_a_motor(
+    sweeper: Any, solref: str, timestep: float, gains: bool
+) -> None:
+    model = BOUNCE.format(solref=solref, timestep=timestep).replace("joint[1]", "hinge")
+    model = model.replace('<joint axis="0 1 0"', '<joint name="hinge" axis="0 1 0"')
+    row, found = labels(sweeper, model, 2.0)
+    assert ("constraint_gain" in found) == gains, row
+
+
+@pytest.mark.parametrize(("timestep", "loses"), [(0.1, True), (0.01, False)])
+def test_energy_that_the_integrator_takes_is_missed(
+    sweeper: Any, timestep: float, loses: bool
+) -> None:
+    """With omega h = 1, 20 steps leave (1 - 1/72)^20 = 76 % of it; with .1, all but 3e-7."""
+    row, found = labels(sweeper, SPRING.format(timestep=timestep), 2.0)
+    expected = 1 - (71 / 72) ** 19 if loses else 0.0
+    assert row["integration_loss"] == pytest.approx(expected, abs=0.02)
+    assert ("energy_loss" in found) == loses
