@@ -17,7 +17,7 @@ from contactlab.scene.run_setup import is_conservative
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-_INSIDE_ONE_BRANCH = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+_INSIDE_ONE_BRANCH = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
 _OF_ACTUATORS = ("actuator_velocity", "actuator_force")
 _FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
 
