@@ -9,7 +9,7 @@ endif
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check
 
 .PHONY: bounce test test-slow test-lowest check lint format stubs schemas picture constraints wheel
-.PHONY: attack bench clean
+.PHONY: attack bench verdicts clean
 
 bounce: .venv/run
 	$(BIN)/contactlab sweep bounce
@@ -57,6 +57,10 @@ ATTACK_SECONDS ?= 3600
 attack: .venv/dev
 	$(BIN)/python -m tests.attack.attack
 	ATTACK_SECONDS=$(ATTACK_SECONDS) $(BIN)/python -m tests.attack.fuzz
+
+# Of models whose truth is known, and of those in the wheels in the folder ROBOT_WHEELS: minutes.
+verdicts: .venv/dev
+	$(BIN)/python -m tests.verdicts --held-back
 
 bench: .venv/dev
 	$(BIN)/python -m bench.overhead

@@ -6,7 +6,7 @@ keyframe (or its reference configuration) and measuring one quantity, whose limi
 physics of the scene, not from what any label says.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import mujoco
@@ -27,6 +27,7 @@ class Motion:
         length: (N + 1, ntendon) [m].
         vertex: (N + 1, nflexvert, 3) [m].
         energy: (N + 1) potential and kinetic [J].
+        pressed: (N + 1) the largest normal force of any contact [N].
     """
 
     model: mujoco.MjModel
@@ -38,6 +39,7 @@ class Motion:
     length: np.ndarray
     vertex: np.ndarray
     energy: np.ndarray
+    pressed: np.ndarray
 
     @property
     def end(self) -> slice:
@@ -67,7 +69,7 @@ class Case:
         kind: what fails: actuator, contact, constraint, passing, loss or support.
         name: of the case.
         xml: the MJCF, open numbers in `<<NAME>>`.
-        failing: the numbers of the failing model.
+        failing: the numbers of the failing model; empty where only a sound model is told.
         healthy: those of its twin.
         truth: what is measured of either.
         limit: above it a model has failed; twins stay below half of it.
@@ -91,13 +93,30 @@ class Case:
         return f"<mujoco>{text}</mujoco>"
 
 
-def watch(text: str, duration: float) -> Motion:
-    """Step a model with plain MuJoCo."""
+def case(  # noqa: PLR0917 They stand in a fixed order in a hundred calls.
+    kind: str,
+    name: str,
+    xml: str,
+    open_numbers: Mapping[str, Sequence[object]],
+    truth: Truth,
+    limit: float,
+    duration: float = 2.0,
+) -> Case:
+    """Return a case; its open numbers as (failing, healthy), or (healthy,) where none fails."""
+    failing = {key: values[0] for key, values in open_numbers.items() if len(values) > 1}
+    healthy = {key: values[-1] for key, values in open_numbers.items()}
+    return Case(kind, name, xml, failing, healthy, truth, limit, duration)
+
+
+def watch(text: str, duration: float, *, nudge: float = 0.0) -> Motion:
+    """Step a model with plain MuJoCo, from a start that is off by a nudge [m, rad] at random."""
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
+    off = np.random.default_rng(0).normal(0, nudge, model.nv)
+    mujoco.mj_integratePos(model, data.qpos, off, 1)
     rows: list[tuple[object, ...]] = []
     for _ in range(round(duration / model.opt.timestep) + 1):
         mujoco.mj_forward(model, data)
@@ -111,10 +130,19 @@ def watch(text: str, duration: float) -> Motion:
                 data.ten_length.copy(),
                 data.flexvert_xpos.copy(),
                 float(data.energy.sum()),
+                _pressed(model, data),
             )
         )
         mujoco.mj_step(model, data)
     return Motion(model, *(np.array(column) for column in zip(*rows, strict=True)))
+
+
+def _pressed(model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    force, largest = np.zeros(6), 0.0
+    for contact in range(data.ncon):
+        mujoco.mj_contactForce(model, data, contact, force)
+        largest = max(largest, float(force[0]))
+    return largest
 
 
 def restless(motion: Motion) -> float:

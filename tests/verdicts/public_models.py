@@ -1,0 +1,112 @@
+"""The models of public wheels, as their authors wrote them, and robosuite's arms with grippers.
+
+Nothing depends on these packages. They are looked for where ROBOT_WHEELS says, or among those that
+are installed. Files that repeat another's text are left out; a mere part of a model has no verdict.
+"""
+
+import hashlib
+import importlib.util
+import os
+import shutil
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+
+PACKAGES = ("mujoco", "gymnasium", "gymnasium_robotics", "dm_control", "robosuite")
+DRIVES = ("hold", "noise=0.3,rate=10", "exercise")
+_ARMS = "robosuite/models/assets/robots"
+_GRIPPERS = "robosuite/models/assets/grippers"
+# As robosuite pairs them, but for grippers that this MuJoCo refuses to compile.
+_HANDS = {
+    "baxter": {"right_hand": "rethink_gripper", "left_hand": "rethink_gripper"},
+    "iiwa": {"right_hand": "robotiq_gripper_140"},
+    "jaco": {"right_hand": "jaco_three_finger_gripper"},
+    "kinova3": {"right_hand": "robotiq_gripper_140"},
+    "panda": {"right_hand": "panda_gripper"},
+    "sawyer": {"right_hand": "rethink_gripper"},
+    "spot_arm": {"right_hand": "bd_gripper"},
+    "tiago": {"right_hand": "robotiq_gripper_140", "left_hand": "robotiq_gripper_140"},
+    "ur5e": {"right_hand": "robotiq_gripper_s"},
+    "xarm7": {"right_hand": "inspire_right_hand"},
+}
+
+
+@dataclass(frozen=True)
+class PublicModel:
+    """A model and what it is called: its package, and its place there."""
+
+    name: str
+    path: Path
+
+
+def public_models(folder: Path, pattern: str) -> list[PublicModel]:
+    """Return the models whose name has a pattern; those that are put together go into a folder."""
+    models = [*_found(), *_with_grippers(folder)]
+    return [model for model in models if pattern in model.name]
+
+
+def moves(path: Path) -> bool:
+    """Return whether a file is a whole model that can move; many are parts of others."""
+    try:
+        return mujoco.MjModel.from_xml_path(str(path)).nv > 0
+    except ValueError:
+        return False
+
+
+def _place(package: str) -> Path | None:
+    unpacked = Path(os.environ.get("ROBOT_WHEELS", "/tmp/robot_wheels/site")) / package  # noqa: S108
+    if unpacked.is_dir():
+        return unpacked
+    spec = importlib.util.find_spec(package)
+    return Path(next(iter(spec.submodule_search_locations or ()))) if spec else None
+
+
+def _found() -> Iterator[PublicModel]:
+    seen: set[str] = set()
+    for package in PACKAGES:
+        place = _place(package)
+        if place is None:
+            continue
+        for path in sorted(place.rglob("*.xml")):
+            digest = hashlib.sha256(path.read_bytes()).hexdigest()
+            if digest not in seen:
+                seen.add(digest)
+                yield PublicModel(f"{package}/{path.relative_to(place)}", path)
+
+
+def _with_grippers(folder: Path) -> Iterator[PublicModel]:
+    robosuite = _place("robosuite")
+    if robosuite is None:
+        return
+    for arm, hands in _HANDS.items():
+        place = folder / f"{arm}_with_gripper"
+        place.mkdir()
+        robot = _spec(robosuite.parent / _ARMS / arm / "robot.xml", place / "arm")
+        for body, hand in hands.items():
+            gripper = _spec(robosuite.parent / _GRIPPERS / f"{hand}.xml", place / body)
+            robot.attach(gripper, f"{body}_", frame=robot.body(body).add_frame())
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Gravity of robot and gripper may differ.
+            robot.compile()
+            path = place / "robot.xml"
+            path.write_text(robot.to_xml(), encoding="utf-8")
+        yield PublicModel(f"robosuite/{place.name}", path)
+
+
+def _spec(path: Path, folder: Path) -> mujoco.MjSpec:
+    """Read a model and copy its files to where it can be joined to another."""
+    spec = mujoco.MjSpec.from_file(str(path))
+    folder.mkdir()
+    for group, place in {"meshes": spec.meshdir, "textures": spec.texturedir}.items():
+        for number, asset in enumerate(getattr(spec, group)):
+            if asset.file:
+                source = path.parent / place / asset.file
+                copy = folder / f"{group}_{number}{source.suffix}"
+                shutil.copyfile(source, copy)
+                asset.file = f"{folder.name}/{copy.name}"
+    spec.modelfiledir = str(folder.parent)
+    spec.meshdir = spec.texturedir = ""
+    return spec
