@@ -6,7 +6,7 @@ statistics, and expect messages in order of time.
 
 import json
 import zlib
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterable, Iterator
 from itertools import groupby
 from pathlib import Path
@@ -45,8 +45,6 @@ from contactlab.store.mcap.trace_reader import read_trace
 
 _Record = TypeVar("_Record", bound=McapRecord)
 
-_INDEX_HEAD_SIZE = 15
-_INDEX_ENTRY_SIZE = 16
 _CRC_SIZE = 4
 # What a record has only once its trace is written; so that equal runs have equal traces.
 _LATER = ("trace", "cost", "started", "finished", "accuracy", "timing")
@@ -81,29 +79,25 @@ def _find_problems(file: FileRecords) -> Iterator[str]:
 def _check_chunk(chunk: ChunkRecords) -> Iterator[str]:
     if not chunk.intact:
         yield "its content does not match its checksum"
-    times = [time for time, _, _ in chunk.messages]
-    span = (min(times), max(times)) if times else (0, 0)
-    if span != (chunk.chunk.message_start_time, chunk.chunk.message_end_time):
+    if _span(chunk.messages) != (chunk.chunk.message_start_time, chunk.chunk.message_end_time):
         yield "its time span is not that of its messages"
-    used = {channel for _, channel, _ in chunk.messages}
-    indexed = Counter(index.channel_id for _, index in chunk.indexes)
-    for channel in sorted(used - indexed.keys()):
-        yield f"channel {channel} has messages but no message index"
-    for channel, count in sorted(indexed.items()):
-        if count > 1:
-            yield f"channel {channel} has {count} message indexes"
-    for _, index in chunk.indexes:
-        yield from _check_message_index(chunk, index)
+    messages: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
+    for time, channel, offset in chunk.messages:
+        messages[channel].append((time, offset))
+    indexed = {each.channel_id: each.records for each in _of(chunk.indexes, MessageIndex)}
+    if len(indexed) < len(chunk.indexes):
+        yield "a channel has two message indexes"
+    for channel in sorted(messages.keys() | indexed.keys()):
+        if channel not in indexed:
+            yield f"channel {channel} has messages but no message index"
+        elif sorted(indexed[channel]) != sorted(messages[channel]):
+            yield f"the message index of channel {channel} does not point at its messages"
 
 
-def _check_message_index(chunk: ChunkRecords, index: MessageIndex) -> Iterator[str]:
-    messages = [
-        (time, offset) for time, channel, offset in chunk.messages if channel == index.channel_id
-    ]
-    if not messages:
-        yield f"channel {index.channel_id} has a message index but no messages"
-    elif sorted(index.records) != sorted(messages):
-        yield f"the message index of channel {index.channel_id} does not point at its messages"
+def _span(messages: Collection[tuple[int, int, int]]) -> tuple[int, int]:
+    """Return the first and the last log time; zeros if there is no message."""
+    times = [time for time, _, _ in messages] or [0]
+    return min(times), max(times)
 
 
 def _check_order(file: FileRecords) -> Iterator[str]:
@@ -134,44 +128,35 @@ def _check_definitions(file: FileRecords) -> Iterator[str]:
 
 def _check_indexes(file: FileRecords) -> Iterator[str]:
     """Compare the summary's indexes with the records that they point at."""
-    attachments = [
-        AttachmentIndex(
-            offset=raw.offset,
-            length=len(raw.data),
-            log_time=record.log_time,
-            create_time=record.create_time,
-            data_size=len(record.data),
-            name=record.name,
-            media_type=record.media_type,
-        )
-        for raw in file.data
-        if isinstance(record := raw.record, Attachment)
-    ]
-    metadata = [
-        MetadataIndex(offset=raw.offset, length=len(raw.data), name=record.name)
-        for raw in file.data
-        if isinstance(record := raw.record, Metadata)
-    ]
-    for kind, expected in (
-        (ChunkIndex, [_chunk_index(chunk) for chunk in file.chunks]),
-        (AttachmentIndex, attachments),
-        (MetadataIndex, metadata),
-    ):
-        if _of(file.summary, kind) != expected:
+    expected: dict[type[McapRecord], list[McapRecord]] = {
+        ChunkIndex: [_chunk_index(chunk) for chunk in file.chunks],
+        AttachmentIndex: [],
+        MetadataIndex: [],
+    }
+    for raw in file.data:
+        offset, length, record = raw.offset, len(raw.data), raw.record
+        if isinstance(record, Attachment):
+            described = {name: each for name, each in vars(record).items() if name != "data"}
+            index = AttachmentIndex(offset, length, data_size=len(record.data), **described)
+            expected[AttachmentIndex].append(index)
+        elif isinstance(record, Metadata):
+            expected[MetadataIndex].append(MetadataIndex(offset, length, record.name))
+    for kind, records in expected.items():
+        if _of(file.summary, kind) != records:
             yield f"the summary's {kind.__name__} records do not match the data section"
 
 
 def _chunk_index(chunk: ChunkRecords) -> ChunkIndex:
-    record = chunk.chunk
-    entries = sum(len(index.records) for _, index in chunk.indexes)
+    record, offsets = chunk.chunk, [raw.offset for raw in chunk.indexes]
+    channels = [index.channel_id for index in _of(chunk.indexes, MessageIndex)]
     return ChunkIndex(
         chunk_length=len(chunk.raw.data),
         chunk_start_offset=chunk.raw.offset,
         compression=record.compression,
         compressed_size=len(record.data),
         message_end_time=record.message_end_time,
-        message_index_length=len(chunk.indexes) * _INDEX_HEAD_SIZE + entries * _INDEX_ENTRY_SIZE,
-        message_index_offsets={index.channel_id: offset for offset, index in chunk.indexes},
+        message_index_length=sum(len(raw.data) for raw in chunk.indexes),
+        message_index_offsets=dict(zip(channels, offsets, strict=True)),
         message_start_time=record.message_start_time,
         uncompressed_size=record.uncompressed_size,
     )
@@ -183,15 +168,15 @@ def _check_statistics(file: FileRecords) -> Iterator[str]:
         yield f"the summary has {len(stored)} Statistics records but should have one"
         return
     messages = [message for chunk in file.chunks for message in chunk.messages]
-    times = [time for time, _, _ in messages] or [0]
+    start, end = _span(messages)
     expected = Statistics(
         attachment_count=len(_of(file.data, Attachment)),
         channel_count=len({record.id for record in _of(file.data, Channel)}),
         channel_message_counts=dict(Counter(channel for _, channel, _ in messages)),
         chunk_count=len(file.chunks),
         message_count=len(messages),
-        message_end_time=max(times),
-        message_start_time=min(times),
+        message_end_time=end,
+        message_start_time=start,
         metadata_count=len(_of(file.data, Metadata)),
         schema_count=len({record.id for record in _of(file.data, Schema)}),
     )

@@ -66,14 +66,15 @@ class ChunkRecords:
     Attributes:
         intact: whether its content matches its checksum.
         messages: (log time, channel, offset in the content) of each message, in file order.
-        indexes: each message index and its offset in the file.
+        others: the other records of its content.
     """
 
     raw: RawRecord
     chunk: Chunk
     intact: bool
     messages: Sequence[tuple[int, int, int]]
-    indexes: list[tuple[int, MessageIndex]] = field(default_factory=list[tuple[int, MessageIndex]])
+    others: Sequence[RawRecord]
+    indexes: list[RawRecord] = field(default_factory=list[RawRecord])
 
 
 @dataclass(frozen=True)
@@ -136,11 +137,10 @@ def read_records(data: bytes) -> FileRecords:
     for raw in _raw_records(data, len(MCAP0_MAGIC), summary_start):
         record = raw.record
         if isinstance(record, Chunk):
-            chunk, within = _read_chunk(raw, record)
-            chunks.append(chunk)
-            others += within
+            chunks.append(_read_chunk(raw, record))
+            others += chunks[-1].others
         elif isinstance(record, MessageIndex) and chunks:
-            chunks[-1].indexes.append((raw.offset, record))
+            chunks[-1].indexes.append(raw)
         else:
             others.append(raw)
     return FileRecords(chunks, others, list(_raw_records(data, summary_start, footer)))
@@ -168,7 +168,7 @@ def unpacked(compressed: bytes | memoryview, size: int) -> bytes:
     return zstandard.decompress(compressed)
 
 
-def _read_chunk(raw: RawRecord, chunk: Chunk) -> tuple[ChunkRecords, list[RawRecord]]:
+def _read_chunk(raw: RawRecord, chunk: Chunk) -> ChunkRecords:
     content = chunk.data
     if chunk.compression == "zstd":
         content = unpacked(content, chunk.uncompressed_size)
@@ -184,6 +184,5 @@ def _read_chunk(raw: RawRecord, chunk: Chunk) -> tuple[ChunkRecords, list[RawRec
             others.append(each)
     # Without a CRC, decompression has checked the content by the compression's own checksum.
     intact = chunk.uncompressed_crc in (0, zlib.crc32(content))
-    return ChunkRecords(
-        raw, chunk, intact and len(content) == chunk.uncompressed_size, messages
-    ), others
+    intact = intact and len(content) == chunk.uncompressed_size
+    return ChunkRecords(raw, chunk, intact, messages, others)
