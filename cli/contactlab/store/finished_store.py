@@ -298,22 +298,16 @@ def similar_ids(run: str, ids: pa.Array) -> list[str]:
 
     They share the longest possible prefix or suffix with the given one.
     """
-    lengths = range(1, len(run) + 1)
-    return [
-        *_longest_match(ids, "starts_with", (run[:length] for length in lengths)),
-        *_longest_match(ids, "ends_with", (run[-length:] for length in lengths)),
-    ]
-
-
-def _longest_match(ids: pa.Array, function: str, parts: Iterable[str]) -> list[str]:
-    """Return the ids that match the longest of the parts, each of which extends the one before."""
-    longest = ids[:0]
-    for part in parts:
-        ids = ids.filter(_matches(ids, function, part))
-        if len(ids) == 0:
-            break
-        longest = ids
-    return longest[:_MAX_SIMILAR].to_pylist()
+    found: list[str] = []
+    lengths = range(len(run), 0, -1)
+    for function, parts in (
+        ("starts_with", [run[:length] for length in lengths]),
+        ("ends_with", [run[-length:] for length in lengths]),
+    ):
+        matches = (ids.filter(_matches(ids, function, part)) for part in parts)
+        longest = next((each for each in matches if len(each)), ids[:0])
+        found += longest[:_MAX_SIMILAR].to_pylist()
+    return found
 
 
 def _matches(ids: pa.Array, function: str, part: str) -> pa.BooleanArray:

@@ -37,8 +37,6 @@ _REQUEST_TIMEOUT = timedelta(minutes=10)
 _RETRIES = 5
 _PART_SIZE = 5 << 20
 """Larger objects are sent and received in parts of so many bytes."""
-_DELETIONS = 1000
-"""Objects that one request can delete."""
 
 _STORES = {"s3": S3Store, "gs": GCSStore, "az": AzureStore}
 _VARIABLES = {"s3": "AWS", "gs": "GOOGLE", "az": "AZURE"}
@@ -174,11 +172,8 @@ class ObjectClient:
 
     def delete(self, names: Iterable[str]) -> None:
         """Delete objects; missing ones are no error."""
-        left = list(names)
-        while some := left[:_DELETIONS]:
-            del left[:_DELETIONS]
-            with suppress(FileNotFoundError), self._plain_errors(self.address, missing_ok=True):
-                obstore.delete(self.store, some)
+        with suppress(FileNotFoundError), self._plain_errors(self.address, missing_ok=True):
+            obstore.delete(self.store, list(names))
 
     def _check_bucket(self) -> None:
         """Check once that an object is missing and not the whole bucket: only a listing tells."""

@@ -1,5 +1,6 @@
 """The messages of a trace: their Protobuf types, schemas and topics, and their layout in memory.
 
+The types are those of the published schema, `schemas/contactlab.proto`, and are read from there.
 Every field has a fixed width once its count is known, so that NumPy can write a whole run at once:
 constant bytes are in a template, values go into the columns of a structured type. A repeated field
 of known count is packed, also when it is empty, so messages of one layout have the same length.
@@ -8,6 +9,7 @@ Sources: https://protobuf.dev/programming-guides/encoding/, google/protobuf/desc
 the numbers in schemas, https://mcap.dev/spec for Message records.
 """
 
+import re
 import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -18,6 +20,8 @@ from urllib.parse import quote, unquote
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import DTypeLike, NDArray
+
+from contactlab.resources import schemas
 
 PACKAGE = "contactlab"
 STATE_TOPIC = "/state"
@@ -80,58 +84,38 @@ class MessageType:
     fields: tuple[MessageField, ...]
 
 
-# As in `schemas/contactlab.proto`.
-STEP = MessageType(
-    "Step",
-    (
-        MessageField(1, "kinetic_energy", Scalar.DOUBLE),
-        MessageField(2, "potential_energy", Scalar.DOUBLE),
-        MessageField(3, "contacts", Scalar.FIXED32),
-        MessageField(4, "least_distance", Scalar.DOUBLE),
-        MessageField(5, "solver_iterations", Scalar.FIXED32),
-        MessageField(6, "solver_iterations_most", Scalar.FIXED32),
-        MessageField(7, "linear_momentum", Scalar.DOUBLE, repeated=True),
-        MessageField(8, "angular_momentum", Scalar.DOUBLE, repeated=True),
-    ),
-)
-_STATE_FIELDS = (
-    MessageField(1, "time", Scalar.DOUBLE),
-    MessageField(2, "qpos", Scalar.DOUBLE, repeated=True),
-    MessageField(3, "qvel", Scalar.DOUBLE, repeated=True),
-)
-STATE = MessageType("State", (*_STATE_FIELDS, MessageField(4, "step", STEP)))
-LAST_STATE = MessageType("State", _STATE_FIELDS)
-MODE = EnumType("Mode", ("NO_CONTACT", "STICK", "SLIDE"))
-POINT = MessageType(
-    "ContactPoint",
-    (
-        MessageField(1, "position", Scalar.FLOAT, repeated=True),
-        MessageField(2, "normal", Scalar.FLOAT, repeated=True),
-        MessageField(3, "tangent", Scalar.FLOAT, repeated=True),
-        MessageField(4, "distance", Scalar.FLOAT),
-        MessageField(5, "force", Scalar.FLOAT, repeated=True),
-        MessageField(6, "torque", Scalar.FLOAT, repeated=True),
-        MessageField(7, "linear_velocity", Scalar.FLOAT, repeated=True),
-        MessageField(8, "angular_velocity", Scalar.FLOAT, repeated=True),
-    ),
-)
-CONTACTS = MessageType(
-    "Contacts",
-    (
-        MessageField(1, "count", Scalar.FIXED32),
-        MessageField(2, "found", Scalar.FIXED32),
-        MessageField(3, "mode", MODE),
-        MessageField(4, "normal_force", Scalar.DOUBLE),
-        MessageField(5, "tangential_force", Scalar.DOUBLE),
-        MessageField(6, "friction_usage", Scalar.DOUBLE),
-        MessageField(7, "normal_impulse", Scalar.DOUBLE),
-        MessageField(8, "tangential_impulse", Scalar.DOUBLE),
-        MessageField(9, "slip_speed", Scalar.DOUBLE),
-        MessageField(10, "distance", Scalar.DOUBLE),
-        MessageField(11, "penetration", Scalar.DOUBLE),
-        MessageField(12, "points", POINT, repeated=True),
-    ),
-)
+_BLOCK = re.compile(r"^(message|enum) (\w+) \{\n(.*?)^\}", re.MULTILINE | re.DOTALL)
+_FIELD = re.compile(r"^  (repeated )?(\w+) (\w+) = (\d+);", re.MULTILINE)
+_VALUE = re.compile(r"^  (\w+) = \d+;", re.MULTILINE)
+_PUBLISHED = {
+    name: (keyword, body)
+    for keyword, name, body in _BLOCK.findall(
+        (schemas() / "contactlab.proto").read_text(encoding="utf-8")
+    )
+}
+
+
+def _message(name: str) -> MessageType:
+    """Return a message of the published schema."""
+    fields = _FIELD.findall(_PUBLISHED[name][1])
+    return MessageType(
+        name,
+        tuple(
+            MessageField(int(number), field, _type(kind), bool(repeated))
+            for repeated, kind, field, number in fields
+        ),
+    )
+
+
+def _type(name: str) -> "Scalar | EnumType | MessageType":
+    if name.upper() in Scalar.__members__:
+        return Scalar[name.upper()]
+    keyword, body = _PUBLISHED[name]
+    return EnumType(name, tuple(_VALUE.findall(body))) if keyword == "enum" else _message(name)
+
+
+STATE, CONTACTS, POINT = map(_message, ("State", "Contacts", "ContactPoint"))
+LAST_STATE = MessageType("State", tuple(each for each in STATE.fields if each.name != "step"))
 
 
 @cache
