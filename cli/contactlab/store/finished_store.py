@@ -54,20 +54,12 @@ class Runs:
     arrow: pa.Table
 
     def to_pandas(self) -> Any:  # noqa: ANN401 - pandas is not a dependency
-        """Return a pandas DataFrame.
-
-        Raises:
-            OutputError: pandas is not installed.
-        """
+        """Return a pandas DataFrame; an OutputError says that pandas is not installed."""
         with optional("frames", "to_pandas()"):
             return self.arrow.to_pandas()
 
     def to_polars(self) -> Any:  # noqa: ANN401 - polars is not a dependency
-        """Return a polars DataFrame.
-
-        Raises:
-            OutputError: polars is not installed.
-        """
+        """Return a polars DataFrame; an OutputError says that polars is not installed."""
         with optional("frames", "to_polars()"):
             import polars as pl  # noqa: PLC0415 - is not a dependency
         return pl.from_arrow(self.arrow)
@@ -105,9 +97,7 @@ class Store:
         """Open a store; all but its traces is fetched from object storage.
 
         The table is as it was written: it has the hash and the counts that the manifest states.
-
-        Args:
-            address: its folder, or its address in object storage: `s3://bucket/prefix`.
+        The address is a folder, or one in object storage: `s3://bucket/prefix`.
 
         Raises:
             StoreError: there is none, it is unfinished, damaged or of another version.
@@ -216,10 +206,7 @@ class Store:
             raise StoreError(f"{self.address / TABLE} is damaged: {error}") from error
 
     def record(self, run: str) -> EvidenceRecord:
-        """Return the record of a run.
-
-        Args:
-            run: its id, or a unique prefix of it.
+        """Return the record of a run, given its id or a unique prefix of it.
 
         Raises:
             StoreError: no run or more than one has this id.
@@ -253,10 +240,7 @@ class Store:
         return None
 
     def trace(self, run: EvidenceRecord | str) -> StoredTrace:
-        """Return the stored trace of a run.
-
-        Args:
-            run: its record, its id, or a unique prefix of its id.
+        """Return the stored trace of a run, given its record, its id, or a unique prefix of it.
 
         Raises:
             StoreError: there is no such run, its trace was not kept, or the trace is damaged.

@@ -74,10 +74,8 @@ class StoredObject(NamedTuple):
 class ObjectClient:
     """Objects below an address, by their names relative to it; safe to use from threads.
 
-    Args:
-        address: the common prefix of the objects.
-        error: class of the errors that all methods raise where the server cannot be reached,
-            refuses access, or has no such bucket.
+    All methods raise an error of the given class where the server cannot be reached, refuses
+    access, or has no such bucket.
     """
 
     def __init__(self, address: ObjectAddress, error: type[ContactlabError]) -> None:

@@ -88,13 +88,8 @@ def mend_journal(
 ) -> Mended:
     """Drop lines that are torn or repeated, and those of runs that are not stored completely.
 
-    Args:
-        folder: the journal's folder; without a journal there are no runs.
-        check: raises a ValueError, whose message says why, on a row that does not belong there;
-            its second argument is whether the row has a checksum.
-        is_complete: whether all that a row names is in the store.
-        repair: whether damaged lines are dropped too.
-        shown_path: the journal's path for error messages, if that is another one.
+    The check of a row, given whether it has a checksum, raises a ValueError if it does not belong
+    there. To repair, damaged lines are dropped too. Errors name the journal by the shown path.
 
     Raises:
         StoreError: a line is damaged, and it is not the last, which a kill leaves torn.
@@ -154,11 +149,7 @@ def read_lines(path: Path) -> Iterator[dict[str, Any]]:
 
 
 def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
-    """Set columns of rows that are already in the journal, by run id and column.
-
-    Raises:
-        OutputError: the journal cannot be rewritten.
-    """
+    """Set columns of rows that are already in the journal, by run id and column."""
     if amendments:
         path = folder / JOURNAL
         rows = (row | dict(amendments.get(row["run_id"], {})) for row in read_lines(path))
@@ -166,11 +157,7 @@ def amend_journal(folder: Path, amendments: Mapping[str, Row]) -> None:
 
 
 def write_journal(path: Path, rows: Iterable[Row]) -> None:
-    """Replace a journal's rows, all or none; the new ones may be read from the journal itself.
-
-    Raises:
-        OutputError: the journal cannot be written.
-    """
+    """Replace a journal's rows, all or none; the new ones may be read from the journal itself."""
     with atomic_write(path, durable=True) as temporary, temporary.open("wb") as lines:
         lines.writelines(sealed(json.dumps(row).encode()) for row in rows)
 

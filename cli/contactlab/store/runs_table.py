@@ -41,13 +41,10 @@ _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 def write_table(
     journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
 ) -> None:
-    """Turn a journal into the table.
+    """Turn a journal, one row a line in any order, into the table, which is replaced in one step.
 
-    Args:
-        journal: one row a line, in any order.
-        target: the Parquet file, replaced in one step.
-        own: columns of axes, metrics, settings and effects.
-        shared: fields that all runs share, stored in the file's metadata.
+    It has its own columns, of axes, metrics, settings and effects, beside the fixed ones. The
+    fields that all runs share are in the file's metadata.
 
     Raises:
         StoreError: a row has another column, or a value of another type.

@@ -60,13 +60,9 @@ class LockHolder(BaseModel):
     @classmethod
     def this(cls) -> "LockHolder":
         """Return this process."""
-        return cls(
-            id=uuid.uuid4().hex,
-            host=socket.gethostname(),
-            machine=_machine(),
-            pid=os.getpid(),
-            started=_start_time(os.getpid()) or 0,
-        )
+        pid, host = os.getpid(), socket.gethostname()
+        started = _start_time(pid) or 0
+        return cls(id=uuid.uuid4().hex, host=host, machine=_machine(), pid=pid, started=started)
 
     @classmethod
     def read(cls, data: bytes) -> "LockHolder | None":
@@ -137,9 +133,7 @@ class StoreLease:
 
     def renew(self) -> None:
         """Renew the lock now."""
-        with self._writing:
-            self.check()
-            self._write(self._holder.model_copy(update={"beat": self._holder.beat + 1}))
+        self._write(beat=self._holder.beat + 1)
         self.check()
 
     def release(self) -> None:
@@ -147,20 +141,23 @@ class StoreLease:
         self._released.set()
         self._thread.join(_RELEASE_TIMEOUT)
 
-    def _write(self, holder: LockHolder) -> None:
-        version = self._client.replace(LOCK, holder.encoded(), self._version)
-        if version is None:
-            self._lost = True
-        else:
-            self._holder, self._version = holder, version
+    def _write(self, **changes: object) -> None:
+        with self._writing:
+            self.check()
+            holder = self._holder.model_copy(update=changes)
+            version = self._client.replace(LOCK, holder.encoded(), self._version)
+            if version is None:
+                self._lost = True
+            else:
+                self._holder, self._version = holder, version
 
     def _keep(self) -> None:
         while not self._released.wait(self._seconds / _RENEWALS):
             # Tried again next time; a server that stays away fails the sweep's own writes.
             with suppress(ContactlabError):
                 self.renew()
-        with suppress(ContactlabError), self._writing:
-            self._write(self._holder.model_copy(update={"released": True}))
+        with suppress(ContactlabError):
+            self._write(released=True)
 
 
 @contextmanager
@@ -180,17 +177,13 @@ def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generato
 
 
 def _take(client: "ObjectClient", holder: LockHolder, seconds: float) -> "UpdateVersion":
-    while True:
+    version = None
+    while version is None:
         version = client.create(LOCK, holder.encoded())
-        if version is not None:
-            return version
-        other = client.find(LOCK)
-        if other is None:
-            continue
-        _wait_until_gone(client, other, seconds)
-        version = client.replace(LOCK, holder.encoded(), other.version)
-        if version is not None:
-            return version
+        if version is None and (other := client.find(LOCK)) is not None:
+            _wait_until_gone(client, other, seconds)
+            version = client.replace(LOCK, holder.encoded(), other.version)
+    return version
 
 
 def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: float) -> None:
@@ -204,12 +197,8 @@ def _wait_until_gone(client: "ObjectClient", lock: "StoredObject", seconds: floa
     if holder is not None and holder.is_here:
         raise OutputError(f"{client.address} is in use by process {holder.pid}; wait or use -o")
     where = f"on {holder.host}" if holder else "of another version"
-    _LOG.warning(
-        "%s is locked by a sweep %s; waiting %.0f s for a sign of it",
-        client.address,
-        where,
-        seconds,
-    )
+    message = "%s is locked by a sweep %s; waiting %.0f s for a sign of it"
+    _LOG.warning(message, client.address, where, seconds)
     end = time.monotonic() + seconds
     while time.monotonic() < end:
         time.sleep(min(1.0, seconds / _RENEWALS))

@@ -111,14 +111,9 @@ class StoreWriter:
     ) -> StoreManifest:
         """Publish the table, then the manifest, which makes the store finished.
 
-        Args:
-            own: columns of axes, metrics, settings and effects.
-            shared: fields that all runs share.
-            provenance: the program and machine that write.
-            amendments: run id to values by column, from passes after the runs.
-
-        Returns:
-            The store's manifest: another writer's, if it has published the same sweep meanwhile.
+        Beside its own columns and the fields that all runs share, the table has amendments from
+        passes after the runs: run id to values by column. The manifest that is returned is another
+        writer's, if it has published the same sweep meanwhile.
 
         Raises:
             OutputError: something cannot be written; the store stays resumable.
@@ -165,38 +160,31 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
 ) -> Generator[StoreWriter | StoreManifest]:
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
-    Args:
-        address: the store's address.
-        identity: the sweep.
-        scene: the scene's files.
-        fresh: whether to remove an existing store.
-        retry_failed: whether to run failed runs again.
-        repair: whether to run damaged runs again.
-        is_planned: whether a run of this id is at this place of the plan.
-        beside: other files, by the name of their folder beside the scene's.
+    An existing store can be removed, and its failed or damaged runs be run again. Other files are
+    given by the name of their folder beside the scene's.
 
     Raises:
         OutputError: the place cannot be written, holds something else, or is in use.
         StoreError: it holds a store of another sweep, or a damaged one.
     """
     backend = backend_at(address, OutputError)
+    rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)
     try:
         with backend.write_session() as session:
             if fresh:
                 _refuse_foreign(backend, "not removed")
                 session.clear()
-            manifest = _find_manifest(backend, identity, repair=repair)
+            manifest = _find_manifest(rows)
             if manifest is not None:
                 check_same_sweep(address, manifest.sweep, identity)
                 session.remove_journal()
-                kept = _rows_to_keep(session, manifest, address, repair, retry_failed)
+                kept = _rows_to_keep(rows, session, manifest)
                 if kept is None:
                     yield manifest
                     return
                 _reopen(session, manifest, kept)
-            folders = {identity.scene_hash: scene, **beside}
-            rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)
-            writer = StoreWriter(session, identity, _prepare(backend, session, folders, rows))
+            mended = _prepare(rows, session, {identity.scene_hash: scene, **beside})
+            writer = StoreWriter(session, identity, mended)
             try:
                 yield writer
             except BaseException:
@@ -209,38 +197,36 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
         raise write_error(error.filename or address, error) from error
 
 
-def _find_manifest(
-    backend: Backend, identity: SweepIdentity, *, repair: bool
-) -> StoreManifest | None:
+def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
     """Return the manifest of a store; None if it is unfinished or not there.
 
     To repair a store of this sweep, a damaged manifest is removed.
     """
+    backend = rows.backend
     data = backend.read(MANIFEST)
     try:
         return None if data is None else parse_manifest(data, backend.address)
     except StoreError:
         stored = backend.read(IDENTITY)
-        if not repair or stored is None:
+        if not rows.repair or stored is None:
             raise
-        check_same_sweep(backend.address, parse_identity(stored, backend.address), identity)
+        check_same_sweep(backend.address, parse_identity(stored, backend.address), rows.identity)
         backend.delete([MANIFEST])
         return None
 
 
 def _prepare(
-    backend: Backend, session: WriteSession, folders: Mapping[str, CopyableFiles], rows: ResumedRows
+    rows: ResumedRows, session: WriteSession, folders: Mapping[str, CopyableFiles]
 ) -> Mended:
     """Make a new store, or mend an interrupted one; return what it holds."""
-    identity, address = rows.identity, backend.address
-    stored = backend.read(IDENTITY)
+    address, folder = rows.backend.address, session.folder
+    stored = rows.backend.read(IDENTITY)
     if stored is None:
-        _refuse_foreign(backend, "choose another place with -o")
+        _refuse_foreign(rows.backend, "choose another place with -o")
     elif not rows.repair:
-        check_same_sweep(address, parse_identity(stored, address), identity)
+        check_same_sweep(address, parse_identity(stored, address), rows.identity)
     session.fetch_journal()
-    journal = session.folder / JOURNAL
-    has_lines = journal.is_file() and journal.stat().st_size > 0
+    has_lines = (folder / JOURNAL).is_file() and (folder / JOURNAL).stat().st_size > 0
     if stored is None and not rows.repair and has_lines:
         raise StoreError(
             f"{address} has runs but no {IDENTITY}, so nothing says of which sweep; add --repair "
@@ -248,10 +234,18 @@ def _prepare(
         )
     is_begun = stored is not None and not rows.repair
     for name, files in folders.items():
-        _copy(files, session.folder / SCENES / name, is_begun=is_begun)
+        _copy(files, folder / SCENES / name, is_begun=is_begun)
     if not is_begun:
-        session.begin(identity)
-    return _resume(backend, session, rows)
+        session.begin(rows.identity)
+    mend_notes(folder)
+    mended = mend_journal(
+        folder, rows.check, rows.keeps, repair=rows.repair, shown_path=address / JOURNAL
+    )
+    if rows.repair:
+        named = {row["trace_file"] for row in read_lines(folder / JOURNAL)}
+        rows.backend.delete(name for name in rows.backend.trace_names() if name not in named)
+    session.replace_journal()
+    return mended
 
 
 def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
@@ -269,32 +263,16 @@ def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
     files.copy_to(folder)
 
 
-def _resume(backend: Backend, session: WriteSession, rows: ResumedRows) -> Mended:
-    mend_notes(session.folder)
-    mended = mend_journal(
-        session.folder,
-        rows.check,
-        rows.keeps,
-        repair=rows.repair,
-        shown_path=backend.address / JOURNAL,
-    )
-    if rows.repair:
-        named = {row["trace_file"] for row in read_lines(session.folder / JOURNAL)}
-        backend.delete(name for name in backend.trace_names() if name not in named)
-    session.replace_journal()
-    return mended
-
-
 def _rows_to_keep(
-    session: WriteSession, manifest: StoreManifest, address: Address, repair: bool, retry: bool
+    rows: ResumedRows, session: WriteSession, manifest: StoreManifest
 ) -> Iterable[Row] | None:
     """Return the rows of a finished store with damaged or failed runs; None if it has none."""
-    if repair and verify(address):
+    if rows.repair and verify(rows.backend.address):
         # Of a table that is not as it was written, no row can be told to be sound.
         table = session.table()
         is_sound = table.is_file() and sha256_of(table) == manifest.files.get(TABLE)
         return iterate_rows(table) if is_sound else ()
-    if retry and not FAILED_STATUSES.isdisjoint(manifest.statuses):
+    if rows.retry_failed and not FAILED_STATUSES.isdisjoint(manifest.statuses):
         return iterate_rows(session.table())
     return None
 

@@ -121,11 +121,7 @@ RESERVED_COLUMNS = frozenset(column.name for column in (*FIXED_COLUMNS, PLUGINS_
 
 
 def table_schema(own: Sequence[Column]) -> pa.Schema:
-    """Return the table's schema.
-
-    Args:
-        own: columns of axes and metrics, and those of `settings` and `effects` with their fields.
-    """
+    """Return the schema of a table with columns of its own; see `write_table`."""
     columns = {column.name: column for column in (*FIXED_COLUMNS, *own)}
     return pa.schema([_field(column) for column in columns.values()])
 

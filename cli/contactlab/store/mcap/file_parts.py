@@ -225,14 +225,9 @@ def _message_indexes(stream: MessageStream, rows: slice) -> Iterator[tuple[int, 
 def _file_tail(
     start: FileStart, chunks: Sequence[ChunkIndex], counts: Sequence[int], position: int, crc: int
 ) -> bytes:
-    """Return the end of a file: the data section's end, the summary, the footer.
+    """Return the end of a file, at a position, given the CRC-32 of all bytes before it.
 
-    Args:
-        start: the start of the file.
-        chunks: index of each chunk; there is at least one.
-        counts: number of messages of the channels 1, 2, ...
-        position: length of all before it.
-        crc: CRC-32 of all before it.
+    It is the data section's end, the summary and the footer; there is at least one chunk.
     """
     statistics = Statistics(
         attachment_count=1,

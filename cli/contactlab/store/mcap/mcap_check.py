@@ -216,13 +216,9 @@ def _of(records: Iterable[RawRecord], kind: type[_Record]) -> list[_Record]:
 def trace_problems(
     path: Path, record: EvidenceRecord, model: bytes | None = None, but: Collection[str] = ()
 ) -> Iterator[str]:
-    """Yield how a trace's file and its record contradict each other.
+    """Yield how a trace's file and its record contradict each other, but for some fields.
 
-    Args:
-        path: the file.
-        record: the record of its run.
-        model: the scene's model file, which the trace holds too; None if that is not compared.
-        but: fields of the record that are not compared.
+    The scene's model file, where given, is compared with the model that the trace holds.
     """
     assert record.trace is not None
     if sha256_of(path) != record.trace.sha256:
