@@ -12,11 +12,11 @@ from collections import deque
 from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache, cached_property
+from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
 
-from contactlab.errors import ContactlabError, OutputError, StoreError
+from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
 from contactlab.store.object_client import ObjectClient
@@ -39,60 +39,56 @@ _BATCHES = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""
 _OWN = {SCENES, TRACES, CONTROLS, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
 _TEMPORARY_PREFIX = "contactlab-"
-_DOWNLOADS = 16
-_UPLOADS = 8
+_TRANSFERS = 16
+"""Objects that are fetched or stored at once, and traces that are fetched ahead."""
 _MAX_QUEUED = 64
 """Uploads that may be unfinished at once."""
-_TRACES_AHEAD = 16
-"""Traces that are fetched before they are needed."""
-_TRACE_DOWNLOADS = 8
 _WINDOW = 128
 """Batches of rows that are in local files at once."""
 
-_fetched: dict[ObjectAddress, tuple[bytes, Path]] = {}
+_fetched: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 
 
-class ObjectBackend:
+class ObjectBackend(ObjectClient):
     """See `FolderBackend`."""
-
-    def __init__(self, address: ObjectAddress, error: type[ContactlabError]) -> None:
-        self.address = address
-        self.client = ObjectClient(address, error)
-
-    def top_names(self) -> set[str]:
-        """Return the names of the objects and folders at the top."""
-        return self.client.top_names()
 
     def read(self, name: str) -> bytes | None:
         """Return the content of an object; None if there is none."""
-        found = self.client.find(name)
+        found = self.find(name)
         return None if found is None else found.data
-
-    def put(self, name: str, data: bytes) -> None:
-        """Create or replace an object as a whole."""
-        self.client.put(name, data)
-
-    def delete(self, names: Iterable[str]) -> None:
-        """Delete objects; missing ones are no error."""
-        self.client.delete(names)
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
         """Return a local folder with a manifest and its files, fetched if the manifest is new."""
-        before, folder = _fetched.get(self.address, (b"", None))
-        if folder is None or before != manifest:
-            folder = _temporary_folder()
-            _fetch_all(self.client, [_safe_name(name, self.address) for name in names], folder)
+        if (self.address, manifest) not in _fetched:
+            folder = self._fetched(names)
             (folder / MANIFEST).write_bytes(manifest)
-            _fetched[self.address] = manifest, folder
-        return folder
+            _fetched[self.address, manifest] = folder
+        return _fetched[self.address, manifest]
 
     def local_folder(self, name: str) -> Path:
         """Return a local folder with all objects of a folder, fetched once a process."""
-        return _fetched_folder(self.address, name)
+        if (self.address, name) not in _fetched:
+            names = [file for file, _ in self.sizes(name)]
+            if not names:
+                raise OutputError(f"{self.address / name} is missing; has the sweep been removed?")
+            _fetched[self.address, name] = self._fetched(names) / name
+        return _fetched[self.address, name]
+
+    def _fetched(self, names: Iterable[str]) -> Path:
+        """Return a new folder with some objects, which is removed when the process ends."""
+        folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
+        atexit.register(shutil.rmtree, folder, ignore_errors=True)
+        self.fetch_all([_safe_name(name, self.address) for name in names], folder)
+        return folder
+
+    def fetch_all(self, names: Sequence[str], folder: Path) -> None:
+        """Fetch objects into a folder, many at a time; missing ones are left out."""
+        with ThreadPoolExecutor(_TRANSFERS) as pool:
+            deque(pool.map(lambda name: self.fetch(name, folder / name), names), maxlen=0)
 
     @cached_property
     def _trace_sizes(self) -> dict[str, int]:
-        return dict(self.client.sizes(TRACES))
+        return dict(self.sizes(TRACES))
 
     def trace_size(self, name: str) -> int | None:
         """Return the size of a trace [bytes], by a listing made once; None if there is none."""
@@ -112,25 +108,22 @@ class ObjectBackend:
 
         Some are fetched ahead, so that the latency of the server does not add up.
         """
-        coming: deque[Future[Path | None]] = deque()
+        coming: deque[tuple[Path, Future[bool]]] = deque()
         with (
             TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
-            ThreadPoolExecutor(_TRACE_DOWNLOADS) as pool,
+            ThreadPoolExecutor(_TRANSFERS) as pool,
         ):
             for number, name in enumerate(names):
-                target = Path(folder) / str(number)
-                coming.append(pool.submit(self._fetch, _safe_name(name, self.address), target))
-                if len(coming) > _TRACES_AHEAD:
+                source, target = _safe_name(name, self.address), Path(folder) / str(number)
+                coming.append((target, pool.submit(self.fetch, source, target)))
+                if len(coming) > _TRANSFERS:
                     yield from _take_first(coming)
             while coming:
                 yield from _take_first(coming)
 
-    def _fetch(self, name: str, target: Path) -> Path | None:
-        return target if self.client.fetch(name, target) else None
-
     def leftovers(self) -> list[str]:
         """Return the names of batches that an interrupted sweep left, sorted."""
-        return sorted(name for each in _BATCHES.values() for name, _ in self.client.sizes(each))
+        return sorted(name for each in _BATCHES.values() for name, _ in self.sizes(each))
 
     def foreign_names(self) -> list[str]:
         """Return the names of what does not belong to a store, sorted."""
@@ -140,70 +133,69 @@ class ObjectBackend:
     def write_session(self) -> Generator["ObjectSession"]:
         """Hold the store's lease."""
         with (
-            hold_lease(self.client) as lease,
+            hold_lease(self) as lease,
             TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
         ):
-            yield ObjectSession(self.client, lease, Path(folder))
+            yield ObjectSession(self, lease, Path(folder))
 
 
-def _take_first(coming: deque[Future[Path | None]]) -> Iterator[Path | None]:
-    path = coming.popleft().result()
-    yield path
-    if path is not None:
-        path.unlink()
+def _take_first(coming: deque[tuple[Path, Future[bool]]]) -> Iterator[Path | None]:
+    path, found = coming.popleft()
+    yield path if found.result() else None
+    path.unlink(missing_ok=True)
 
 
 class ObjectSession:
     """See `FolderSession`; the local folder is a temporary one."""
 
-    def __init__(self, client: ObjectClient, lease: StoreLease, folder: Path) -> None:
+    def __init__(self, objects: ObjectBackend, lease: StoreLease, folder: Path) -> None:
         self.folder = folder
-        self._client = client
+        self._objects = objects
         self._lease = lease
-        self._pool = ThreadPoolExecutor(_UPLOADS, thread_name_prefix="uploads")
+        self._pool = ThreadPoolExecutor(_TRANSFERS, thread_name_prefix="uploads")
         self._uploads: deque[Future[None]] = deque()
         self._batches: list[str] = []
-        self._lines = 0
+        self._fetched_bytes = 0
 
     def clear(self) -> None:
         """Remove all objects but the lock."""
         # The manifest goes first and the identity last: a half-removed store must not look
         # finished, nor have runs of no sweep.
-        self._client.delete([MANIFEST])
+        self._objects.delete([MANIFEST])
         kept = {LOCK, IDENTITY}
-        self._client.delete([name for name, _ in self._client.sizes() if name not in kept])
-        self._client.delete([IDENTITY])
+        self._objects.delete([name for name, _ in self._objects.sizes() if name not in kept])
+        self._objects.delete([IDENTITY])
 
     def begin(self, identity: SweepIdentity) -> None:
         """Store the scene and, last, the identity."""
         for file in sorted(path for path in (self.folder / SCENES).rglob("*") if path.is_file()):
-            self._client.put(file.relative_to(self.folder).as_posix(), file)
+            self._objects.put(file.relative_to(self.folder).as_posix(), file)
         text = document_json(identity)
         (self.folder / IDENTITY).write_text(text, encoding="utf-8")
-        self._client.put(IDENTITY, text.encode())
+        self._objects.put(IDENTITY, text.encode())
 
     def fetch_journal(self) -> None:
         """Join the batches of rows and of notes into local files."""
-        self._client.fetch(IDENTITY, self.folder / IDENTITY)
+        self._objects.fetch(IDENTITY, self.folder / IDENTITY)
         self._join_batches(NOTES)
         self._batches = self._join_batches(JOURNAL)
-        self._lines = _count_lines(self.folder / JOURNAL)
+        self._fetched_bytes = self._journal_bytes()
 
     def replace_journal(self) -> None:
         """Replace the batches by the local journal, if it has lost lines.
 
         What is dropped must stay so, also where its trace comes to be stored again.
         """
-        if self._batches and _count_lines(self.folder / JOURNAL) < self._lines:
+        if self._batches and self._journal_bytes() < self._fetched_bytes:
             self._put_journal()
-            self._client.delete(self._batches)
+            self._objects.delete(self._batches)
 
     def add_lines(self, name: str, lines: Sequence[bytes]) -> None:
         """Upload lines in the background, as a batch of their own; waits while many are queued."""
         self._lease.check()
         self._await_uploads(_MAX_QUEUED)
         batch = _new_batch(name)
-        self._uploads.append(self._pool.submit(self._client.put, batch, b"".join(lines)))
+        self._uploads.append(self._pool.submit(self._objects.put, batch, b"".join(lines)))
 
     def flush(self) -> None:
         """Wait until all lines are uploaded."""
@@ -222,23 +214,23 @@ class ObjectSession:
 
     def table(self) -> Path:
         """Fetch the table."""
-        self._client.fetch(TABLE, self.folder / TABLE)
+        self._objects.fetch(TABLE, self.folder / TABLE)
         return self.folder / TABLE
 
     def publish(self, manifest: StoreManifest) -> StoreManifest:
         """Store the table, then the manifest, unless another sweep has published meanwhile."""
         data = document_json(manifest).encode()
-        published = self._client.find(MANIFEST)
+        published = self._objects.find(MANIFEST)
         if published is None:
             self._lease.renew()
-            self._client.put(TABLE, self.folder / TABLE)
-            if self._client.create(MANIFEST, data) is None:
+            self._objects.put(TABLE, self.folder / TABLE)
+            if self._objects.create(MANIFEST, data) is None:
                 # Another sweep has published since the renewal, and our table is now beside its
                 # manifest; the two must match.
-                self._client.put(MANIFEST, data)
+                self._objects.put(MANIFEST, data)
         else:
-            theirs = parse_manifest(published.data, self._client.address)
-            check_same_sweep(self._client.address, theirs.sweep, manifest.sweep)
+            theirs = parse_manifest(published.data, self._objects.address)
+            check_same_sweep(self._objects.address, theirs.sweep, manifest.sweep)
             manifest = theirs
         self.remove_journal()
         return manifest
@@ -247,28 +239,31 @@ class ObjectSession:
         """Store the rows of the local journal, then delete manifest and table."""
         self._put_journal()
         for name in (MANIFEST, TABLE):
-            self._client.delete([name])
+            self._objects.delete([name])
 
     def remove_journal(self) -> None:
         """Delete all batches."""
         for folder in _BATCHES.values():
-            self._client.delete([name for name, _ in self._client.sizes(folder)])
+            self._objects.delete([name for name, _ in self._objects.sizes(folder)])
 
     def remove_temporaries(self) -> None:
         """Do nothing: an object is stored whole."""
 
+    def _journal_bytes(self) -> int:
+        return (self.folder / JOURNAL).stat().st_size
+
     def _put_journal(self) -> None:
-        self._client.put(_new_batch(JOURNAL), self.folder / JOURNAL)
+        self._objects.put(_new_batch(JOURNAL), self.folder / JOURNAL)
 
     def _join_batches(self, target: str) -> list[str]:
-        names = [name for name, _ in self._client.sizes(_BATCHES[target])]
+        names = [name for name, _ in self._objects.sizes(_BATCHES[target])]
         with (
             (self.folder / target).open("wb") as joined,
             TemporaryDirectory(dir=self.folder) as folder,
         ):
             for first in range(0, len(names), _WINDOW):
                 some = names[first : first + _WINDOW]
-                _fetch_all(self._client, some, Path(folder))
+                self._objects.fetch_all(some, Path(folder))
                 for part in (Path(folder) / name for name in some):
                     if part.is_file():
                         with part.open("rb") as lines:
@@ -287,32 +282,3 @@ def _safe_name(name: str, address: ObjectAddress) -> str:
     if not is_inner_name(name):
         raise StoreError(f"{address} is damaged: it names a file '{name}'")
     return name
-
-
-def _fetch_all(client: ObjectClient, names: Sequence[str], folder: Path) -> None:
-    """Fetch objects into a folder, many at a time; missing ones are left out."""
-    with ThreadPoolExecutor(_DOWNLOADS) as pool:
-        deque(pool.map(lambda name: client.fetch(name, folder / name), names), maxlen=0)
-
-
-@cache
-def _fetched_folder(address: ObjectAddress, name: str) -> Path:
-    client = ObjectClient(address, OutputError)
-    names = [_safe_name(file, address) for file, _ in client.sizes(name)]
-    if not names:
-        raise OutputError(f"{address / name} is missing; has the sweep been removed?")
-    folder = _temporary_folder()
-    _fetch_all(client, names, folder)
-    return folder / name
-
-
-def _temporary_folder() -> Path:
-    """Return a new folder that is removed when the process ends."""
-    folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
-    return folder
-
-
-def _count_lines(path: Path) -> int:
-    with path.open("rb") as lines:
-        return sum(1 for _ in lines)

@@ -9,7 +9,7 @@ from collections.abc import Generator, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from datetime import timedelta
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import obstore
 from obstore.exceptions import (
@@ -100,33 +100,21 @@ class ObjectClient:
         with self._plain_errors(self.address / name):
             obstore.put(self.store, name, data, chunk_size=_PART_SIZE, max_concurrency=2)
 
-    def create(self, name: str, data: bytes) -> "UpdateVersion | None":
-        """Create an object and return its version; None if there is another one of that name.
+    def create(
+        self, name: str, data: bytes, over: "UpdateVersion | None" = None
+    ) -> "UpdateVersion | None":
+        """Create an object, or replace one that still has a version; return its new version.
 
-        One with the same bytes counts as ours: the response to an earlier attempt was lost.
+        It is None if there is another object of that name, or version, by now. One with the same
+        bytes counts as ours: the response to an earlier attempt was lost.
         """
         try:
-            return self._put_if(name, data, "create")
-        except AlreadyExistsError:
-            return self._version_with(name, data)
-
-    def replace(self, name: str, data: bytes, version: "UpdateVersion") -> "UpdateVersion | None":
-        """Replace an object that still has a version; None if it has another one by now."""
-        try:
-            return self._put_if(name, data, version)
-        except (PreconditionError, FileNotFoundError):
-            return self._version_with(name, data)
-
-    def _put_if(
-        self, name: str, data: bytes, mode: "Literal['create'] | UpdateVersion"
-    ) -> "UpdateVersion":
-        with self._plain_errors(self.address / name, missing_ok=mode != "create"):
-            written = obstore.put(self.store, name, data, mode=mode)
-            return _version(written["e_tag"], written["version"])
-
-    def _version_with(self, name: str, data: bytes) -> "UpdateVersion | None":
-        found = self.find(name)
-        return found.version if found and found.data == data else None
+            with self._plain_errors(self.address / name, missing_ok=over is not None):
+                written = obstore.put(self.store, name, data, mode=over or "create")
+                return _version(written["e_tag"], written["version"])
+        except (AlreadyExistsError, PreconditionError, FileNotFoundError):
+            found = self.find(name)
+            return found.version if found and found.data == data else None
 
     def find(self, name: str) -> StoredObject | None:
         """Return an object; None if there is none of that name."""

@@ -145,7 +145,7 @@ class StoreLease:
         with self._writing:
             self.check()
             holder = self._holder.model_copy(update=changes)
-            version = self._client.replace(LOCK, holder.encoded(), self._version)
+            version = self._client.create(LOCK, holder.encoded(), self._version)
             if version is None:
                 self._lost = True
             else:
@@ -182,7 +182,7 @@ def _take(client: "ObjectClient", holder: LockHolder, seconds: float) -> "Update
         version = client.create(LOCK, holder.encoded())
         if version is None and (other := client.find(LOCK)) is not None:
             _wait_until_gone(client, other, seconds)
-            version = client.replace(LOCK, holder.encoded(), other.version)
+            version = client.create(LOCK, holder.encoded(), other.version)
     return version
 
 
