@@ -1,13 +1,11 @@
 """Ctrl-C and SIGTERM: the first lets the current runs finish, the second stops at once."""
 
-import contextlib
 import os
 import signal
 import threading
-from collections.abc import Callable, Generator
-from contextlib import contextmanager
+from collections.abc import Generator
+from contextlib import contextmanager, suppress
 from pathlib import Path
-from types import FrameType
 from typing import TYPE_CHECKING
 
 import typer
@@ -20,9 +18,7 @@ if TYPE_CHECKING:
     from contactlab.studies.session import Session
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
-_STOPPING = "finishing the current runs; interrupt again to stop at once\n"
-
-Handler = Callable[[int, FrameType | None], None]
+_STOPPING = b"finishing the current runs; interrupt again to stop at once\n"
 
 
 @contextmanager
@@ -65,31 +61,22 @@ def stop_on_signals(stop: "Stop") -> Generator[None]:
         return
     before = {number: signal.getsignal(number) for number in _SIGNALS}
     handled = [number for number, handler in before.items() if handler is not signal.SIG_IGN]
-    for number in handled:
-        signal.signal(number, _handler(stop))
-    try:
-        yield
-    finally:
-        for number in handled:
-            signal.signal(number, before[number])
 
-
-def _handler(stop: "Stop") -> Handler:
-    def handle(number: int, frame: FrameType | None) -> None:
-        del number, frame
+    def handle(*_: object) -> None:
         again = stop.is_set or not stop.is_watched
         # An exception may get lost, as in a finalizer; the request stays.
         stop.set()
         if again:
             raise KeyboardInterrupt
-        _acknowledge()
+        # Past all buffers: it may have come while one was written. On a terminal the cursor stands
+        # behind the live display.
+        with suppress(OSError):
+            os.write(2, ("\n" if os.isatty(2) else "").encode() + _STOPPING)
 
-    return handle
-
-
-def _acknowledge() -> None:
-    """Confirm the first signal, past all buffers: it may have come while one was written."""
-    # On a terminal the cursor stands behind the live display.
-    begin = "\n" if os.isatty(2) else ""
-    with contextlib.suppress(OSError):
-        os.write(2, (begin + _STOPPING).encode())
+    for number in handled:
+        signal.signal(number, handle)
+    try:
+        yield
+    finally:
+        for number in handled:
+            signal.signal(number, before[number])

@@ -10,6 +10,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, distribution, requires, version
 from pathlib import Path
 from typing import NamedTuple, NoReturn
@@ -23,7 +24,7 @@ _VERSION = re.compile(r"\d+(\.\w+)+")
 _NAME = re.compile(r"[\w.-]+")
 _OLDEST, _TOO_NEW = (3, 3), (5,)
 # Robots that sweeps may name; no other optional package steps a model.
-_OPTIONAL = ("mujoco-menagerie",)
+_ROBOTS = "mujoco-menagerie"
 # Of what a failing installer prints.
 _MAX_LINES = 6
 
@@ -154,16 +155,10 @@ def _requirements() -> list[str]:
     """Return what contactlab needs beside MuJoCo, each at the version that is installed here."""
     needed = [each for each in requires("contactlab") or () if "extra ==" not in each]
     names = [match[0] for each in needed if (match := _NAME.match(each))]
-    return [f"{name}=={version(name)}" for name in names if name != "mujoco"] + [
-        f"{name}=={installed}" for name in _OPTIONAL if (installed := _installed(name))
-    ]
-
-
-def _installed(name: str) -> str | None:
-    try:
-        return version(name)
-    except PackageNotFoundError:
-        return None
+    pinned = [f"{name}=={version(name)}" for name in names if name != "mujoco"]
+    with suppress(PackageNotFoundError):
+        pinned.append(f"{_ROBOTS}=={version(_ROBOTS)}")
+    return pinned
 
 
 def _uv() -> list[str] | None:
@@ -190,18 +185,10 @@ def _isolated_contactlab() -> Path:
     folder = _cache() / f"contactlab-{own.version}-{_short_hash([str(package), str(metadata)])}"
     folder.mkdir(parents=True, exist_ok=True)
     for target, name in ((package, "contactlab"), (metadata, metadata.name)):
-        link = folder / name
-        if not link.exists():
-            _replace_link(link, target)
+        # Another process may make it, too.
+        with suppress(FileExistsError):
+            (folder / name).symlink_to(target, target_is_directory=True)
     return folder
-
-
-def _replace_link(link: Path, target: Path) -> None:
-    """Make a link in one step, so that another process that makes it too does no harm."""
-    beside = Path(tempfile.mkdtemp(dir=link.parent, prefix="new-"))
-    (beside / "link").symlink_to(target, target_is_directory=True)
-    (beside / "link").replace(link)
-    shutil.rmtree(beside)
 
 
 def _cache() -> Path:

@@ -89,12 +89,10 @@ class SweepSession:
 
 
 def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequence[Column]]:
-    """Compute the errors, work and times that the sweep asks for.
+    """Compute the errors, work and times that the sweep asks for, by run id and column.
 
-    What was noted before an interruption is not done again.
-
-    Returns:
-        Run id to values by column, and those of the columns whose unit is not the usual one.
+    What was noted before an interruption is not done again. Columns whose unit is not the usual one
+    are returned, too.
     """
     values: dict[str, dict[str, Any]] = {}
     columns: Sequence[Column] = ()
@@ -113,10 +111,9 @@ def run_passes(session: SweepSession) -> tuple[dict[str, dict[str, Any]], Sequen
 def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Accuracy]:
     repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
     runs = {run.run_id: run for run, _ in repeatable}
-    controls = {run.run_id: run.controls for run, _ in repeatable}
+    controls = {run_id: run.controls for run_id, run in runs.items()}
     grouped = families(_resolved(repeatable), session.scene, controls)
-    jobs = [tuple(runs[run_id] for run_id in family) for family in grouped]
-    notes = _pooled(session, "errors", jobs)
+    notes = _pooled(session, "errors", [tuple(map(runs.__getitem__, each)) for each in grouped])
     return accuracies(request, session.scene, _resolved(session.planned), notes)
 
 

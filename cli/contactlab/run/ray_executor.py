@@ -2,12 +2,11 @@
 
 import pickle
 import secrets
-from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from importlib.metadata import version
-from itertools import takewhile
+from itertools import islice, takewhile
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -54,11 +53,7 @@ class RayExecutor:
         return min(cpus, self.max_jobs or cpus)
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
-        """Yield the results of jobs as they come; see `Executor`.
-
-        Raises:
-            ClusterError: a node cannot run them.
-        """
+        """Yield the results of jobs as they come; see `Executor`."""
         if not ray.cluster_resources().get("CPU"):
             raise ClusterError(
                 "no node of the cluster has CPUs; start one: ray start --address=..."
@@ -98,15 +93,10 @@ class InFlight:
     queue: Iterator[Job]
     capacity: Callable[[], int]
     stop: Stop
-    _again: deque[_Sent] = field(default_factory=deque[_Sent])
     _sent: dict[Any, _Sent] = field(default_factory=dict[Any, _Sent])
 
     def results(self) -> Iterator[Result]:
-        """Yield the result of every job, once; whoever leaves early ends those in flight.
-
-        Raises:
-            ClusterError: a node cannot run jobs.
-        """
+        """Yield the result of every job, once; whoever leaves early ends those in flight."""
         try:
             while self._fill():
                 ready, _ = ray.wait(list(self._sent), timeout=_STOP_INTERVAL)
@@ -121,17 +111,10 @@ class InFlight:
         if self.stop.is_set:
             for reference in self._sent:
                 ray.cancel(reference)
-            return bool(self._sent)
-        capacity = self.capacity()
-        while len(self._sent) < capacity and (sent := self._next()):
-            self._sent[self.send(sent.job)] = sent
+        else:
+            for job in islice(self.queue, max(0, self.capacity() - len(self._sent))):
+                self._sent[self.send(job)] = _Sent(job)
         return bool(self._sent)
-
-    def _next(self) -> _Sent | None:
-        if self._again:
-            return self._again.popleft()
-        job = next(self.queue, None)
-        return None if job is None else _Sent(job)
 
     def _result(self, reference: Any) -> Result | None:  # noqa: ANN401 - as Ray types it
         """Return the result of a job; None if it is sent again or was cancelled."""
@@ -150,10 +133,11 @@ class InFlight:
 
     def _send_again(self, sent: _Sent, reason: str) -> Crashed | None:
         losses = sent.losses + 1
-        if losses < MAX_LOSSES:
-            self._again.append(_Sent(sent.job, losses))
-            return None
-        return Crashed(sent.job, f"its node was lost {losses} times: {reason}", timed_out=False)
+        if losses == MAX_LOSSES:
+            return Crashed(sent.job, f"its node was lost {losses} times: {reason}", timed_out=False)
+        if not self.stop.is_set:
+            self._sent[self.send(sent.job)] = _Sent(sent.job, losses)
+        return None
 
     def _end(self) -> None:
         for reference in self._sent:

@@ -44,10 +44,9 @@ from contactlab.store.finished_store import Store
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """A replay, compared with the stored run.
+    """A replay, compared with the stored run, of which it should equal every state bit for bit.
 
     Attributes:
-        equal: whether every state is equal, bit for bit.
         step: first step after which the states differ; None if they are equal, if there is no
             trace, or if the trace is equal although its hash is not.
         difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
@@ -75,21 +74,14 @@ class PreparedReplay:
         return self.runs.prepared[0]
 
     def roll_out(self) -> Rollout:
-        """Simulate it by the engine that computed it.
-
-        Raises:
-            EngineError: there is no such engine here.
-        """
+        """Simulate it by the engine that computed it; raise EngineError if that is not here."""
         return find_engine(self.record.engine.name).roll_out(self.runs, Buffers())
 
 
 def prepare_replay(store: Store, run: str) -> PreparedReplay:
     """Return a stored run's model and initial state, made from the store's own files.
 
-    Raises:
-        StoreError: there is no such run, or its settings do not give its id.
-        EngineError: the engine that computed it is not here.
-        SceneError: the stored scene does not compile with this engine.
+    Errors are those of `stored_run`; and SceneError, if the stored scene does not compile here.
     """
     record, scene, resolved = stored_run(store, run)
     runs = PreparedRuns.of(scene, resolved)
@@ -123,11 +115,7 @@ def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedR
 
 
 def resolve_record(scene: Scene, record: EvidenceRecord) -> ResolvedRun:
-    """Return all that decides a stored run, from its axis values, seed and duration.
-
-    Raises:
-        StoreError: they do not give its id.
-    """
+    """Return all that decides a stored run; raise StoreError if that does not give its id."""
     resolved = scene.resolve(canonical_values(scene, record), record.seed, record.duration)
     if scene.run_id(resolved) != record.run_id:
         raise StoreError(
@@ -138,11 +126,7 @@ def resolve_record(scene: Scene, record: EvidenceRecord) -> ResolvedRun:
 
 
 def canonical_values(scene: Scene, record: EvidenceRecord) -> dict[str, object]:
-    """Return the axis values of a stored run.
-
-    Raises:
-        StoreError: the scene has no such axis, or it takes no such value.
-    """
+    """Return the axis values of a stored run; raise StoreError if the scene takes no such."""
     values = {name: _parsed(scene, name, value) for name, value in record.axes.items()}
     if "keyframe" not in record.settings and scene.catalogue.find("keyframe"):
         # Versions before 0.3 knew no keyframes without names.
@@ -242,11 +226,7 @@ class TimedRun(NamedTuple):
 
 
 def timed_run(store: Store, run: str) -> TimedRun:
-    """Return a stored run, ready to be timed.
-
-    Raises:
-        ContactlabError: there is no such run, its engine cannot time it, or it does not complete.
-    """
+    """Return a stored run, ready to be timed; raise ContactlabError if it cannot be."""
     record, scene, resolved = stored_run(store, run)
     engine = engine_of(resolved)
     if not isinstance(engine, TimesSteps):
@@ -284,11 +264,7 @@ class TimingProcess:
         self.timed_engines = frozenset(map(str, greeting.get("timed_engines", own)))
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
-        """Return the CPU time of all steps that were made of a run, and of one of them [s].
-
-        Raises:
-            StoreError: the run cannot be timed.
-        """
+        """Return the CPU time of all steps that were made of a run, and of one of them [s]."""
         with suppress(BrokenPipeError):
             self._requests.write(json.dumps({"run": run, "repeats": repeats}) + "\n")
             self._requests.flush()
@@ -309,11 +285,7 @@ class TimingProcess:
 
 @contextmanager
 def timing_process(python: Path, store: Path) -> Generator[TimingProcess]:
-    """Yield a process that times the runs of a store; it ends with the context.
-
-    Raises:
-        PolicyError: the interpreter cannot time runs.
-    """
+    """Yield a process that times the runs of a store; raise PolicyError if it cannot."""
     command = [str(python), "-P", "-c", f"from {__name__} import main; main()", str(store)]
     try:
         process = subprocess.Popen(  # noqa: S603 - the user's own Python

@@ -94,14 +94,11 @@ def read_request(  # noqa: PLR0913 - one argument an option
 
 
 def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
-    driven = () if drive is None else (f"--drive {drive_text(drive)}",)
-    limit = () if overrides.limit is None else (f"--limit {overrides.limit}",)
-    return (
-        *(f"--set {each}" for each in overrides.assign),
-        *(f"--only {each}" for each in overrides.only),
-        *limit,
-        *driven,
-    )
+    given = [f"--set {each}" for each in overrides.assign]
+    given += [f"--only {each}" for each in overrides.only]
+    given += [] if overrides.limit is None else [f"--limit {overrides.limit}"]
+    given += [] if drive is None else [f"--drive {drive_text(drive)}"]
+    return tuple(given)
 
 
 def _supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
@@ -146,12 +143,7 @@ class SceneLoader:
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 
     def open(self, reference: str) -> Scene:
-        """Return the scene, driven as the option says, else as the scene itself does.
-
-        Raises:
-            SceneError: there is none, a name of its own is already a column's, or its drive does
-                not suit it.
-        """
+        """Return the scene, driven as the option says, else as the scene itself does."""
         if reference not in self._driven:
             scene = self._undriven(reference)
             bare = self.bare if scene.source.manifest is None else None
@@ -166,19 +158,11 @@ class SceneLoader:
         return self._opened[reference]
 
     def driven(self, reference: str, drive: Drive | None) -> Scene:
-        """Return the scene with another drive; with its own if None.
-
-        Raises:
-            SceneError: as `open`, or a file of the drive is missing, or it does not fit the model.
-        """
+        """Return the scene with another drive; with its own if None."""
         return self.open(reference).with_drive(drive, self.folder or Path())
 
     def for_sweep(self, read: SweepFile) -> tuple[Scene, Plan]:
-        """Return the scene as a sweep has it, and the sweep's plan with the hash of its drive.
-
-        Raises:
-            SceneError: a file of the drive is missing, or the drive does not fit the model.
-        """
+        """Return the scene as a sweep has it, and the sweep's plan with the hash of its drive."""
         sweep = read.sweep
         if sweep.drive is not None and self.drive is None:
             scene = self._undriven(sweep.scene).with_drive(sweep.drive, self.folder or Path())
@@ -218,11 +202,7 @@ def _check_names(scene: Scene) -> None:
 
 
 def starter_sweep(reference: str, loader: SceneLoader) -> str:
-    """Return the text of a sweep file to start from: around a scene's own values, and small.
-
-    Raises:
-        SceneError: there is no such scene, or it does not compile.
-    """
+    """Return the text of a sweep file to start from: around a scene's own values, and small."""
     scene = loader.open(reference)
     base, bare = scene.base({}), scene.source.manifest is None
     written = SceneAsWritten(

@@ -1,7 +1,7 @@
 """Run a sweep into a store: plan, skip what is done, run the rest, publish."""
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from pydantic_core import PydanticSerializationError
@@ -45,7 +45,7 @@ from contactlab.schema.evidence import (
 )
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_address import absolute_address
-from contactlab.store.store_writer import CopyableFiles, open_writer
+from contactlab.store.store_writer import open_writer
 from contactlab.store.table_layout import (
     PLUGINS_COLUMN,
     REAL,
@@ -71,7 +71,8 @@ def run_sweep(
         StoreError: the store is of another sweep.
         StoppedError: `stop` was set; the same call goes on where it stopped.
     """
-    policy = allowed_policy(request.scene.drive, allowed=request.allow_code)
+    drive = request.scene.drive
+    policy = allowed_policy(drive, allowed=request.allow_code)
     index = RunIndex(request.plan, request.scene)
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
@@ -85,7 +86,8 @@ def run_sweep(
         retry_failed=request.retry_failed,
         repair=request.repair,
         is_planned=index.has,
-        beside=_drive_folder(request),
+        # The files of the sweep's drive, in a folder of their own; a scene has its own.
+        beside={drive.hash: drive} if request.plan.sweep.drive and drive.hash else {},
     )
     with writer as store:
         if isinstance(store, StoreManifest):
@@ -119,15 +121,14 @@ def run_sweep(
         _run_remaining(session)
         values, added = run_passes(session)
         columns += added
-        return store.finish(columns, _shared(request), session.task.provenance, values)
-
-
-def _drive_folder(request: SweepRequest) -> dict[str, CopyableFiles]:
-    """Return the files of the sweep's drive by the folder that they get; a scene has its own."""
-    drive = request.scene.drive
-    if request.plan.sweep.drive is None or drive.hash is None:
-        return {}
-    return {drive.hash: drive}
+        shared = {
+            "schema_version": RECORD_VERSION,
+            "sweep": request.name,
+            "units": metric_units(),
+            "metric_versions": metric_versions(),
+            "severity": list(LABELS),
+        }
+        return store.finish(columns, shared, session.task.provenance, values)
 
 
 def _run_remaining(session: SweepSession) -> None:
@@ -184,16 +185,6 @@ def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
     for each in engines.values():
         fields |= each.null_fields(driven=driven)
     return fields
-
-
-def _shared(request: SweepRequest) -> Mapping[str, Any]:
-    return {
-        "schema_version": RECORD_VERSION,
-        "sweep": request.name,
-        "units": metric_units(),
-        "metric_versions": metric_versions(),
-        "severity": list(LABELS),
-    }
 
 
 def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
