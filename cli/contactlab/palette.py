@@ -5,14 +5,8 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
 # The eight colours of M. A. Petroff, "Accessible color sequences for data visualization", 2021.
 COLOURS = ("#1845fb", "#ff5e02", "#c91f16", "#c849a9", "#adad7d", "#86c8dd", "#578dff", "#656364")
 SHAPES = (
-    "circle",
-    "square",
-    "triangle-up",
-    "diamond",
-    "triangle-down",
-    "triangle-right",
-    "triangle-left",
-    "circle",
+    *("circle", "square", "triangle-up", "diamond"),
+    *("triangle-down", "triangle-right", "triangle-left", "circle"),
 )
 LETTERS = "ABCDEFGH"
 OTHERS_COLOUR = "#c4c4c4"

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from contactlab.accuracy.reference import PlannedModel
-from contactlab.contact.trace_arrays import RecordedControls
+from contactlab.contact.trace_arrays import RecordedControls, Trace
 from contactlab.engines import Rollout, engine_of, trajectory_hash
 from contactlab.measure import METRICS, Assessment
 from contactlab.run.run_verdicts import judge, within_tolerances
@@ -52,21 +52,33 @@ class RunPlan(PlannedModel):
 
 
 @dataclass(frozen=True)
-class RunOutcome:
-    """All that one run produced.
+class MeasuredGroup:
+    """Runs that were measured together; their rows in trace and assessment by place in the job."""
 
-    It has a row in the assessment of the runs that it was measured with, and a place in the rollout
-    of its job. The twin label is that of the same run from an initial state 1e-6 away, if the sweep
-    asks for it.
+    rows: Mapping[int, int]
+    trace: Trace
+    assessment: Assessment
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """All that one run produced: a row of its group, at a place in the rollout of its job.
+
+    The twin label is that of the same run from an initial state 1e-6 away, if the sweep asks for
+    it.
     """
 
     plan: RunPlan
-    assessment: Assessment
-    row: int
+    group: MeasuredGroup
     rollout: Rollout
     place: int
     started: str
     twin_label: str | None
+
+    @property
+    def row(self) -> int:
+        """Its row in the arrays of its group."""
+        return self.group.rows[self.place]
 
     @property
     def steps(self) -> int:
@@ -86,7 +98,7 @@ def time_now() -> str:
 
 def record_of(task: Task, outcome: RunOutcome) -> EvidenceRecord:
     """Return a run's record without cost and times of day: equal runs have equal records."""
-    assessment, row, place = outcome.assessment, outcome.row, outcome.place
+    assessment, row, place = outcome.group.assessment, outcome.row, outcome.place
     metrics = {name: _finite(values[row]) for name, values in assessment.metrics.items()}
     status, reason = _status(outcome)
     twin = outcome.twin_label
@@ -214,7 +226,7 @@ def _short(number: object) -> str:
 def _labels(outcome: RunOutcome) -> tuple[LabelEntry, ...]:
     labels = tuple(
         LabelEntry(label=label, reason=reason, step=step)
-        for label, reason, step in outcome.assessment.labels[outcome.row]
+        for label, reason, step in outcome.group.assessment.labels[outcome.row]
     )
     error = outcome.rollout.errors[outcome.place]
     return labels if error is None else (LabelEntry(label="invalid", reason=error, step=0), *labels)

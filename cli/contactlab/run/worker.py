@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +27,7 @@ from contactlab.engines.closed_loop import load_policy
 from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (
+    MeasuredGroup,
     RunOutcome,
     RunPlan,
     crash_record,
@@ -52,16 +53,6 @@ _RECORD_SCHEMA = b'{"type":"object"}'
 CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
 
 
-@dataclass(frozen=True)
-class MeasuredGroup:
-    """Some runs of a job: their places in it, and their rows in arrays and measurements."""
-
-    places: Sequence[int]
-    rows: Sequence[int]
-    trace: Trace
-    assessment: Assessment
-
-
 def measured_groups(
     trace: Trace, setup: Setup, rollout: Rollout, rule: str, check: CheckRuns
 ) -> Iterator[MeasuredGroup]:
@@ -77,7 +68,7 @@ def measured_groups(
         yield from _checked(whole, *picked, rule, check)
     for place in sorted(set(range(trace.runs)) - set(whole)):
         cut, alone = trace.select([place], rollout.steps[place]), setup.select([place])
-        yield MeasuredGroup([place], [0], cut, assess(cut, alone))
+        yield MeasuredGroup({place: 0}, cut, assess(cut, alone))
 
 
 def _checked(
@@ -90,14 +81,14 @@ def _checked(
     assessment = assess(trace, setup)
     suspects = [row for row in range(trace.runs) if _selects(rule, assessment, row)]
     others = sorted(set(range(trace.runs)) - set(suspects))
-    yield MeasuredGroup([places[row] for row in others], others, trace, assessment)
+    yield MeasuredGroup({places[row]: row for row in others}, trace, assessment)
     if suspects:
         picked = trace.select(suspects)
         checks = check([places[row] for row in suspects], picked)
         done = range(checks.runs)
         checked, known = picked.select(done), setup.select([suspects[row] for row in done])
         again = assess(checked, known, checks)
-        yield MeasuredGroup([places[suspects[row]] for row in done], done, checked, again)
+        yield MeasuredGroup({places[suspects[row]]: row for row in done}, checked, again)
 
 
 def _selects(rule: str, assessment: Assessment, row: int) -> bool:
@@ -174,19 +165,11 @@ class Worker:
         labels = self._twin_labels(plans[: len(rollout.steps)], starts)
         finished: dict[int, Finished] = {}
         for group in groups:
-            for row, place in zip(group.rows, group.places, strict=True):
-                if self._task.sweep.knife_edge and place not in labels:
-                    continue
-                outcome = RunOutcome(
-                    plan=plans[place],
-                    assessment=group.assessment,
-                    row=row,
-                    rollout=rollout,
-                    place=place,
-                    started=started,
-                    twin_label=labels.get(place),
-                )
-                finished[place] = self._finish(outcome, group)
+            for place in group.rows:
+                twin = labels.get(place)
+                if twin is not None or not self._task.sweep.knife_edge:
+                    outcome = RunOutcome(plans[place], group, rollout, place, started, twin)
+                    finished[place] = self._finish(outcome)
         return [finished[place] for place in sorted(finished)]
 
     def _measure(
@@ -228,7 +211,7 @@ class Worker:
         return {
             place: group.assessment.labels[row][0].label
             for group in groups
-            for row, place in zip(group.rows, group.places, strict=True)
+            for place, row in group.rows.items()
         }
 
     def _grace_period(self) -> Proceed:
@@ -242,8 +225,8 @@ class Worker:
         (plan,) = self._preparer.plans((run,))
         return _finished(crash_record(self._task, plan, label))
 
-    def _finish(self, outcome: RunOutcome, group: MeasuredGroup) -> Finished:
-        missing = missing_effects(group.trace, outcome.row, outcome.plan.prepared)
+    def _finish(self, outcome: RunOutcome) -> Finished:
+        missing = missing_effects(outcome.group.trace, outcome.row, outcome.plan.prepared)
         record = record_of(self._task, outcome).model_copy(update={"effects_missed": missing})
         if outcome.controls is not None:
             model = outcome.plan.prepared.model
@@ -251,8 +234,7 @@ class Worker:
             sha256 = self._traces.add_controls(outcome.controls, names)
             record = record.model_copy(update={"controls": sha256})
         if self._keeps_trace(outcome.plan.run, record):
-            trace = self._write_trace(record, outcome, group)
-            record = record.model_copy(update={"trace": trace})
+            record = record.model_copy(update={"trace": self._write_trace(record, outcome)})
         return _finished(with_cost(self._task, record, outcome))
 
     def _keeps_trace(self, run: PlannedRun, record: EvidenceRecord) -> bool:
@@ -262,9 +244,7 @@ class Worker:
             return run.index * wanted % self._task.identity.runs_asked < wanted
         return rule == "all" or (rule == "flagged" and record.label != "stable")
 
-    def _write_trace(
-        self, record: EvidenceRecord, outcome: RunOutcome, group: MeasuredGroup
-    ) -> TraceFile:
+    def _write_trace(self, record: EvidenceRecord, outcome: RunOutcome) -> TraceFile:
         """Write a run's trace; its record has neither cost nor times of day, so that it repeats."""
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),
@@ -272,7 +252,8 @@ class Worker:
             metadata=_metadata(record, outcome.plan.prepared.model.na),
             model_xml=self._model_xml,
         )
-        series = outcome.assessment.series
+        group = outcome.group
+        series = group.assessment.series
         return self._traces.add(record.run_id, group.trace, outcome.row, series, extras)
 
 
