@@ -8,6 +8,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.evidence_record import as_written
@@ -25,13 +26,10 @@ _SLACK = 1 + 1e-9
 """Keeps a value that equals its limit within it, whatever its rounding error."""
 
 
-@dataclass(frozen=True)
-class Limit:
+class Limit(NamedTuple):
     """The limit of all measures of one name: None where the model or its task decides.
 
-    Attributes:
-        strict: whether the limit itself misses it.
-        shown: factor and unit in which people read it.
+    Where it is strict, the limit itself misses it; people read it times the factor in that unit.
     """
 
     unit: str
@@ -71,12 +69,10 @@ class Limits:
     given: Mapping[str, float] = field(default_factory=dict[str, float])
 
     def __post_init__(self) -> None:
-        settable = [name for name, limit in LIMITS.items() if limit.value is not None]
-        known = [*settable, "timestep"]
-        for name in self.given:
-            if name not in known:
-                hint = did_you_mean(name, known)
-                raise SweepFileError(f"no limit '{name}'{hint}; there are {', '.join(known)}")
+        known = [*(name for name, each in LIMITS.items() if each.value is not None), "timestep"]
+        for name in (each for each in self.given if each not in known):
+            hint = did_you_mean(name, known)
+            raise SweepFileError(f"no limit '{name}'{hint}; there are {', '.join(known)}")
 
     def measure(
         self,

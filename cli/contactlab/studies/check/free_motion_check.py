@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 from contactlab.scene.written_inertia import InertiaFault
 from contactlab.schema.check_report import CheckResult, Measure
@@ -84,21 +85,20 @@ def _drifts(checked: CheckedModel, free: Sequence[FreeMotionRun]) -> Iterator[Me
         drift = abs(budget.rate(budget.peak))
         yield checked.limits.measure("energy_drift", drift, name)
         yield informative("energy_deviation_max", budget.most / budget.peak, "1", name)
-    for motion in others:
-        for tree in trees:
-            found = motion.budgets.get(tree)
-            drift = abs(found.rate(found.peak)) if found else math.inf
-            yield informative("energy_drift", drift, "1/s", _named(tree, trees, motion.name))
+    for motion, tree in product(others, trees):
+        found = motion.budgets.get(tree)
+        drift = abs(found.rate(found.peak)) if found else math.inf
+        yield informative("energy_drift", drift, "1/s", _named(tree, trees, motion.name))
 
 
 def _gains(checked: CheckedModel, nominal: FreeMotionRun, kept: FreeMotionRun) -> Iterator[Measure]:
     """Yield the gain with the model's own damping, and its budget, per free kinetic energy."""
     if not kept.budgets:
         yield checked.limits.measure("energy_gain", math.inf, kept.name)
-    trees = list(kept.budgets)
+    trees, what = list(kept.budgets), kept.name + (", damping on" if kept.damped else "")
     for tree, budget in kept.budgets.items():
         peak = nominal.budgets.get(tree, budget).peak
-        name = _named(tree, trees, kept.name + (", damping on" if kept.damped else ""))
+        name = _named(tree, trees, what)
         yield checked.limits.measure("energy_gain", budget.rate(peak), name)
         if kept.damped and is_accounted(checked):
             work = -budget.dampers / peak / budget.seconds

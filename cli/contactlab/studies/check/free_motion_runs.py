@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -18,8 +19,7 @@ from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values
 
 
-@dataclass(frozen=True)
-class Tree:
+class Tree(NamedTuple):
     """Bodies that move together, and no others with them.
 
     Attributes:
@@ -42,19 +42,15 @@ def trees_of(model: mujoco.MjModel) -> list[Tree]:
     dofs, bodies = np.array(model.dof_treeid), np.array(model.body_treeid)
     if model.ntree > 1 and model.tendon_stiffness.any():
         dofs, bodies = np.minimum(dofs, 0), np.minimum(bodies, 0)
-    return [_tree(model, dofs == each, bodies == each) for each in sorted(set(dofs.tolist()))]
-
-
-def _tree(model: mujoco.MjModel, dofs: NDArray[np.bool_], bodies: NDArray[np.bool_]) -> Tree:
-    root = int(np.flatnonzero(bodies)[0])
-    joints = np.flatnonzero(model.jnt_bodyid == root)
-    return Tree(
-        name=model.body(root).name,
-        dofs=dofs,
-        bodies=bodies,
-        mass=float(model.body_mass[bodies].sum()),
-        floats=any(_falls(model, joint) for joint in joints.tolist()),
-    )
+    trees: list[Tree] = []
+    for number in np.unique(dofs):
+        own = bodies == number
+        root = int(np.flatnonzero(own)[0])
+        joints: list[int] = np.flatnonzero(model.jnt_bodyid == root).tolist()
+        falls = any(_falls(model, joint) for joint in joints)
+        mass = float(model.body_mass[own].sum())
+        trees.append(Tree(model.body(root).name, dofs == number, own, mass, falls))
+    return trees
 
 
 def _falls(model: mujoco.MjModel, joint: int) -> bool:
@@ -112,8 +108,7 @@ _STATES = 500
 """States at which the energy is computed, evenly spaced."""
 
 
-@dataclass(frozen=True)
-class EnergyBudget:
+class EnergyBudget(NamedTuple):
     """The energy budget of one motion.
 
     Attributes:
@@ -142,16 +137,11 @@ class EnergyBudget:
 def energy_budget(
     trace: StoredTrace, damping: Floats, kinetic: Floats, potential: Floats
 ) -> EnergyBudget:
-    """Return the energy budget of a trace.
+    """Return the energy budget of a trace of at least two steps.
 
     A damper with coefficient b takes the power b qvel^2; it is integrated by the trapezoidal rule,
-    whose error is of second order in the timestep.
-
-    Args:
-        trace: a run of at least two steps.
-        damping: (nv,) viscous coefficient of each degree of freedom that counts, else 0.
-        kinetic: energy at some times, the first and the last among them [J].
-        potential: energy at the same times [J].
+    whose error is of second order in the timestep. Damping (nv,) is that of the degrees of freedom
+    that count, else 0; energies [J] are at some times, the first and the last among them.
     """
     energy = kinetic + potential
     power = (trace.qvel**2) @ damping
@@ -245,11 +235,6 @@ def why_not_applicable(checked: CheckedModel) -> str:
     return ""
 
 
-def floats(checked: CheckedModel) -> bool:
-    """Say whether any tree of the model would just fall."""
-    return any(tree.floats for tree in trees_of(checked.prepared.model))
-
-
 def free_motions(checked: CheckedModel, store: str) -> tuple[list[FreeMotionRun], FreeMotionRun]:
     """Run the free motion with the model's integrator and RK4, at three timesteps each.
 
@@ -285,31 +270,39 @@ def free_motions(checked: CheckedModel, store: str) -> tuple[list[FreeMotionRun]
 def is_damped(checked: CheckedModel) -> bool:
     """Say whether joints, tendons or the medium dissipate energy."""
     model = checked.prepared.model
-    fluid = any(checked.settings[name] for name in _MEDIUM)
     viscous = model.dof_damping.any() or model.tendon_damping.any()
-    return bool(fluid or (viscous and checked.resolved.flags["damper"]))
+    return bool(_media(checked) or (viscous and checked.resolved.flags["damper"]))
 
 
 def is_accounted(checked: CheckedModel) -> bool:
     """Say whether all damping is linear in joint velocities, so that its work is known."""
     model = checked.prepared.model
     curved = getattr(model, "dof_dampingpoly", np.zeros(1))
-    fluid = any(checked.settings[name] for name in _MEDIUM)
-    return not (fluid or model.tendon_damping.any() or np.any(curved))
+    return not (_media(checked) or model.tendon_damping.any() or np.any(curved))
+
+
+def _media(checked: CheckedModel) -> list[str]:
+    """Return the settings by which a medium acts on the model."""
+    return [name for name in _MEDIUM if checked.settings[name]]
+
+
+def _floats(checked: CheckedModel) -> bool:
+    """Say whether any tree of the model would just fall."""
+    return any(tree.floats for tree in trees_of(checked.prepared.model))
 
 
 def free_settings(checked: CheckedModel) -> dict[str, object]:
     """Return what free motion starts with, what it switches off and what it sets to zero."""
     model = checked.base.model
     values: dict[str, object] = {**dict.fromkeys(_OFF, False), "joint_speed": SPEED}
-    values |= {name: 0.0 for name in _MEDIUM if checked.settings[name]}
-    values |= {"gravity": 0.0} if floats(checked) else {}
+    values |= dict.fromkeys(_media(checked), 0.0)
+    values |= {"gravity": 0.0} if _floats(checked) else {}
     compensated = np.flatnonzero(model.body_gravcomp)
     return values | {f"body_gravcomp[{model.body(index).name}]": 0.0 for index in compensated}
 
 
 def switched_off(checked: CheckedModel) -> str:
     """Return in words what acts in free motion, and what does not."""
-    off = [*_OFF, *(name for name in _MEDIUM if checked.settings[name])]
-    gravity = "gravity too, since it floats" if floats(checked) else "gravity acts"
+    off = [*_OFF, *_media(checked)]
+    gravity = "gravity too, since it floats" if _floats(checked) else "gravity acts"
     return f"every joint starts at {SPEED:g} rad/s, either way; off: {', '.join(off)}; {gravity}"

@@ -11,14 +11,14 @@ For a body of mass m and principal moments A <= B <= C about its centre of mass:
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
+from contactlab.contact.rotations import rotation_matrices
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import SceneError
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.written_inertia import (
@@ -43,16 +43,10 @@ _LEAST_SPREAD = 1 / 30
 """Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 
 
-@dataclass(frozen=True)
-class BodyInertia:
-    """The inertia of a body about its centre of mass.
+class BodyInertia(NamedTuple):
+    """The name, mass [kg], centre of mass and principal inertia of a body, in the body's frame.
 
-    Attributes:
-        name: its name.
-        mass: [kg].
-        moments: (3,) about the axes [kg m^2].
-        axes: (3, 3) principal axes as columns, in the body's frame.
-        centre: (3,) of mass, in the body's frame [m].
+    Moments (3,) [kg m^2] are about the axes through the centre (3,) [m], columns of (3, 3).
     """
 
     name: str
@@ -69,8 +63,7 @@ def density_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iter
     if LIGHTEST <= density <= DENSEST:
         return
     light = density < LIGHTEST
-    limit = LIGHTEST if light else DENSEST
-    words = "lighter than foam" if light else "denser than any metal"
+    limit, words = (LIGHTEST, "lighter than foam") if light else (DENSEST, "denser than any metal")
     reason = (
         f"its mass of {body.mass:g} kg in the {space:.3g} m^3 of its geoms makes "
         f"{density:.3g} kg/m^3, {words} ({limit:g})"
@@ -127,7 +120,6 @@ def _too_small(body: BodyInertia, spread: float, length: float) -> Iterator[Iner
         yield InertiaFault(body.name, "too_small", spread, limit, "m", reason)
 
 
-_FATAL = ("not_positive", "triangle")
 # The moments of a thin plate meet the triangle inequality only up to rounding.
 _ROUNDING = 1e-9
 
@@ -135,21 +127,15 @@ _ROUNDING = 1e-9
 def scene_inertia_faults(
     source: SceneSource, structure: Mapping[str, object] | None = None
 ) -> tuple[InertiaFault, ...]:
-    """Return the faults of a scene's model, even if it does not compile because of them.
+    """Return the faults of a scene's model, as its file has it and as it compiles.
 
     Raises:
-        SceneError: the model does not compile for another reason.
+        SceneError: the model does not compile.
     """
     written: list[InertiaFault] = []
-    try:
-        model = compile_model(
-            source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
-        )
-    except SceneError:
-        fatal = tuple(each for each in written if each.kind in _FATAL)
-        if not fatal:
-            raise
-        return fatal
+    model = compile_model(
+        source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
+    )
     return (*written, *inertia_faults(model))
 
 
@@ -164,7 +150,7 @@ def _body_faults(model: mujoco.MjModel, index: int) -> Iterator[InertiaFault]:
         model.body(index).name,
         float(model.body_mass[index]),
         np.array(model.body_inertia[index]),
-        rotation(model.body_iquat[index]),
+        rotation_matrices(model.body_iquat[[index]])[0],
         np.array(model.body_ipos[index]),
     )
     if body.mass < 0 or body.moments.min() < 0:
@@ -183,16 +169,15 @@ _GEOM = mujoco.mjtGeom
 def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     """Return the geoms of a body that have a volume: those that collide if any, else all."""
     geoms: list[int] = np.flatnonzero(model.geom_bodyid == body).tolist()
-    solid = [geom for geom in geoms if int(model.geom_type[geom]) in _VOLUMES]
+    solid = [geom for geom in geoms if int(model.geom_type[geom]) in _SOLIDS]
     touching = [geom for geom in solid if model.geom_contype[geom] or model.geom_conaffinity[geom]]
     return touching or solid
 
 
 def volume(model: mujoco.MjModel, geom: int) -> float:
     """Return the volume of a geom [m^3]; for a mesh, that of its convex hull."""
-    kind = int(model.geom_type[geom])
-    points = _points(model, geom) if kind in _MESHES else np.array(model.geom_size[geom])
-    return _VOLUMES[kind](points)
+    shape = _SHAPES.get(int(model.geom_type[geom]))
+    return shape[0](*model.geom_size[geom]) if shape else _hull_volume(_points(model, geom))
 
 
 def extent(model: mujoco.MjModel, body: int, direction: Floats) -> tuple[float, float]:
@@ -200,27 +185,20 @@ def extent(model: mujoco.MjModel, body: int, direction: Floats) -> tuple[float, 
     spans = [
         _span(model, geom, direction)
         for geom in np.flatnonzero(model.geom_bodyid == body).tolist()
-        if int(model.geom_type[geom]) in _VOLUMES
+        if int(model.geom_type[geom]) in _SOLIDS
     ]
     return min(low for low, _ in spans), max(high for _, high in spans)
 
 
 def _span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:
-    kind, size = int(model.geom_type[geom]), np.array(model.geom_size[geom])
-    local = rotation(model.geom_quat[geom]).T @ direction
+    local = rotation_matrices(model.geom_quat[[geom]])[0].T @ direction
     centre = float(model.geom_pos[geom] @ direction)
-    if kind in _MESHES:
+    shape = _SHAPES.get(int(model.geom_type[geom]))
+    if shape is None:
         along = _points(model, geom) @ local
         return centre + float(along.min()), centre + float(along.max())
-    reach = _REACHES[kind](size, np.abs(local))
+    reach = float(shape[1](np.array(model.geom_size[geom]), np.abs(local)))
     return centre - reach, centre + reach
-
-
-def rotation(quaternion: Floats) -> Floats:
-    """Return the (3, 3) matrix of a unit quaternion."""
-    matrix = np.zeros(9)
-    mujoco.mju_quat2Mat(matrix, np.array(quaternion))
-    return matrix.reshape(3, 3)
 
 
 def _points(model: mujoco.MjModel, geom: int) -> Floats:
@@ -236,31 +214,23 @@ def _hull_volume(points: Floats) -> float:
         return 0.0
 
 
-def _sphere(size: Floats) -> float:
-    return 4 / 3 * math.pi * float(size[0]) ** 3
-
-
-def _cylinder(size: Floats) -> float:
-    return 2 * math.pi * float(size[0]) ** 2 * float(size[1])
-
-
-_MESHES = {int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}
-# From the sizes of a geom, or the points of a mesh.
-_VOLUMES: dict[int, Callable[[Floats], float]] = {
-    int(_GEOM.mjGEOM_SPHERE): _sphere,
-    int(_GEOM.mjGEOM_CAPSULE): lambda size: _sphere(size) + _cylinder(size),
-    int(_GEOM.mjGEOM_CYLINDER): _cylinder,
-    int(_GEOM.mjGEOM_BOX): lambda size: 8 * float(size.prod()),
-    int(_GEOM.mjGEOM_ELLIPSOID): lambda size: 4 / 3 * math.pi * float(size.prod()),
-    **dict.fromkeys(_MESHES, _hull_volume),
-}
-# From the sizes of a geom, and the magnitudes of a direction in its frame.
-_REACHES: dict[int, Callable[[Floats, Floats], float]] = {
-    int(_GEOM.mjGEOM_SPHERE): lambda size, _: float(size[0]),
-    int(_GEOM.mjGEOM_CAPSULE): lambda size, along: size[0] + size[1] * along[2],
-    int(_GEOM.mjGEOM_CYLINDER): lambda size, along: (
-        size[0] * math.hypot(along[0], along[1]) + size[1] * along[2]
+_BALL = 4 / 3 * math.pi
+_Shape = tuple[Callable[[float, float, float], float], Callable[[Floats, Floats], float]]
+# The volume from the sizes of a geom, and its reach from these and the magnitudes of a direction.
+_SHAPES: dict[int, _Shape] = {
+    int(_GEOM.mjGEOM_SPHERE): (lambda r, _, __: _BALL * r**3, lambda size, _: float(size[0])),
+    int(_GEOM.mjGEOM_CAPSULE): (
+        lambda r, half, _: _BALL * r**3 + 2 * math.pi * r**2 * half,
+        lambda size, along: size[0] + size[1] * along[2],
     ),
-    int(_GEOM.mjGEOM_BOX): lambda size, along: float(size @ along),
-    int(_GEOM.mjGEOM_ELLIPSOID): lambda size, along: float(np.linalg.norm(size * along)),
+    int(_GEOM.mjGEOM_CYLINDER): (
+        lambda r, half, _: 2 * math.pi * r**2 * half,
+        lambda size, along: size[0] * math.hypot(*along[:2]) + size[1] * along[2],
+    ),
+    int(_GEOM.mjGEOM_BOX): (lambda a, b, c: 8 * a * b * c, lambda size, along: float(size @ along)),
+    int(_GEOM.mjGEOM_ELLIPSOID): (
+        lambda a, b, c: _BALL * a * b * c,
+        lambda size, along: math.hypot(*(size * along)),
+    ),
 }
+_SOLIDS = {*_SHAPES, int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}
