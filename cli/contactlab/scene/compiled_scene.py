@@ -198,11 +198,8 @@ def _subject(model: mujoco.MjModel, manifest: SceneManifest | None) -> int | Non
 
 def _is_free(model: mujoco.MjModel) -> bool:
     """Return whether momentum is conserved: free roots, no gravity, no external forces."""
-    roots = np.flatnonzero((model.body_parentid == 0) & (np.arange(model.nbody) > 0))
-    joints = [int(model.body_jntadr[root]) for root in roots if model.body_jntnum[root] == 1]
-    rooted = len(joints) == len(roots) and all(
-        model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE for joint in joints
-    )
-    still = not model.opt.gravity.any() and not model.opt.density and not model.opt.viscosity
-    static = bool((model.geom_bodyid == 0).any())
-    return bool(len(roots) and rooted and still and not static and not model.nu and not model.neq)
+    roots = set(np.flatnonzero(model.body_parentid == 0)[1:].tolist())
+    free = set(model.jnt_bodyid[model.jnt_type == int(mujoco.mjtJoint.mjJNT_FREE)].tolist())
+    acted_on = model.opt.gravity.any() or model.opt.density or model.opt.viscosity or model.nu
+    held = model.neq or (model.geom_bodyid == 0).any()
+    return bool(roots) and roots <= free and not acted_on and not held

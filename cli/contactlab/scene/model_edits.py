@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -31,12 +32,13 @@ _KINDS = {
 # Addresses, counts, ids and types are structure, which MuJoCo does not check; bounds, inertia and
 # broad phase are derived from sizes when a model is compiled, and not later; collision bits decide
 # which pairs are monitored.
-_STRUCTURE = re.compile(
-    r"(adr|num|id|type|simple|sameframe|limited|signature|geom1|geom2|plugin|history|ctrlspec|size|rbound"
-    r"|aabb|conaffinity)$"
+_STRUCTURE = (
+    "adr|num|id|type|simple|sameframe|limited|signature|geom1|geom2|plugin|history|ctrlspec|size"
+    "|rbound|aabb|conaffinity"
 )
 # MuJoCo derives these from other fields, and would overwrite them.
-_DERIVED = re.compile(r"(weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin)$")
+_DERIVED = "weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin"
+_FIXED = re.compile(f"({_STRUCTURE}|{_DERIVED})$")
 
 
 def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
@@ -45,39 +47,45 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     Raises:
         ValueError: it has that form, but names no such field, object or index.
     """
-    parts = _NAME.fullmatch(name)
-    if parts is None:
+    if (found := _find(model, name)) is None:
         return None
-    _locate(model, name)
-    return AxisSpec(name, "", "MuJoCo's model field", _parser(model, name))
+    array, index = found
+    width = int(np.size(array[index]))
+    condim = re.match(r"(geom_condim|pair_dim)\b", name)
+    one = PARAMETERS["condim"].parse if condim else _element_parser(array.dtype)
+
+    def parse(value: object) -> object:
+        parts = value.split() if isinstance(value, str) else value
+        many = list(parts) if isinstance(parts, (list, tuple)) else [parts]
+        if len(many) != width:
+            raise ValueError(f"write {width} numbers for {name}, not {value!r}")
+        numbers = tuple(one(part) for part in many)
+        return numbers[0] if width == 1 else numbers
+
+    return AxisSpec(name, "", "MuJoCo's model field", parse)
 
 
 def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
     """Return whether a setting is a model field that has this value already."""
-    if field_axis(model, name) is None:
+    if (found := _find(model, name)) is None:
         return False
-    array, index = _locate(model, name)
+    array, index = found
     return bool(np.all(array[index] == np.asarray(value, array.dtype)))
 
 
-def write_field(model: mujoco.MjModel, name: str, value: object) -> bool:
-    """Write a model field; return whether constants derived from it must be recomputed."""
-    array, index = _locate(model, name)
-    array[index] = value
-    inputs = getattr(mujoco.MjModel, "_setconst_inputs", ())
-    return not inputs or name.partition("[")[0] in inputs
-
-
-def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]]:
-    """Return the field's array and the index of the named object's row or element."""
+def _find(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]] | None:
+    """Return a field's array and the index of the named object's row or element, if it is one."""
     parts = _NAME.fullmatch(name)
-    assert parts is not None
+    if parts is None:
+        return None
     field, item, place = parts["field"], parts["object"], parts["place"]
     kind = _KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
-    if kind is None or not isinstance(array, np.ndarray) or _is_fixed(field):
+    if kind is None or not isinstance(array, np.ndarray) or _FIXED.search(field):
         known = [
-            each for each in dir(model) if each.partition("_")[0] in _KINDS and not _is_fixed(each)
+            each
+            for each in dir(model)
+            if each.partition("_")[0] in _KINDS and not _FIXED.search(each)
         ]
         raise ValueError(
             f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
@@ -93,27 +101,6 @@ def _locate(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ..
     return array, index
 
 
-def _is_fixed(field: str) -> bool:
-    return bool(_STRUCTURE.search(field) or _DERIVED.search(field))
-
-
-def _parser(model: mujoco.MjModel, name: str) -> Callable[[object], object]:
-    array, index = _locate(model, name)
-    width = int(np.size(array[index]))
-    condim = re.match(r"(geom_condim|pair_dim)\b", name)
-    one = PARAMETERS["condim"].parse if condim else _element_parser(array.dtype)
-
-    def parse(value: object) -> object:
-        parts = value.split() if isinstance(value, str) else value
-        many = list(parts) if isinstance(parts, (list, tuple)) else [parts]
-        if len(many) != width:
-            raise ValueError(f"write {width} numbers for {name}, not {value!r}")
-        numbers = tuple(one(part) for part in many)
-        return numbers[0] if width == 1 else numbers
-
-    return parse
-
-
 def _element_parser(kind: np.dtype) -> Callable[[object], float]:
     if kind.kind == "b":
         return integer(0, 1)
@@ -127,10 +114,8 @@ def _element_parser(kind: np.dtype) -> Callable[[object], float]:
 class EditTargets:
     """Where contact and mass settings go.
 
-    Attributes:
-        geoms: ids of the geoms of the monitored pairs that no <pair> element covers.
-        explicit: indices of the <pair> elements of the monitored pairs.
-        subject: id of the body that the setting `mass` means, if there is one.
+    Contact settings go to the geoms and the explicit <pair> elements of the monitored pairs, `mass`
+    to the subject, if there is one.
     """
 
     geoms: tuple[int, ...]
@@ -148,12 +133,12 @@ def find_targets(
     """Return the geoms and <pair> elements behind the monitored pairs."""
     geoms: set[int] = set()
     explicit: set[int] = set()
-    for pair in pairs:
-        for first in pair.geoms[0]:
-            for second in pair.geoms[1]:
-                index = explicit_pair(model, first, second)
-                geoms |= {first, second} if index is None else set()
-                explicit |= set() if index is None else {index}
+    for both in (both for pair in pairs for both in product(*pair.geoms)):
+        index = explicit_pair(model, *both)
+        if index is None:
+            geoms.update(both)
+        else:
+            explicit.add(index)
     return EditTargets(tuple(sorted(geoms)), tuple(sorted(explicit)), subject)
 
 
@@ -162,7 +147,7 @@ def apply_settings(
 ) -> None:
     """Write the changed settings into a model, in place."""
     write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
-    derived = False
+    inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
     for name, value in changed.items():
         if name in OPTIONS:
             write_option(model, name, value)
@@ -174,8 +159,10 @@ def apply_settings(
             derived = True
         elif name in EFFECTS and name not in FLAGS:
             EFFECTS[name].switch.write(model, bool(value))
-        elif field_axis(model, name):
-            derived |= write_field(model, name, value)
+        elif found := _find(model, name):
+            array, index = found
+            array[index] = value
+            derived |= not inputs or name.partition("[")[0] in inputs
     if derived:
         mujoco.mj_setConst(model, mujoco.MjData(model))
 

@@ -28,6 +28,7 @@ from contactlab.scene.setting_values import (
 from contactlab.schema.vocabulary import AxisSpec
 
 Update = Callable[[Settings, object], None]
+Vector = tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -70,15 +71,12 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 
 
 def _set_places(
-    name: str,
-    *places: int,
-    form: Callable[[Settings, str], tuple[float, ...]] = Settings.vector,
-    sign: float = 1.0,
+    name: str, *places: int, form: Callable[[Vector], Vector] = tuple, sign: float = 1.0
 ) -> Update:
     """Set some of a setting's numbers, once it has a form, to one value."""
 
     def update(settings: Settings, value: object) -> None:
-        current = list(form(settings, name))
+        current = list(form(as_vector(settings[name])))
         for place in places:
             current[place] = sign * as_number(value)
         settings[name] = tuple(current)
@@ -86,30 +84,26 @@ def _set_places(
     return update
 
 
-def _standard_form(settings: Settings, name: str) -> tuple[float, ...]:
+def _standard_form(solref: Vector) -> Vector:
     """Return a solref in standard form; a direct form is left for MuJoCo's default."""
-    current = settings.vector(name)
-    return current if current[0] > 0 else (0.02, 1.0)
+    return solref if solref[0] > 0 else (0.02, 1.0)
 
 
-def _direct_form(settings: Settings, name: str) -> tuple[float, ...]:
+def _direct_form(solref: Vector) -> Vector:
     """Return a solref in direct form; a standard form is turned into its equal."""
-    first, second = settings.vector(name)
-    if first <= 0:
-        return first, second
-    stiffness, damping = stiffness_damping((first, second))
+    if solref[0] <= 0:
+        return solref
+    stiffness, damping = stiffness_damping(solref)
     return -float(stiffness), -float(damping)
 
 
-@cache
-def _damping_ratio(restitution: float) -> float:
-    return float(damping_ratio_of(restitution))
+_damping_ratio = cache(damping_ratio_of)
 
 
 def _set_restitution(settings: Settings, value: object) -> None:
     """Keep the contact's natural frequency w and set the damping that restitution asks for."""
-    stiffness = -_direct_form(settings, "solref")[0]
-    damping = 2.0 * _damping_ratio(as_number(value)) * stiffness**0.5
+    stiffness = -_direct_form(as_vector(settings["solref"]))[0]
+    damping = 2.0 * float(_damping_ratio(as_number(value))) * stiffness**0.5
     settings["solref"] = (-stiffness, -damping)
 
 
@@ -154,8 +148,7 @@ def _solref_mistake(value: tuple[float, ...]) -> str | None:
 
 def _solimp_mistake(value: tuple[float, ...]) -> str | None:
     dmin, dmax, width, midpoint, power = value
-    fine = 0 < dmin < 1 and 0 < dmax < 1 and width > 0 and 0 < midpoint < 1 and power >= 1
-    if fine:
+    if 0 < dmin < 1 and 0 < dmax < 1 and width > 0 and 0 < midpoint < 1 and power >= 1:
         return None
     return "write dmin, dmax and midpoint between 0 and 1, width above 0, power of at least 1"
 

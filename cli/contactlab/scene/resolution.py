@@ -55,12 +55,12 @@ class ResolvedRun:
     @property
     def engine(self) -> str:
         """Name of the engine that simulates it."""
-        return self.settings.word("engine")
+        return str(self.settings["engine"])
 
     @property
     def timestep(self) -> float:
         """Length of a step [s]."""
-        return self.settings.number("timestep")
+        return as_number(self.settings["timestep"])
 
     @property
     def keyframe(self) -> str:

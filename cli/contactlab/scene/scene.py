@@ -202,7 +202,7 @@ class Scene:
                     flags[axis] = requested[axis]
             written = write_axis(settings, axis, given[axis])
             changed.update(settings_of(axis) if written else {axis})
-        engine = self._engines.get(settings.word("engine"))
+        engine = self._engines.get(str(settings["engine"]))
         if isinstance(drive, PolicyDrive):
             # It may look at what no metric reads.
             requested.setdefault("sensor", True)

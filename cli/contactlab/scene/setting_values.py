@@ -5,28 +5,13 @@ Each parser says what to write instead.
 
 import math
 from collections.abc import Callable, Sequence
+from contextlib import suppress
 
+Settings = dict[str, object]
+"""Every setting of a model or a run, by name, in the units of the parameters.
 
-class Settings(dict[str, object]):
-    """Every setting of a model or a run, by name, in the units of the parameters.
-
-    A value is a float, an int, a word or a tuple of floats.
-    """
-
-    def number(self, name: str) -> float:
-        """Return a setting that is a number."""
-        return as_number(self[name])
-
-    def vector(self, name: str) -> tuple[float, ...]:
-        """Return a setting of several numbers."""
-        return as_vector(self[name])
-
-    def word(self, name: str) -> str:
-        """Return a setting that is a word."""
-        value = self[name]
-        if not isinstance(value, str):
-            raise TypeError(f"{name} is {value!r}, not a word")
-        return value
+A value is a float, an int, a word or a tuple of floats.
+"""
 
 
 def as_number(value: object) -> float:
@@ -54,7 +39,8 @@ def number(
 
     def parse(value: object) -> float:
         if isinstance(value, str):
-            value = _number_of(value)
+            with suppress(ValueError):
+                value = float(value)
         if isinstance(value, bool) or not isinstance(value, (int, float)):
             raise ValueError(f"write a number, not {value!r}")
         if not math.isfinite(value):
@@ -123,13 +109,6 @@ def switch(value: object) -> bool:
     if not isinstance(value, bool):
         raise ValueError(f"write true or false, not {value!r}")
     return value
-
-
-def _number_of(text: str) -> object:
-    try:
-        return float(text)
-    except ValueError:
-        return text
 
 
 def _range(least: float, above: float, most: float) -> str:

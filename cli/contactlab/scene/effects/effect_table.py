@@ -25,6 +25,7 @@ from contactlab.scene.effects.effect import (
 from contactlab.scene.effects.proofs import ModelFacts, RunState, acts, where, zero
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.model_options import FLAGS
+from contactlab.scene.setting_values import as_number
 
 EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
@@ -76,7 +77,7 @@ _EFFECTS = (
         "numerical",
         "friction harder than the normal force",
         by_options(
-            is_on=lambda settings: settings.number("impratio") > 1,
+            is_on=lambda settings: as_number(settings["impratio"]) > 1,
             off={"impratio": 1.0},
             on={"impratio": 10.0},
         ),

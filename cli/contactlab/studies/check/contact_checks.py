@@ -7,6 +7,7 @@ import numpy as np
 
 from contactlab.contact.contact_laws import rest_penetration, stiffness_damping
 from contactlab.contact.trace_arrays import DISTANCE, FORCE
+from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.studies.check.check_results import check_result, informative, violated
 from contactlab.studies.check.check_runs import CheckRun
@@ -66,7 +67,7 @@ def _row(checked: CheckedModel, contact: ContactSet) -> Values:
 
 def _gravity(checked: CheckedModel) -> float:
     """Return the magnitude of the model's gravity [m/s^2]; the Earth's if it has none."""
-    return float(np.linalg.norm(checked.settings.vector("gravity"))) or _GRAVITY
+    return float(np.linalg.norm(as_vector(checked.settings["gravity"]))) or _GRAVITY
 
 
 def _settling(contact: ContactSet) -> float:

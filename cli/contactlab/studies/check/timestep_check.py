@@ -7,6 +7,7 @@ import numpy as np
 
 from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.scene.run_setup import make_setup
+from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure, TaskKind
 from contactlab.studies.check.check_results import check_result, informative, utilization, violated
 from contactlab.studies.check.check_runs import pair_speeds
@@ -56,7 +57,7 @@ def _travels(checked: CheckedModel) -> Iterator[Measure]:
         if math.isfinite(half):
             travel = float(speed) * step
             yield checked.limits.measure("travel", travel, pair.name, limit=float(half))
-    gravity = float(np.linalg.norm(checked.settings.vector("gravity")))
+    gravity = float(np.linalg.norm(as_vector(checked.settings["gravity"])))
     fall = math.sqrt(2 * gravity * model.stat.extent)
     yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
 
