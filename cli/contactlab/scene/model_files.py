@@ -10,7 +10,7 @@ import hashlib
 import re
 import shutil
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,12 +34,9 @@ _FOLDER_KEYS = ("meshdir", "texturedir", "assetdir")
 
 @dataclass(frozen=True)
 class Reference:
-    """A file that a model refers to.
+    """A file that a model refers to, where it is or is expected.
 
-    Attributes:
-        path: where it is, or where it is expected.
-        resource: the ROS resource name that refers to it, if one does.
-        absolute: whether the model names it by an absolute path.
+    It is named by a ROS resource name, by an absolute path, or neither.
     """
 
     path: Path
@@ -171,19 +168,11 @@ def _find_resource(name: str, folder: Path, copy: Path | None) -> Path:
     A package is a folder of that name that holds the model or lies next to a folder that does. So
     that parts of a package work too, any folder above the model may stand for it.
     """
-    above = [each for each in (folder, *folder.parents) if not copy or each.is_relative_to(copy)]
-    places = list(_places(name, above))
-    return next((place for place in places if place.is_file()), places[0])
-
-
-def _places(name: str, above: list[Path]) -> Iterator[Path]:
     package, rest = _package_and_path(name)
-    named = next((each for each in above if each.name == package), None)
-    if named is not None:
-        yield named / rest
-    for each in above:
-        yield each / package / rest
-        yield each / rest
+    above = [each for each in (folder, *folder.parents) if not copy or each.is_relative_to(copy)]
+    places = [each / rest for each in above if each.name == package][:1]
+    places += [each / part for each in above for part in (f"{package}/{rest}", rest)]
+    return next((place for place in places if place.is_file()), places[0])
 
 
 @dataclass(frozen=True)
@@ -259,14 +248,10 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
 
 def _plain(path: Path) -> Path:
     """Return an absolute path without `..`; links stay, so that a copy keeps their names."""
-    parts: list[str] = []
+    plain = Path(path.anchor)
     for part in path.absolute().parts:
-        if part == "..":
-            # Above the root is the root.
-            parts = parts[:-1] or parts
-        else:
-            parts.append(part)
-    return Path(*parts)
+        plain = plain.parent if part == ".." else plain / part
+    return plain
 
 
 def relative_path(path: Path, folder: Path) -> Path:
@@ -277,11 +262,9 @@ def relative_path(path: Path, folder: Path) -> Path:
     return Path(*ascent, end.relative_to(shared))
 
 
-def _common_folder(paths: Iterable[Path]) -> Path:
-    folder = min(paths).parent
-    while not all(folder in path.parents for path in paths):
-        folder = folder.parent
-    return folder
+def _common_folder(paths: Collection[Path]) -> Path:
+    first, *_ = paths
+    return next(each for each in first.parents if all(each in path.parents for path in paths))
 
 
 _LICENCE = re.compile(r"(LICEN[SC]E|COPYING|NOTICE)\b.*", re.IGNORECASE)

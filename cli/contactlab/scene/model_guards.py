@@ -17,8 +17,7 @@ from contactlab.errors import SceneError
 
 ALLOWED = "CONTACTLAB_ALLOW_FILES"
 """The environment variable that names allowed folders; workers inherit it."""
-_ROS_PACKAGE = "package.xml"
-_PYTHON_PACKAGE = "__init__.py"
+_ROS_PACKAGE, _PYTHON_PACKAGE = "package.xml", "__init__.py"
 _LEVELS = 2
 _PACKAGES = (_ROS_PACKAGE, ".git", "pyproject.toml", "setup.py")
 
@@ -41,7 +40,8 @@ def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -
         [named.resolve()] if named.is_dir() else [named.parent.resolve(), named.resolve().parent]
     )
     trees = [(home, copy.resolve() if copy else scene_tree(home)) for home in homes]
-    shared = [] if copy else [*_allowed(), *_installed()]
+    installed = (Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib"))
+    shared = [] if copy else [*_allowed(), *installed]
     for file in files:
         real = file.resolve()
         check_regular(file)
@@ -97,10 +97,6 @@ def _allowed() -> list[Path]:
     return [Path(each).resolve() for each in os.environ.get(ALLOWED, "").split(os.pathsep) if each]
 
 
-def _installed() -> list[Path]:
-    return [Path(sysconfig.get_path(name)).resolve() for name in ("purelib", "platlib")]
-
-
 _MOST_VALUES = 1 << 28
 """Heights of a field, or pixels of a texture."""
 _MOST_COPIES = 1 << 20
@@ -112,23 +108,9 @@ _PNG = struct.Struct(">8s4x4sII")
 
 def check_element(element: ET.Element, file: Path) -> None:
     """Refuse an element of a model that asks for an absurd number of values or copies."""
-    if element.tag in _VALUES:
-        _check(file, element, [element.get(key, "1") for key in _VALUES[element.tag]], _MOST_VALUES)
-    elif element.tag in _COPIES:
-        _check(file, element, element.get("count", "1").split(), _MOST_COPIES)
-
-
-def check_picture(path: Path) -> None:
-    """Refuse a PNG file, which may be small, with an absurd number of pixels."""
-    with path.open("rb") as file:
-        head = file.read(_PNG.size)
-    if len(head) == _PNG.size:
-        magic, kind, width, height = _PNG.unpack(head)
-        if magic == b"\x89PNG\r\n\x1a\n" and kind == b"IHDR" and width * height > _MOST_VALUES:
-            raise SceneError(f"{path}: {width} x {height} pixels are more than {_MOST_VALUES:,}")
-
-
-def _check(file: Path, element: ET.Element, counts: list[str], most: int) -> None:
+    most, counts = _MOST_VALUES, [element.get(key, "1") for key in _VALUES.get(element.tag, ())]
+    if element.tag in _COPIES:
+        most, counts = _MOST_COPIES, element.get("count", "1").split()
     try:
         product = math.prod(float(count) for count in counts)
     except ValueError:
@@ -140,3 +122,13 @@ def _check(file: Path, element: ET.Element, counts: list[str], most: int) -> Non
         raise SceneError(
             f"{file}: {element.tag}{name} of {size} is more than {most:,}; make it smaller"
         )
+
+
+def check_picture(path: Path) -> None:
+    """Refuse a PNG file, which may be small, with an absurd number of pixels."""
+    with path.open("rb") as file:
+        head = file.read(_PNG.size)
+    if len(head) == _PNG.size:
+        magic, kind, width, height = _PNG.unpack(head)
+        if magic == b"\x89PNG\r\n\x1a\n" and kind == b"IHDR" and width * height > _MOST_VALUES:
+            raise SceneError(f"{path}: {width} x {height} pixels are more than {_MOST_VALUES:,}")

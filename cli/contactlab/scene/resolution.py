@@ -159,11 +159,8 @@ class RunIdentity:
         pieces[1::2] = entries
         settings = "".join(pieces)[1:]
         tail = f',"settings":{{{settings}}},"written_over":{self._written_over}}}'
-        return b"".join([_digest(f"{self._head}{seed}{tail}") for seed in seeds])
-
-
-def _digest(text: str) -> bytes:
-    return hashlib.sha256(text.encode()).digest()[:ID_BYTES]
+        texts = (f"{self._head}{seed}{tail}".encode() for seed in seeds)
+        return b"".join([hashlib.sha256(text).digest()[:ID_BYTES] for text in texts])
 
 
 def id_entry(base: CompiledScene, name: str, value: object) -> str:
