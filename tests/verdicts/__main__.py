@@ -56,7 +56,7 @@ def of_corpus(case: Case, verdict: Verdict, part: str, *, healthy: bool) -> Row:
 
 def of_public(job: Job, drive: str, verdict: Verdict) -> Row:
     """Return the row of a public model under a drive."""
-    why = deserved(job.name, drive, verdict.label)
+    why = deserved(job.name, verdict.label)
     if verdict.label in _UNDECIDED:
         outcome = "no verdict"
     elif verdict.sound:
@@ -147,7 +147,7 @@ def main() -> None:
     parser.add_argument("--only", default="", metavar="PATTERN", help="names or kinds with this")
     parser.add_argument("--held-back", action="store_true", help="also what rules may not know")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="models side by side")
-    parser.add_argument("--seconds", type=float, default=300, help="time limit for each model")
+    parser.add_argument("--seconds", type=float, default=600, help="time limit for each model")
     parser.add_argument("--json", type=Path, default=Path("results/verdicts.json"))
     options = parser.parse_args()
     rows: list[Row] = []
