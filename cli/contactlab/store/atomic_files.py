@@ -81,9 +81,6 @@ def exchange_folders(new: Path, target: Path) -> None:
     """Put a folder into the place of another, and that one into its place: in one step on Linux.
 
     Where the system or the file system cannot, the target is `old` beside the new one for a moment.
-
-    Raises:
-        OSError: it cannot be done.
     """
     rename = getattr(_LIBC, "renameat2", None)
     paths = os.fsencode(new.absolute()), os.fsencode(target.absolute())
@@ -97,11 +94,7 @@ def exchange_folders(new: Path, target: Path) -> None:
 
 
 def sync_filesystem(folder: Path) -> None:
-    """Sync everything written to the folder's file system to disk.
-
-    Raises:
-        OSError: the disk failed.
-    """
+    """Sync everything written to the folder's file system to disk."""
     handle = os.open(folder, os.O_RDONLY)
     try:
         # Linux syncs one file system; elsewhere all of them are.

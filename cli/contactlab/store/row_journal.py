@@ -53,11 +53,7 @@ def row_size(line: bytes) -> int:
 
 
 def parsed(line: bytes) -> dict[str, Any]:
-    """Return the row of a whole line.
-
-    Raises:
-        ValueError: the line is damaged; the message says how.
-    """
+    """Return the row of a whole line; a ValueError says how it is damaged."""
     row = line[: row_size(line)]
     if is_sealed(line) and line != sealed(row):
         raise ValueError("does not match its checksum")
@@ -194,11 +190,7 @@ class ResumedRows:
     repair: bool
 
     def check(self, row: Row, is_sealed: bool) -> None:
-        """Check that a row is one of this sweep; without a checksum, every column is checked.
-
-        Raises:
-            ValueError: it is not; the message says why.
-        """
+        """Check that a row is of this sweep, all of it if unsealed; a ValueError says why not."""
         try:
             head = _RowHead.model_validate(row)
             if self.repair or not is_sealed:
@@ -218,11 +210,7 @@ class ResumedRows:
             )
 
     def keeps(self, row: Row) -> bool:
-        """Return whether a run stays: it need not be retried, and what it names is as written.
-
-        Raises:
-            OutputError: the trace of a run that is to be retried cannot be removed.
-        """
+        """Return whether a run stays: it need not be retried, and what it names is as written."""
         name = row["trace_file"]
         if self.retry_failed and row["status"] in FAILED_STATUSES:
             self.backend.delete([name] if name else [])

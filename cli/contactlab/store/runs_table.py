@@ -144,11 +144,7 @@ def _essential(field: pa.Field) -> dict[bytes, bytes]:
 def read_table(
     path: Path, columns: list[str] | None = None, *, shown_path: object = None
 ) -> pa.Table:
-    """Return the table, or some of its columns; errors name it by the shown path.
-
-    Raises:
-        StoreError: there is none, or it is damaged.
-    """
+    """Return the table, or some of its columns; a StoreError names it by the shown path."""
     with table_errors(shown_path or path):
         table = pq.read_table(path, columns=columns)
         # Text that is no UTF-8 is damage too.
@@ -159,8 +155,7 @@ def read_table(
 def check_table_size(path: Path, runs: int) -> None:
     """Check before anything of a table is unpacked that it has no more rows, nor larger ones.
 
-    Raises:
-        StoreError: it has others; one that is missing or damaged is left to those who read it.
+    One that is missing or damaged is left to those who read it.
     """
     try:
         meta = pq.read_metadata(path)
@@ -174,11 +169,7 @@ def check_table_size(path: Path, runs: int) -> None:
 
 
 def iterate_rows(path: Path) -> Iterator[dict[str, Any]]:
-    """Yield every row of a table, reading them batch by batch.
-
-    Raises:
-        StoreError: there is no table, or it is damaged.
-    """
+    """Yield every row of a table, reading them batch by batch; see `table_errors`."""
     with table_errors(path), pq.ParquetFile(path) as file:
         for batch in file.iter_batches(_BATCH):
             yield from batch.to_pylist()
@@ -225,9 +216,6 @@ def rows_digest(path: Path) -> str:
     and units of all columns, the SHA-256 of each of their streams, and the fields that all runs
     share. A copy that only compresses otherwise has the same digest; any other value, order or
     column another one.
-
-    Raises:
-        StoreError: there is none, or it is damaged.
     """
     streams = defaultdict[str, Any](hashlib.sha256)
     with table_errors(path), pq.ParquetFile(path) as file:

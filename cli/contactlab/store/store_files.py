@@ -30,11 +30,7 @@ _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 
 
 def read_stored(folder: Path, name: str, most: int = MOST_DOCUMENT) -> bytes | None:
-    """Return the content of a store's file; see `stored_file`.
-
-    Raises:
-        OSError: it cannot be read.
-    """
+    """Return the content of a store's file; see `stored_file`."""
     path = stored_file(folder, name, most)
     if path is None:
         return None

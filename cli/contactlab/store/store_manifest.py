@@ -14,11 +14,7 @@ _Document = TypeVar("_Document", bound=BaseModel)
 
 
 def parse_identity(data: bytes, store: Address) -> SweepIdentity:
-    """Return the sweep that a store belongs to, from the content of its `sweep.json`.
-
-    Raises:
-        StoreError: the content is damaged or of another version.
-    """
+    """Return the sweep that a store belongs to; a StoreError says how its file is damaged."""
     return _parse(data, SweepIdentity, store / IDENTITY)
 
 
@@ -33,11 +29,7 @@ def document_json(document: BaseModel) -> str:
 
 
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
-    """Check that a store belongs to the requested sweep.
-
-    Raises:
-        StoreError: it belongs to another sweep, or to other versions of engine or metrics.
-    """
+    """Raise a StoreError unless a store is of the requested sweep, by the same metrics."""
     ours, theirs = requested.model_dump(), stored.model_dump()
     names = [*ours, *(name for name in theirs if name not in ours)]
     differing = [each for each in names if ours.get(each) != theirs.get(each) and each != "source"]

@@ -115,8 +115,7 @@ class StoreWriter:
         passes after the runs: run id to values by column. The manifest that is returned is another
         writer's, if it has published the same sweep meanwhile.
 
-        Raises:
-            OutputError: something cannot be written; the store stays resumable.
+        After an OutputError the store stays resumable.
         """
         self.close()
         amend_journal(self.path, amendments)

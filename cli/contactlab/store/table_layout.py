@@ -135,16 +135,11 @@ def struct_column(name: str, values: Mapping[str, object]) -> Column:
 
 def axis_column(name: str, values: Sequence[object], unit: str, description: str) -> Column:
     """Return the column of an axis, of the type that its values need."""
-    kinds = {type(value) for value in values}
-    if kinds <= {bool}:
-        kind = _TRUTH
-    elif kinds <= {int}:
-        kind = _WHOLE
-    elif kinds <= {int, float}:
-        kind = REAL
-    else:
-        kind = _TEXT
-    return Column(name, kind, unit, description)
+    kinds = {_type_of(value) for value in values}
+    for kind, fitting in ((_TRUTH, {_TRUTH}), (_WHOLE, {_WHOLE}), (REAL, {_WHOLE, REAL})):
+        if kinds <= fitting:
+            return Column(name, kind, unit, description)
+    return Column(name, _TEXT, unit, description)
 
 
 def as_ratios(names: Iterable[str]) -> list[Column]:
@@ -206,6 +201,10 @@ _PARTS = {
     "timing": ("", tuple(Timing.model_fields)),
     "trace": ("trace_", ("file", "sha256", "bytes")),
 }
+# The columns of lists, with an entry for each label.
+_LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
+# The columns of lists, with an entry for each label.
+_LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
 _PLAIN = tuple(
     name
     for name in EvidenceRecord.model_fields
@@ -219,7 +218,12 @@ def record_to_row(record: EvidenceRecord) -> Row:
     """Return a record as a flat row, with axes and metrics by name beside its fields."""
     row: Row = {name: getattr(record, name) for name in _PLAIN}
     row |= {name: _encoded(getattr(record, name)) for name in _JSON_TEXT}
-    row |= _label_columns(record)
+    row |= {
+        column: tuple(getattr(each, field) for each in record.labels)
+        for column, field in _LABELS.items()
+    }
+    worst = record.labels[0] if record.labels else None
+    row |= {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
     for part, (prefix, names) in _PARTS.items():
         found = getattr(record, part)
         row |= {prefix + name: getattr(found, name, None) for name in names}
@@ -240,12 +244,8 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     data |= {name: shared[name] for name in SHARED_FIELDS}
     # The column has a field for each setting of any run; those of other runs are null.
     data["settings"] = {name: each for name, each in row["settings"].items() if each is not None}
-    data["labels"] = [
-        {"label": label, "reason": reason, "step": step}
-        for label, reason, step in zip(
-            row["labels"], row["label_reasons"], row["label_steps"], strict=True
-        )
-    ]
+    labels = zip(*(row[column] for column in _LABELS), strict=True)
+    data["labels"] = [dict(zip(_LABELS.values(), each, strict=True)) for each in labels]
     for part, (prefix, names) in _PARTS.items():
         found = {name: row[prefix + name] for name in names}
         if any(value is not None for value in found.values()):
@@ -259,17 +259,6 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     data["axes"] = {name: row[name] for name in row["axis_names"]}
     data["metrics"] = {name: row[name] for name in shared["units"]}
     return EvidenceRecord.model_validate(data)
-
-
-def _label_columns(record: EvidenceRecord) -> Row:
-    worst = record.labels[0] if record.labels else None
-    return {
-        "labels": tuple(entry.label for entry in record.labels),
-        "label_reasons": tuple(entry.reason for entry in record.labels),
-        "label_steps": tuple(entry.step for entry in record.labels),
-        "label_reason": worst.reason if worst else None,
-        "label_step": worst.step if worst else None,
-    }
 
 
 def _encoded(value: object) -> str:

@@ -76,23 +76,16 @@ class FileStart:
 
 
 def file_start(
-    schemas: Sequence[Schema], channels: Sequence[Channel], attachment: Attachment
+    schemas: Sequence[Schema], channels: Sequence[Channel], attached: Attachment
 ) -> FileStart:
     """Return the start of a file without metadata; channels are numbered from 1."""
     repeated = {Opcode.SCHEMA: _encoded(*schemas), Opcode.CHANNEL: _encoded(*channels)}
     header = _encoded(Header(profile="", library=LIBRARY))
     before = MCAP0_MAGIC + header + b"".join(repeated.values())
-    attached = _encoded(attachment)
-    index = AttachmentIndex(
-        offset=len(before),
-        length=len(attached),
-        log_time=attachment.log_time,
-        create_time=attachment.create_time,
-        data_size=len(attachment.data),
-        name=attachment.name,
-        media_type=attachment.media_type,
-    )
-    data = before + attached
+    data = before + _encoded(attached)
+    described = {name: value for name, value in vars(attached).items() if name != "data"}
+    place = len(before), len(data) - len(before)
+    index = AttachmentIndex(*place, data_size=len(attached.data), **described)
     topics = tuple(channel.topic for channel in channels)
     summary = {**repeated, Opcode.ATTACHMENT_INDEX: _encoded(index)}
     return FileStart(data, zlib.crc32(data), topics, len(schemas), summary)

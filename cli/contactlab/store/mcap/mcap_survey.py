@@ -158,11 +158,7 @@ def _raw_records(data: bytes, start: int, stop: int) -> Iterator[RawRecord]:
 
 
 def unpacked(compressed: bytes | memoryview, size: int) -> bytes:
-    """Return the content of a chunk, whose size both the chunk and the compressed data state.
-
-    Raises:
-        ValueError: it is larger than any that is written, or the sizes differ.
-    """
+    """Return the content of a chunk, whose size both the chunk and the compressed data state."""
     if size > _MOST_CHUNK or zstandard.frame_content_size(compressed) != size:
         raise ValueError(f"a chunk claims to hold {size:,} bytes")
     return zstandard.decompress(compressed)
