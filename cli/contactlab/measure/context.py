@@ -6,7 +6,7 @@ from functools import wraps
 from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
@@ -152,8 +152,7 @@ def least_energy(context: Context) -> Floats:
     It lifts every free body by 1 mm, or sets it moving at 1 cm/s.
     """
     mass = sum((body.mass for body in context.setup.free_bodies), np.zeros(context.trace.runs))
-    fall = np.linalg.norm(context.setup.gravity, axis=1)
-    return np.maximum(mass * (fall * 1e-3 + 0.5 * 1e-4), 1e-12)
+    return np.maximum(mass * (gravity(context) * 1e-3 + 0.5 * 1e-4), 1e-12)
 
 
 @cached
@@ -184,6 +183,33 @@ def worst_body(context: Context, quantity: Callable[[FreeBody], Floats]) -> Floa
 def worst_pair(context: Context, values: list[Floats]) -> Floats:
     """Return (n,) the largest over pairs; NaN where it applies to none."""
     return np.fmax.reduce(values) if values else context.undefined()
+
+
+def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:
+    """Return (n, ...) the distance [m] that 1 m/s^2 moves a body from rest in this many steps.
+
+    A semi-implicit step adds h a to the velocity and then h v to the position, so that N steps
+    move by ``a h^2 N (N + 1) / 2``; RK4 by ``a (h N)^2 / 2``.
+    """
+    count = np.asarray(steps, dtype=np.float64)
+    one = (slice(None),) + (None,) * count.ndim
+    step = context.trace.timestep[one]
+    return step**2 * count * (count + semi_implicit(context)[one]) / 2
+
+
+def semi_implicit(context: Context) -> Floats:
+    """Return (n,) 1 where positions move with the velocity after a step, 0 for RK4."""
+    return np.array([name != "RK4" for name in context.setup.settings["integrator"]], np.float64)
+
+
+def friction(context: Context, place: int = 0) -> Floats:
+    """Return (n,) a friction coefficient: sliding [1], or at place 2 torsional, 3 rolling [m]."""
+    return context.setting("friction").reshape(context.trace.runs, -1)[:, place]
+
+
+def gravity(context: Context) -> Floats:
+    """Return (n,) the magnitude of gravity [m/s^2]."""
+    return np.linalg.norm(context.setup.gravity, axis=1)
 
 
 @cached

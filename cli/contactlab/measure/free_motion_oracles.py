@@ -4,10 +4,9 @@ import numpy as np
 
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats
-from contactlab.measure.context import Context, energy, kinetic
+from contactlab.measure.context import Context, distance_from_rest, energy, kinetic
 from contactlab.measure.entries import oracle
 from contactlab.measure.motion import energy_scale
-from contactlab.measure.oracle_error import distance_from_rest
 
 _AXIS = np.array([0.0, 0.0, 1.0])
 

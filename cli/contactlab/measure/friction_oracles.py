@@ -4,14 +4,14 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure.context import Context
-from contactlab.measure.entries import oracle
-from contactlab.measure.oracle_error import (
+from contactlab.measure.context import (
+    Context,
     distance_from_rest,
     friction,
     gravity,
     semi_implicit,
 )
+from contactlab.measure.entries import oracle
 
 _LADDER_LENGTH = 1.0
 _LEAN = 2

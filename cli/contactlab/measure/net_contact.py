@@ -5,9 +5,7 @@ is taken in the frame of the first contact. Two components along the tangents ar
 complex number, so that a slot's columns stay contiguous in time.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -100,20 +98,6 @@ class _SlotColumns:
     frame: Complexes | None
 
 
-class _SlotSums(NamedTuple):
-    """Sums over the slots of one run, (N,) each.
-
-    `used` is the tangential force [N] in the norm of the cone, `each` the same summed contact by
-    contact, and `slip` the mean tangential velocity [m/s], weighted by normal force.
-    """
-
-    normal: Floats
-    tangential: Floats
-    used: Floats
-    slip: Floats
-    each: Floats
-
-
 def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) -> NetContact:
     """Reduce the slots of a pair, run by run, so that what is gathered stays in the cache.
 
@@ -124,18 +108,21 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     found = pair.found.astype(np.int32)
     contacts = np.minimum(found, slots)
     series, worst = np.empty((8, runs, steps)), np.empty((2, runs))
-    for run, cone in enumerate(_cones(pair, elliptic)):
+    first, second = pair.friction[:, 0], pair.friction[:, 1]
+    stretch = np.where(first == second, 1, first / second)
+    cones = map(_Cone, first.tolist(), stretch.tolist(), elliptic.tolist())
+    for run, cone in enumerate(cones):
         columns = _gather(pair.slots[run, :, : max(contacts[run].max(initial=0), 1)])
-        net = _sum_slots(columns, cone)
-        bound = cone.friction * net.normal
+        normal, tangential, used, slip, each = _sum_slots(columns, cone)
+        bound = cone.friction * normal
         spin, along, across = columns.turning
         series[:, run] = (
-            net.normal,
-            net.tangential,
-            _ratio(net.used, bound),
-            net.slip,
+            normal,
+            tangential,
+            _ratio(used, bound),
+            slip,
             _least(columns.distance, contacts[run]),
-            _ratio(net.each, bound),
+            _ratio(each, bound),
             np.sqrt(along * along + across * across),
             np.abs(spin),
         )
@@ -145,13 +132,6 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)
     return NetContact(shown, found, grip, rolling, spinning, *worst)
-
-
-def _cones(pair: PairTrace, elliptic: NDArray[np.bool_]) -> list[_Cone]:
-    first, second = pair.friction[:, 0], pair.friction[:, 1]
-    stretch = np.where(first == second, 1, first / second)
-    rows = zip(first.tolist(), stretch.tolist(), elliptic.tolist(), strict=True)
-    return [_Cone(*row) for row in rows]
 
 
 def _gather(slots: Floats) -> _SlotColumns:
@@ -173,27 +153,35 @@ def _by_twos(slots: Floats, field: slice) -> Complexes:
     return np.ascontiguousarray(pairs.transpose(2, 1, 0))
 
 
-def _sum_slots(columns: _SlotColumns, cone: _Cone) -> _SlotSums:
-    """Sum the slots of one run, in the first contact's frame or, where they differ, the world's."""
-    normal = columns.normal.sum(axis=0)
-    force = columns.force.sum(axis=0)
+def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats, Floats]:
+    """Sum the slots of one run, in the first contact's frame or, where they differ, the world's.
+
+    Returns (N,) normal force, tangential force, the latter in the norm of the cone, mean tangential
+    velocity [m/s] weighted by normal force, and the norms of the tangential forces one by one.
+    """
+    normal, force = columns.normal.sum(axis=0), columns.force.sum(axis=0)
     impulse = (columns.velocity * columns.normal).sum(axis=0)
-    used, each = cone.norm(force), cone.norm(columns.force).sum(axis=0)
-    net = _SlotSums(normal, _modulus(force), used, _modulus(impulse), each)
-    if columns.frame is not None and not _same(columns.frame[:, 1:], columns.frame[:, :1]):
-        differ = (columns.frame[:, 1:] != columns.frame[:, :1]).any(axis=(0, 1))
-        _sum_in_world(columns, cone, np.flatnonzero(differ), net)
-    return net._replace(slip=net.slip / np.where(normal > 0, normal, np.inf))
+    sums = np.stack((_modulus(force), cone.norm(force), _modulus(impulse)))
+    frame = columns.frame
+    if frame is not None:
+        differ = (frame[:, 1:] != frame[:, :1]).any(axis=(0, 1))
+        steps = np.flatnonzero(differ)
+        if len(steps):
+            sums[:, steps] = _sum_in_world(columns, frame[:, :, steps], cone, steps)
+    tangential, used, impulse = sums
+    slip = impulse / np.where(normal > 0, normal, np.inf)
+    return normal, tangential, used, slip, cone.norm(columns.force).sum(axis=0)
 
 
 def _sum_in_world(
-    columns: _SlotColumns, cone: _Cone, steps: NDArray[np.intp], net: _SlotSums
-) -> None:
-    """Replace in `net` the sums of the given steps; its slip is times normal force."""
-    assert columns.frame is not None
-    first, second, third = columns.frame[:, :, steps]
+    columns: _SlotColumns, frame: Complexes, cone: _Cone, steps: NDArray[np.intp]
+) -> Floats:
+    """Return (3, steps) tangential force, in the cone's norm, and velocity times normal force."""
+    first, second, third = frame
     tangent = np.stack((second.imag, third.real, third.imag))
-    cotangent = _cross((first.real, first.imag, second.real), tangent)
+    x, y, z, (p, q, r) = first.real, first.imag, second.real, tangent
+    # The cross product, whose sums would end in other bits in the layout that np.cross gives it.
+    cotangent = np.stack((y * r - z * q, z * p - x * r, x * q - y * p))
 
     def total(pairs: Complexes) -> Floats:
         return (pairs.real * tangent + pairs.imag * cotangent).sum(axis=1)
@@ -201,24 +189,14 @@ def _sum_in_world(
     force = total(columns.force[:, steps])
     square = (force * force).sum(axis=0)
     along, across = ((force * axis[:, 0]).sum(axis=0) for axis in (tangent, cotangent))
-    net.tangential[steps] = np.sqrt(square)
-    net.used[steps] = cone.norm(along + 1j * across, square - along**2 - across**2)
+    used = cone.norm(along + 1j * across, square - along**2 - across**2)
     impulse = total(columns.velocity[:, steps] * columns.normal[:, steps])
-    net.slip[steps] = np.sqrt((impulse * impulse).sum(axis=0))
+    return np.stack((np.sqrt(square), used, np.sqrt((impulse * impulse).sum(axis=0))))
 
 
 def _modulus(pair: Complexes) -> Floats:
     """Return magnitudes, faster than `abs`, which guards against overflow."""
     return np.sqrt(pair.real * pair.real + pair.imag * pair.imag)
-
-
-def _cross(one: Sequence[Floats], other: Floats) -> Floats:
-    (x, y, z), (p, q, r) = one, other
-    return np.stack((y * r - z * q, z * p - x * r, x * q - y * p))
-
-
-def _same(some: Complexes, others: Complexes) -> bool:
-    return bool((some.view(np.float64) == others.view(np.float64)).all())
 
 
 def _ratio(part: Floats, whole: Floats) -> Floats:

@@ -1,9 +1,7 @@
-"""How far runs are from their closed form, the label of a miss, and what several oracles read."""
+"""How far runs are from their closed form, and the label of a miss."""
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from contactlab.contact.contact_laws import damping_ratio, restitution_of
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.measure.context import Context, cached, runs_where
@@ -16,38 +14,6 @@ from contactlab.measure.entries import (
     label,
     metric,
 )
-
-
-def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:
-    """Return (n, ...) the distance [m] that 1 m/s^2 moves a body from rest in this many steps.
-
-    A semi-implicit step adds h a to the velocity and then h v to the position, so that N steps
-    move by ``a h^2 N (N + 1) / 2``; RK4 by ``a (h N)^2 / 2``.
-    """
-    count = np.asarray(steps, dtype=np.float64)
-    one = (slice(None),) + (None,) * count.ndim
-    step = context.trace.timestep[one]
-    return step**2 * count * (count + semi_implicit(context)[one]) / 2
-
-
-def semi_implicit(context: Context) -> Floats:
-    """Return (n,) 1 where positions move with the velocity after a step, 0 for RK4."""
-    return np.array([name != "RK4" for name in context.setup.settings["integrator"]], np.float64)
-
-
-def friction(context: Context, place: int = 0) -> Floats:
-    """Return (n,) a friction coefficient: sliding [1], or at place 2 torsional, 3 rolling [m]."""
-    return context.setting("friction").reshape(context.trace.runs, -1)[:, place]
-
-
-def gravity(context: Context) -> Floats:
-    """Return (n,) the magnitude of gravity [m/s^2]."""
-    return np.linalg.norm(context.setup.gravity, axis=1)
-
-
-def restitution_of_solref(context: Context) -> Floats:
-    """Return (n,) the restitution that follows from the damping ratio of solref."""
-    return restitution_of(damping_ratio(context.setting("solref")))
 
 
 @metric("any", kind="detail", heading="expected")

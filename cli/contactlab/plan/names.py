@@ -180,16 +180,17 @@ def read_condition(
 def _read_expression(
     context: SweepContext, text: str, names: Collection[str], inside: Place | None, where: Place
 ) -> Expression | None:
+    def part(start: int, width: int) -> Place:
+        return inside.part(start, width) if inside else where
+
     try:
         expression = Expression(text)
     except ExpressionError as error:
-        place = inside.part(error.start, error.width) if inside else where
-        context.document.add("bad-expression", place, str(error))
+        context.document.add("bad-expression", part(error.start, error.width), str(error))
         return None
     for name, start in expression.places.items():
         if name not in names:
-            place = inside.part(start, len(name)) if inside else where
-            add_not_swept(context, name, place, names)
+            add_not_swept(context, name, part(start, len(name)), names)
     return expression
 
 

@@ -71,10 +71,7 @@ def drive_option(text: str | None) -> Drive | None:
 
 def apply_settings(document: Document, settings: Sequence[str]) -> None:
     """Apply every `--set` to the document, with the places of its parts in the argument."""
-    for text in settings:
-        option = _option(document, "--set", text)
-        if option is None:
-            continue
+    for option in filter(None, (_option(document, "--set", text) for text in settings)):
         path = _path(option.name)
         if path[0] == "axes" and any(option.name in block for _, block in zip_blocks(document)):
             message = f"'{option.name}' is an axis of a zip block"
@@ -125,19 +122,17 @@ def read_filters(
 ) -> tuple[Filter, ...]:
     """Return every `--only` of a swept axis with canonical values; add their mistakes."""
     filters: list[Filter] = []
-    for text in texts:
-        option = _option(context.document, "--only", text)
-        if option is None:
-            continue
+    options = (_option(context.document, "--only", text) for text in texts)
+    for option in filter(None, options):
         if option.name not in swept:
             add_not_swept(context, option.name, option.key, swept)
             continue
         path = ("--only", option.name)
-        values = [
+        values = tuple(
             context.canonical(option.name, value, context.document.value((*path, index)))
             for index, value in enumerate(_listed(context.document, option, path))
-        ]
-        filters.append(Filter(option.name, tuple(values), option.place))
+        )
+        filters.append(Filter(option.name, values, option.place))
     return tuple(filters)
 
 

@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -12,7 +12,7 @@ from pydantic import BaseModel, ValidationError
 
 from contactlab.errors import SceneError
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
-from contactlab.plan.grid import MOST_RUNS, Grid, Plan, SweptAxis
+from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
 from contactlab.plan.names import SweepContext, check_names, read_condition
 from contactlab.plan.overrides import Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.rows import read_blocks, read_rows
@@ -114,15 +114,8 @@ def _checked(
     if document.has_errors:
         return None
     values = grid.values()
-    unmet = [
-        (match, name, value)
-        for match, _ in expected
-        for name, value in match.settings
-        if value not in values.get(name, ())
-    ]
-    for match, name, value in unmet:
-        message = f"no run has {name} = {value}, so this applies to no run"
-        document.add("unmatched-expect", match.place, message, severity="warning")
+    for match, _ in expected:
+        _warn_if_unmet(document, match, values)
     check_values(document, filters, values)
     if document.has_errors:
         return None
@@ -133,6 +126,15 @@ def _checked(
         return None
     warnings = tuple(each for each in document.mistakes if each.severity == "warning")
     return Plan(draft.sweep, _axes(draft.sweep, grid), count, warnings, grid, expected)
+
+
+def _warn_if_unmet(
+    document: Document, match: Match, taken: Mapping[str, Container[object]]
+) -> None:
+    for name, value in match.settings:
+        if value not in taken.get(name, ()):
+            message = f"no run has {name} = {value}, so this applies to no run"
+            document.add("unmatched-expect", match.place, message, severity="warning")
 
 
 def _read_grid(context: SweepContext, folder: Path) -> Grid:
@@ -163,22 +165,20 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
         document.add("bad-option", place, "the limit must be at least 1 run")
         return None
     most = math.inf if limit is None else limit
-    if grid.excludes and grid.product_size > MOST_RUNS:
-        return _add_too_many(document, grid.product_size, "rows before `exclude`")
-    rows, unmet = grid.count(most / seeds)
-    runs = int(min(rows * seeds, most))
+    runs, what, unmet = grid.product_size, "rows before `exclude`", ()
+    if not grid.excludes or runs <= MOST_RUNS:
+        rows, unmet = grid.count(most / seeds)
+        runs, what = int(min(rows * seeds, most)), "runs"
     if runs > MOST_RUNS:
-        return _add_too_many(document, runs, "runs")
+        message = f"{runs:,} {what}; a sweep takes at most {MOST_RUNS:,}"
+        hint = "use `sample` or fewer values"
+        document.add("too-many-runs", document.key(("axes",)), message, hint)
+        return None
     for match in unmet if warn else ():
         document.add("unmatched-exclude", match.place, "excludes no run", severity="warning")
-    if rows == 0:
+    if runs == 0:
         document.add("no-runs", document.key(("exclude",)), "no runs are left")
     return runs or None
-
-
-def _add_too_many(document: Document, count: int, what: str) -> None:
-    message = f"{count:,} {what}; a sweep takes at most {MOST_RUNS:,}"
-    document.add("too-many-runs", document.key(("axes",)), message, "use `sample` or fewer values")
 
 
 def _axes(sweep: Sweep, grid: Grid) -> tuple[SweptAxis, ...]:

@@ -30,13 +30,10 @@ _WANTED = {
 }
 _CODES = {
     "finite_number": "not-finite",
-    "greater_than": "out-of-range",
-    "greater_than_equal": "out-of-range",
-    "less_than": "out-of-range",
-    "less_than_equal": "out-of-range",
-    "string_too_short": "bad-value",
-    "literal_error": "bad-value",
-    "string_pattern_mismatch": "bad-value",
+    **dict.fromkeys(
+        ("greater_than", "greater_than_equal", "less_than", "less_than_equal"), "out-of-range"
+    ),
+    **dict.fromkeys(("string_too_short", "literal_error", "string_pattern_mismatch"), "bad-value"),
 }
 _COUNTED = set(FORMS) - {"values"}
 
@@ -86,23 +83,20 @@ def _add_unknown_key(document: Document, path: KeyPath, model: type[BaseModel]) 
     name = str(path[-1])
     known = [field.alias or each for each, field in model.model_fields.items()]
     hint = suggestion(name, known) or f"known here: {', '.join(known)}"
-    if name in FORMS:
-        hint = "an axis takes one form"
+    hint = "an axis takes one form" if name in FORMS else hint
     document.add("unknown-key", document.key(path), f"unknown key '{name}'", hint)
 
 
 def _add_axis_form(document: Document, path: KeyPath) -> None:
     data, name = document.at(path), path[-1]
-    forms = ", ".join(FORMS)
-    if isinstance(data, dict):
-        wrong = next((key for key in cast("dict[str, object]", data) if key != "role"), None)
-        if wrong is None:
-            document.add("empty-axis", path, f"axis '{name}' has no values", f"one of: {forms}")
-            return
-        hint = suggestion(wrong, FORMS) or f"one of: {forms}"
-        document.add("unknown-key", document.key((*path, wrong)), f"no form '{wrong}'", hint)
-    elif data is None:
-        document.add("empty-axis", path, f"axis '{name}' has no values", "write a list: [...]")
+    forms = f"one of: {', '.join(FORMS)}"
+    keys = [key for key in document.mapping(*path) if key != "role"]
+    if keys:
+        hint = suggestion(keys[0], FORMS) or forms
+        document.add("unknown-key", document.key((*path, keys[0])), f"no form '{keys[0]}'", hint)
+    elif data is None or isinstance(data, dict):
+        hint = "write a list: [...]" if data is None else forms
+        document.add("empty-axis", path, f"axis '{name}' has no values", hint)
     else:
         value = data if (plain := without_unit(data)) is None else f"{plain:g}"
         document.add("wrong-type", path, f"axis '{name}' takes a list", f"write [{value}]")
@@ -149,23 +143,16 @@ def _add_type(document: Document, wanted: str, path: KeyPath) -> None:
 
 
 def _add_value(document: Document, detail: ErrorDetails, path: KeyPath) -> None:
-    kind = detail["type"]
-    name = f"'{_name(path)}' " if _name(path) else ""
-    wording = (
-        detail["msg"]
-        .replace("a finite number", "finite")
-        .replace("Input should be", "must be")
-        .replace("String should", "must")
-    )
-    hint = ""
+    kind, given = detail["type"], str(detail["input"])
+    wording, hint = detail["msg"].replace("a finite number", "finite"), ""
+    wording = wording.replace("Input should be", "must be").replace("String should", "must")
     if kind == "string_pattern_mismatch":
-        wording = f"has no choice {detail['input']!r}"
-        hint = "write all, flagged, none or sample:N"
+        wording, hint = f"has no choice {given!r}", "write all, flagged, none or sample:N"
     if kind == "literal_error":
         choices = str(detail.get("ctx", {}).get("expected", "")).replace("'", "")
-        hint = suggestion(str(detail["input"]), choices.replace(" or ", ", ").split(", "))
-    code = _CODES.get(kind, kind.replace("_", "-"))
-    document.add(code, path, f"{name}{wording}", hint)
+        hint = suggestion(given, choices.replace(" or ", ", ").split(", "))
+    name = f"'{_name(path)}' " if _name(path) else ""
+    document.add(_CODES.get(kind, kind.replace("_", "-")), path, f"{name}{wording}", hint)
 
 
 def _model_at(loc: tuple[str | int, ...], model: type[BaseModel]) -> type[BaseModel]:

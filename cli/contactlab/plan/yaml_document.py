@@ -149,12 +149,9 @@ def data_document(data: object, name: str) -> Document:
 
 
 def _parts(data: object, path: KeyPath) -> Iterator[tuple[KeyPath, object]]:
-    inner: Iterable[tuple[str | int, object]] = ()
-    if isinstance(data, dict):
-        inner = cast("dict[str, object]", data).items()
-    elif isinstance(data, list):
-        inner = enumerate(cast("list[object]", data))
-    for key, value in inner:
+    inner = data.items() if isinstance(data, dict) else ()
+    inner = enumerate(data) if isinstance(data, list) else inner
+    for key, value in cast("Iterable[tuple[str | int, object]]", inner):
         yield (*path, key), value
         yield from _parts(value, (*path, key))
 
