@@ -45,8 +45,6 @@ def run_labels(codes: list[int]) -> RunLabels:
         names=NAMES,
         letters=("D", "C", ""),
         colours=("#111111", "#222222", STABLE_COLOUR),
-        meanings=("", "", ""),
-        counts=tuple(np.bincount(placed, minlength=3).tolist()),
         codes=placed,
         masks=np.zeros(len(placed), dtype=np.int64),
         every=(),

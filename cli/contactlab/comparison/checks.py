@@ -33,8 +33,7 @@ class CheckSubject:
     """What a check is about.
 
     Attributes:
-        name: the check's name, the same in every comparison.
-        kind: which part of the report it belongs to.
+        name: the same in every comparison.
         group: axis values of its runs, or empty.
         budget: fraction of the verdicts that may fail, with a warning.
         two_sided: whether any change fails, as for a metric without a better direction.

@@ -1,7 +1,7 @@
 """Compare two stores: every check, and what they mean together."""
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from datetime import date
 
 from contactlab.comparison.checks import NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
@@ -57,21 +57,10 @@ def compare(
         PolicyError: the policy names what the stores do not have.
     """
     before, after = open_both(baseline, candidate, policy, thorough=thorough)
-    pairing = _pair(before, after, policy)
+    pairing = pair_runs(before, after, policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
     return _report(paired, remeasure)
-
-
-def pair_stores(
-    baseline: Address, candidate: Address, policy: ComparePolicy = DEFAULT_POLICY
-) -> Pairing:
-    """Return the pairs of runs that `compare` compares.
-
-    Raises:
-        StoreError: a store is not sound, or they have no run in common.
-    """
-    return _pair(*open_both(baseline, candidate, policy), policy)
 
 
 def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> ComparisonReport:
@@ -94,7 +83,12 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
     )
 
 
-def _pair(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
+def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
+    """Return the pairs of runs that `compare` compares.
+
+    Raises:
+        StoreError: the stores have no run in common.
+    """
     by_axes = policy.match == "axes"
     pairing = (pair_by_axes if by_axes else pair_by_id)(baseline, candidate)
     if len(pairing.baseline):
@@ -127,10 +121,11 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
     if remeasure is not None:
         checks.append(remeasured_check(paired, remeasure))
     checks = apply_acceptances(checks, policy.accept, paired.today)
+    verdict, exit_code, headline = _conclusion(checks)
     return ComparisonReport(
-        verdict=_verdict(checks),
-        exit_code=_exit_code(checks),
-        headline=_headline(checks),
+        verdict=verdict,
+        exit_code=exit_code,
+        headline=headline,
         baseline=described(before),
         candidate=described(after),
         match=policy.match,
@@ -155,50 +150,34 @@ def _counts(paired: PairedStores) -> PairCounts:
     )
 
 
-def _is_open(check: Check) -> bool:
-    """Tell whether a gate could not be checked."""
-    return check.outcome == "skipped" and check.level == "gate"
-
-
-def _exit_code(checks: Sequence[Check]) -> int:
-    """Return 0, 1 if a check failed, or 3 if a gate could not be checked.
+def _conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
+    """Return verdict, exit code and headline.
 
     Stores that differ in what must be the same come first: no other check means anything then.
     """
-    skipped = [check for check in checks if _is_open(check)]
-    if any(check.kind == "evidence" for check in skipped):
-        return StoreError.exit_code
-    if any(check.outcome == "failed" for check in checks):
-        return ExpectationError.exit_code
-    return StoreError.exit_code if skipped else 0
-
-
-def _verdict(checks: Sequence[Check]) -> Verdict:
-    skipped = [check for check in checks if _is_open(check)]
     failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
-    if failed and not any(check.kind == "evidence" for check in skipped):
-        return NAMES[max(failed)]
-    if skipped:
-        return "not comparable"
-    verdicts = {check.verdict for check in checks if check.kind in _ABOUT_RUNS}
-    verdicts -= {"same", "not comparable"}
-    if not verdicts:
-        return "same"
-    return "better" if verdicts == {"better"} else "changed"
-
-
-def _headline(checks: Sequence[Check]) -> str:
-    verdict = _verdict(checks)
-    failed = sum(check.outcome == "failed" for check in checks)
-    skipped = sum(_is_open(check) for check in checks)
-    parts = [f"{failed} of {plural(len(checks), 'check')} fail"] if failed else []
-    parts += [f"{plural(skipped, 'check')} cannot be made"] if skipped else []
-    if parts:
-        return f"{verdict}: {', '.join(parts)}"
+    skipped = [check.kind for check in checks if check.is_open]
     found = Counter(check.verdict for check in checks if check.kind in _ABOUT_RUNS)
+    verdict, exit_code = _unchanged(found), 0
+    if failed and "evidence" not in skipped:
+        verdict, exit_code = NAMES[max(failed)], ExpectationError.exit_code
+    elif skipped:
+        verdict, exit_code = "not comparable", StoreError.exit_code
+    parts = [f"{len(failed)} of {plural(len(checks), 'check')} fail"] if failed else []
+    parts += [f"{plural(len(skipped), 'check')} cannot be made"] if skipped else []
+    if parts:
+        return verdict, exit_code, f"{verdict}: {', '.join(parts)}"
     words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
     changes = ", ".join(f"{found[name]} {word}" for name, word in words.items() if found[name])
-    return f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+    return verdict, 0, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
+
+
+def _unchanged(found: Collection[Verdict]) -> Verdict:
+    """Return the verdict where no gate failed."""
+    changes = set(found) - {"same", "not comparable"}
+    if not changes:
+        return "same"
+    return "better" if changes == {"better"} else "changed"
 
 
 def _advice(checks: Sequence[Check], baseline: Store, candidate: Store) -> Iterator[str]:

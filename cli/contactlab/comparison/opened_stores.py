@@ -40,7 +40,8 @@ def open_both(
         StoreError: one of them is missing, damaged, empty, unfinished or of another version; or
             the baseline is not the one that the policy pins.
     """
-    if _are_same(baseline, candidate):
+    paths = [each for each in (baseline, candidate) if isinstance(each, Path) and each.exists()]
+    if baseline == candidate or (len(paths) == 2 and paths[0].samefile(paths[1])):
         raise PolicyError(
             f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
         )
@@ -51,12 +52,6 @@ def open_both(
             f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
         )
     return before, _open("candidate", candidate, thorough=thorough)
-
-
-def _are_same(one: Address, other: Address) -> bool:
-    if isinstance(one, Path) and isinstance(other, Path):
-        return one.exists() and other.exists() and one.samefile(other)
-    return one == other
 
 
 def _open(role: str, address: Address, *, thorough: bool) -> Store:

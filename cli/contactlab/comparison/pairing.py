@@ -76,15 +76,10 @@ def pair(baseline: Keys, candidate: Keys) -> Pairing:
     if baseline.shape == candidate.shape and np.array_equal(baseline, candidate):
         rows = np.arange(len(baseline))
         return Pairing(rows, rows, rows[:0], rows[:0])
-    order = np.argsort(candidate)
-    place = np.searchsorted(candidate, baseline, sorter=order)
-    partner = order[np.minimum(place, len(order) - 1)]
-    found = candidate[partner] == baseline
-    new = np.ones(len(candidate), dtype=np.bool_)
-    new[partner[found]] = False
-    return Pairing(
-        np.flatnonzero(found), partner[found], np.flatnonzero(~found), np.flatnonzero(new)
-    )
+    _, old, new = np.intersect1d(baseline, candidate, assume_unique=True, return_indices=True)
+    rows, others = np.arange(len(baseline)), np.arange(len(candidate))
+    order = np.argsort(old)
+    return Pairing(old[order], new[order], np.delete(rows, old), np.delete(others, new))
 
 
 def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -220,18 +220,14 @@ def _covers(entry: AcceptedCheck, check: JudgedCheck) -> bool:
 def _accepted(check: _Check, entries: Sequence[AcceptedCheck], today: date) -> _Check:
     if check.outcome not in _FAILING:
         return check
-    for entry in entries:
-        if _covers(entry, check):
-            if obstacle := _obstacle(entry, check, today):
-                return check.model_copy(update={"message": f"{check.message}; {obstacle}"})
-            return check.model_copy(update={"outcome": "noted", "accepted": entry.reason})
-    return check
-
-
-def _obstacle(entry: AcceptedCheck, check: JudgedCheck, today: date) -> str | None:
-    """Return why an entry does not cover a failing check; None if it does."""
+    entry = next((each for each in entries if _covers(each, check)), None)
+    if entry is None:
+        return check
     if entry.until is not None and entry.until < today:
-        return f"accepted until {entry.until} ({entry.reason})"
-    if check.failing > entry.max:
-        return f"accepted for {entry.max:,}, but {check.failing:,} fall short ({entry.reason})"
-    return None
+        obstacle = f"until {entry.until}"
+    elif check.failing > entry.max:
+        obstacle = f"for {entry.max:,}, but {check.failing:,} fall short"
+    else:
+        return check.model_copy(update={"outcome": "noted", "accepted": entry.reason})
+    message = f"{check.message}; accepted {obstacle} ({entry.reason})"
+    return check.model_copy(update={"message": message})

@@ -43,11 +43,7 @@ StartTimer = Callable[[Path], AbstractContextManager[RunTimer]]
 
 @dataclass(frozen=True)
 class Remeasure:
-    """What to time again.
-
-    Attributes:
-        runs: number of pairs of runs, spread evenly over all.
-    """
+    """What to time again: so many pairs of runs, spread evenly over all."""
 
     runs: int
     baseline: StartTimer

@@ -27,14 +27,7 @@ _HEAD = ("| | check | result | worst | where |", "|---|---|---|---|---|")
 
 
 class ReportLine(NamedTuple):
-    """One line of a comparison.
-
-    Attributes:
-        name: the check's name with its group, or how many checks.
-        worst: values of the worst pair, or empty.
-        where: its axis values and run, or empty.
-        urgent: whether it is an error or a warning.
-    """
+    """One line of a comparison: a check, its worst pair and where that is; errors are urgent."""
 
     outcome: CheckOutcome
     name: str
@@ -66,7 +59,7 @@ def _line(check: Check) -> ReportLine:
         check.full_message,
         _pair_values(check, pair) if pair else "",
         _pair_location(pair) if pair else "",
-        check.outcome in {"failed", "warned"} or _is_open(check),
+        check.outcome in {"failed", "warned"} or check.is_open,
     )
 
 
@@ -75,11 +68,7 @@ def _together(checks: Sequence[Check]) -> ReportLine:
     names = list(dict.fromkeys(check.name.split()[0] for check in checks))
     where = ", ".join(names if len(names) <= 3 else [*names[:3], "..."])
     name = plural(len(checks), "check")
-    return ReportLine("skipped", name, checks[0].message, "", where, _is_open(checks[0]))
-
-
-def _is_open(check: Check) -> bool:
-    return check.outcome == "skipped" and check.level == "gate"
+    return ReportLine("skipped", name, checks[0].message, "", where, checks[0].is_open)
 
 
 def _pair_values(check: Check, pair: RunPair) -> str:
@@ -213,7 +202,9 @@ def _markdown_lines(report: ComparisonReport) -> Iterator[str]:
     if rest := shown[first:]:
         yield from _folded(f"{len(rest)} more", _rows(rest))
     if report.advice:
-        commands = (line.replace("`", "'") for line in _commands(report.advice))
+        parts = (each.partition(": ") for each in report.advice)
+        lines = (line for what, _, command in parts for line in (f"# {what}", command))
+        commands = (in_one_line(line).replace("`", "'") for line in lines)
         yield from _folded("commands", ["", "```sh", *commands, "```"])
 
 
@@ -235,13 +226,6 @@ def _folded(title: str, lines: Iterable[str]) -> Iterator[str]:
     yield from lines
     yield ""
     yield "</details>"
-
-
-def _commands(advice: Sequence[str]) -> Iterator[str]:
-    for each in advice:
-        what, _, command = each.partition(": ")
-        yield in_one_line(f"# {what}")
-        yield in_one_line(command)
 
 
 def as_annotations(report: ComparisonReport) -> str:

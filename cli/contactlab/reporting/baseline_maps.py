@@ -1,25 +1,18 @@
 """A store beside its baseline: the comparison's verdicts, and maps of where the two differ."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import NamedTuple
 
 import altair as alt
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_stores
+from contactlab.comparison.compare_stores import DEFAULT_POLICY, compare, pair_runs
 from contactlab.comparison.pairing import Pairing
 from contactlab.palette import COLOURS, STABLE_COLOUR
-from contactlab.reporting.heatmap import (
-    Layered,
-    MapFrame,
-    label_map,
-    label_rows,
-    number_map,
-    number_rows,
-    ratio_map,
-)
-from contactlab.reporting.map_cells import MapAxes, cell_statistic, label_counts
+from contactlab.reporting.heatmap import Layered, label_map, number_map, ratio_map
+from contactlab.reporting.map_cells import MapAxes, cell_statistic
 from contactlab.reporting.report_columns import (
     STABLE,
     Quantity,
@@ -30,26 +23,18 @@ from contactlab.reporting.report_columns import (
 )
 from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import Spec, themed
-from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import Check, ComparisonReport
 from contactlab.schema.judged_check import CheckOutcome
 from contactlab.store.finished_store import Store
 
-_WORSE, _BETTER, _SAME = 0, 1, 2
 _THIRD = 300, 260
 _LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
 _PANELS = ("baseline", "candidate", "difference")
 Indices = NDArray[np.intp]
 
 
-@dataclass(frozen=True)
-class BaselineComparison:
-    """A comparison as a page shows it.
-
-    Attributes:
-        checks: its failed checks, then warnings, then notes.
-        maps: name and specification of maps of the paired runs: baseline, candidate, difference.
-    """
+class BaselineComparison(NamedTuple):
+    """A comparison as a page shows it: its checks, the failed ones first, and maps by name."""
 
     report: ComparisonReport
     checks: tuple[Check, ...]
@@ -64,9 +49,12 @@ def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparis
         StoreError: a store is damaged, or the two share no run.
     """
     store = data.store
-    policy = _policy(baseline, store)
+    ids, other = (each.columns.byte_strings("run_id") for each in (baseline, store))
+    # Runs are paired by axes where no id is shared.
+    match = "id" if np.isin(ids, other).any() else "axes"
+    policy = DEFAULT_POLICY.model_copy(update={"match": match})
     report = compare(baseline.address, store.address, policy)
-    pairing = pair_stores(baseline.address, store.address, policy)
+    pairing = pair_runs(baseline, store, policy)
     option = "" if policy.match == "id" else " --match axes"
     return BaselineComparison(
         report=report,
@@ -76,13 +64,6 @@ def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparis
         maps=dict(_maps(data, baseline, pairing)),
         command=f"contactlab compare {baseline.address} {store.address}{option}",
     )
-
-
-def _policy(baseline: Store, candidate: Store) -> ComparePolicy:
-    """Return a policy that pairs runs by id, or by axes where no id is shared."""
-    ids, other = (each.columns.byte_strings("run_id") for each in (baseline, candidate))
-    match = "id" if np.isin(ids, other).any() else "axes"
-    return DEFAULT_POLICY.model_copy(update={"match": match})
 
 
 def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple[str, Spec]]:
@@ -110,36 +91,26 @@ def _labels_of(store: Store, names: Sequence[str], rows: Indices) -> RunLabels:
 
 
 def _label_maps(axes: MapAxes, before: RunLabels, after: RunLabels) -> Spec:
-    frame = MapFrame.of(axes, _THIRD)
-    moved = np.select(
-        [after.codes < before.codes, after.codes > before.codes], [_WORSE, _BETTER], _SAME
-    )
-    change = RunLabels(
+    # In the order of the names: labels are ordered worst first.
+    moved = np.select([after.codes < before.codes, after.codes > before.codes], [0, 1], 2)
+    change = replace(
+        after,
         names=("worse", "better", STABLE),
         letters=("W", "B", ""),
         colours=(COLOURS[1], COLOURS[0], STABLE_COLOUR),
-        meanings=("", "", ""),
-        counts=tuple(np.bincount(moved, minlength=3).tolist()),
         codes=moved,
-        masks=np.zeros_like(moved),
-        every=(),
     )
-    panels = [
-        label_map(frame, *label_rows(label_counts(axes, each), each), each)
-        for each in (before, after, change)
-    ]
-    return _side_by_side(panels)
+    return _side_by_side([label_map(axes, each, _THIRD) for each in (before, after, change)])
 
 
 def _number_maps(axes: MapAxes, before: Quantity, after: Quantity) -> Spec:
-    frame = MapFrame.of(axes, _THIRD)
     values = [cell_statistic(axes, each, "worst") for each in (before, after)]
     title, resolution = f"worst {after.title}", after.column.resolution
-    panels = [number_map(frame, *number_rows(each), title, resolution) for each in values]
+    panels = [number_map(axes, each, title, resolution, _THIRD) for each in values]
     with np.errstate(divide="ignore", invalid="ignore"):
         ratios = np.where(values[0] == values[1], 1.0, values[1] / values[0])
     ratios = np.where(np.isfinite(ratios) & (ratios > 0), ratios, np.nan)
-    return _side_by_side([*panels, ratio_map(frame, *number_rows(ratios), after.title)])
+    return _side_by_side([*panels, ratio_map(axes, ratios, after.title, _THIRD)])
 
 
 def _side_by_side(charts: Sequence[Layered]) -> Spec:

@@ -2,8 +2,7 @@
 
 import json
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Any
 
 import altair as alt
@@ -15,11 +14,19 @@ from contactlab.palette import INK
 from contactlab.reporting.map_cells import Boundary, MapAxes, label_counts, most_frequent_failure
 from contactlab.reporting.report_columns import RunLabels
 from contactlab.reporting.report_data import ReportData
-from contactlab.reporting.vega_rendering import HALO_AND_TEXT, Rows, Spec, layer_of, themed
+from contactlab.reporting.vega_rendering import (
+    HALO_AND_TEXT,
+    Rows,
+    Spec,
+    layer_of,
+    themed,
+    word_colours,
+)
 
 Layered = alt.LayerChart | alt.FacetChart
+Room = tuple[int, int]
 
-_ROOM = 560, 340
+_ROOM: Room = 560, 340
 _CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
 _GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
@@ -29,53 +36,16 @@ _MOST_TEXTS = 12
 _SPANS_DECADES = 30.0
 
 
-@dataclass(frozen=True)
-class MapFrame:
-    """The sides of a heatmap.
-
-    Attributes:
-        x: tick labels of the horizontal axis.
-        y: tick labels of the vertical axis.
-        y_title: title of the vertical axis; None for a single row.
-        room: width and height that are available [pixels].
-    """
-
-    x: Sequence[str]
-    y: Sequence[str]
-    x_title: str
-    y_title: str | None
-    room: tuple[int, int] = _ROOM
-
-    @classmethod
-    def of(cls, axes: MapAxes, room: tuple[int, int] = _ROOM) -> "MapFrame":
-        """Return the frame of two axes."""
-        if axes.y is None:
-            return cls(axes.x.ticks, ("",), axes.x.title, None, room)
-        return cls(axes.x.ticks, axes.y.ticks, axes.x.title, axes.y.title, room)
-
-    @property
-    def size(self) -> tuple[float, float]:
-        """Width and height [pixels]."""
-        columns, rows = max(1, len(self.x)), max(1, len(self.y))
-        width = _clipped(self.room[0] / columns, _CELL_WIDTH) * columns
-        return width, _clipped(self.room[1] / rows, _CELL_HEIGHT) * rows
-
-
-EMPTY_FRAME = MapFrame((), (), "", "")
-
-
 def _clipped(value: float, limits: tuple[float, float]) -> float:
     return min(max(value, limits[0]), limits[1])
 
 
 def default_map(data: ReportData) -> Spec | None:
     """Return the map of labels over the two most informative axes; None without axes."""
-    axes, labels = data.map_axes, data.labels
-    if axes is None:
+    if data.map_axes is None:
         return None
-    pieces, letters = label_rows(label_counts(axes, labels), labels)
-    boundary = boundary_rows(axes, data.boundary)
-    return themed(label_map(MapFrame.of(axes), pieces, letters, labels, boundary).to_dict())
+    boundary = boundary_rows(data.map_axes, data.boundary)
+    return themed(label_map(data.map_axes, data.labels, boundary=boundary).to_dict())
 
 
 def label_rows(counts: NDArray[np.int64], labels: RunLabels) -> tuple[Rows, Rows]:
@@ -146,41 +116,43 @@ def number_rows(values: Floats) -> tuple[Rows, Rows]:
 
 
 def label_map(
-    frame: MapFrame, pieces: Rows, letters: Rows, labels: RunLabels, boundary: Rows | None = None
+    axes: MapAxes | None, labels: RunLabels, room: Room = _ROOM, boundary: Rows | None = None
 ) -> Layered:
-    """Return the map of labels, with a closed form's boundary if there is one."""
+    """Return the map of labels, with a closed form's boundary if there is one; empty without axes.
+
+    The room is the width and height that are available [pixels].
+    """
+    pieces, letters = label_rows(label_counts(axes, labels), labels) if axes else ([], [])
     used = {row["label"] for row in pieces}
-    colour = (
-        alt.Color("label:N")
-        .scale(domain=list(labels.legend), range=list(labels.colours))
-        .legend(title="label", values=[name for name in labels.legend if name in used])
-    )
-    return _layered(frame, pieces, letters, colour, 13, boundary)
+    shown = [name for name in labels.legend if name in used]
+    colour = word_colours("label", labels.legend, labels.colours)
+    colour = colour.legend(title="label", values=shown)
+    return _layered(axes, room, (pieces, letters), colour, 13, boundary)
 
 
 def number_map(
-    frame: MapFrame, pieces: Rows, texts: Rows, title: str, resolution: float = 0.0
+    axes: MapAxes | None, values: Floats, title: str, resolution: float = 0.0, room: Room = _ROOM
 ) -> Layered:
-    """Return the map of a number."""
-    scale = number_scale([row["value"] for row in pieces], resolution)
-    colour = (
-        alt.Color("value:Q")
-        .scale(scheme="cividis", **scale)
-        .legend(title=title, format=".3~g", gradientLength=160)
-    )
-    return _layered(frame, pieces, texts, colour, 10)
+    """Return the map of a number (rows, columns), NaN where there is none; empty without axes."""
+    scale = number_scale(values[np.isfinite(values)].tolist(), resolution)
+    colour = alt.Color("value:Q").scale(scheme="cividis", **scale)
+    return _number_layers(axes, room, values, colour, title)
 
 
-def ratio_map(frame: MapFrame, pieces: Rows, texts: Rows, title: str) -> Layered:
-    """Return the map of a ratio, with 1 in the middle of the colour scale."""
-    sizes = [abs(math.log(row["value"])) for row in pieces]
-    reach = math.exp(max([*sizes, math.log(_LEAST_RATIO)]))
-    colour = (
-        alt.Color("value:Q")
-        .scale(type="log", domain=[1 / reach, reach], range=_DIVERGING, nice=False)
-        .legend(title=f"candidate / baseline, {title}", format=".3~g", gradientLength=160)
-    )
-    return _layered(frame, pieces, texts, colour, 10)
+def ratio_map(axes: MapAxes, ratios: Floats, title: str, room: Room) -> Layered:
+    """Return the map of a ratio (rows, columns), with 1 in the middle of the colour scale."""
+    sizes = np.abs(np.log(ratios[np.isfinite(ratios)]))
+    reach = math.exp(sizes.max(initial=math.log(_LEAST_RATIO)))
+    colour = alt.Color("value:Q")
+    colour = colour.scale(type="log", domain=[1 / reach, reach], range=_DIVERGING, nice=False)
+    return _number_layers(axes, room, ratios, colour, f"candidate / baseline, {title}")
+
+
+def _number_layers(
+    axes: MapAxes | None, room: Room, values: Floats, colour: alt.Color, title: str
+) -> Layered:
+    colour = colour.legend(title=title, format=".3~g", gradientLength=160)
+    return _layered(axes, room, number_rows(values), colour, 10)
 
 
 def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
@@ -195,21 +167,26 @@ def number_scale(values: Sequence[float], resolution: float) -> dict[str, Any]:
 
 
 def _layered(
-    frame: MapFrame,
-    pieces: Rows,
-    texts: Rows,
+    axes: MapAxes | None,
+    room: Room,
+    rows: tuple[Rows, Rows],
     colour: alt.Color,
     font_size: int,
     boundary: Rows | None = None,
 ) -> Layered:
-    x = alt.X("x:Q").scale(domain=[0, len(frame.x)], nice=False, zero=False)
-    y = alt.Y("y:Q").scale(domain=[0, len(frame.y)], nice=False, zero=False)
-    width, height = frame.size
+    """Return the layers of a map: cells and texts, which are its rows, and what lies over them."""
+    pieces, texts = rows
+    columns, lines = (axes.x.ticks, axes.y.ticks if axes.y else ("",)) if axes else ((), ())
+    x = alt.X("x:Q").scale(domain=[0, len(columns)], nice=False, zero=False)
+    y = alt.Y("y:Q").scale(domain=[0, len(lines)], nice=False, zero=False)
+    cell = _clipped(room[0] / max(1, len(columns)), _CELL_WIDTH)
+    width = cell * max(1, len(columns))
+    height = _clipped(room[1] / max(1, len(lines)), _CELL_HEIGHT) * max(1, len(lines))
     # Tick labels below the map turn where a cell is too narrow.
-    widest = max(map(len, frame.x), default=0)
-    angle = -35 if widest * 7 > width / max(1, len(frame.x)) else 0
-    x = x.axis(title=frame.x_title, **_ticks(frame.x), labelAngle=angle)
-    y = y.axis(title=frame.y_title, **_ticks(frame.y))
+    angle = -35 if max(map(len, columns), default=0) * 7 > cell else 0
+    x = x.axis(title=axes.x.title if axes else "", **_ticks(columns), labelAngle=angle)
+    y_title = "" if axes is None else axes.y.title if axes.y else None
+    y = y.axis(title=y_title, **_ticks(lines))
     cells = layer_of("cells", pieces).mark_rect().encode(x, y, colour, x2="x2:Q", y2="y2:Q")
     words = [
         layer_of("texts", texts)
@@ -217,16 +194,12 @@ def _layered(
         .encode(x, y, text="text:N")
         for style in HALO_AND_TEXT
     ]
-    layers = (cells, *words, *_overlays(x, y, boundary or []))
+    edge = layer_of("boundary", boundary or [])
+    edge = edge.mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
+    edge = edge.encode(x, y, order="order:Q", detail="part:N")
+    focus = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
+    layers = (cells, *words, edge, focus.encode(x, y, x2="x2:Q", y2="y2:Q"))
     return alt.layer(*layers).properties(width=width, height=height)
-
-
-def _overlays(x: alt.X, y: alt.Y, boundary: Rows) -> Iterator[alt.Chart]:
-    """Yield what is drawn over the cells: a closed form's boundary, and the focused cell."""
-    line = layer_of("boundary", boundary).mark_line(color=INK, strokeWidth=2.5, strokeDash=[6, 3])
-    yield line.encode(x, y, order="order:Q", detail="part:N")
-    ring = layer_of("ring", []).mark_rect(fill=None, stroke=INK, strokeWidth=3)
-    yield ring.encode(x, y, x2="x2:Q", y2="y2:Q")
 
 
 def _ticks(ticks: Sequence[str]) -> dict[str, Any]:

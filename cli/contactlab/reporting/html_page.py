@@ -44,7 +44,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     chart = tradeoff_chart(data)
     content = page_content(data, request, chart)
     comparison = compare_with_baseline(data, request.baseline) if request.baseline else None
-    maps = comparison.maps.items() if comparison else ()
+    maps = comparison.maps if comparison else {}
     axes = " and ".join(data.map_axes.names) if data.map_axes else ""
     notes = (*content.notes, *trace_warning(store))
     environment = Environment(
@@ -57,13 +57,8 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         lstrip_blocks=True,
     )
     report = data.tradeoff
-    chosen = [
-        each
-        for each in (report.configurations if report else ())
-        if report
-        and report.recommendation
-        and each.configuration == report.recommendation.configuration
-    ]
+    wanted = report.recommendation.configuration if report and report.recommendation else None
+    outcomes = report.configurations if report else ()
     text = environment.get_template("page.html").render(
         number=number_text,
         with_unit=number_with_unit,
@@ -76,7 +71,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         sentences=[robust_text(report), next_step_text(report)] if report else [],
         blockers=blocker_texts(report) if report else [],
         titles={axis.name: axis.title for axis in data.axes},
-        worst=chosen[0].worst if chosen else {},
+        worst=next((each.worst for each in outcomes if each.configuration == wanted), {}),
         no_tradeoff=data.no_tradeoff,
         front=front_table(data),
         map=map_table(data),
@@ -96,7 +91,8 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         notes=notes,
         comparison=comparison,
         comparison_maps=[
-            static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps
+            static_svg(spec, f"{name}: baseline, candidate and difference")
+            for name, spec in maps.items()
         ],
     )
     return text, notes
@@ -170,12 +166,8 @@ def front_table(data: ReportData) -> TextTable | None:
     if report is None:
         return None
     ordered = sorted(report.configurations, key=lambda each: (not each.feasible, each.time or 0.0))
-    header = (
-        *report.varying,
-        with_unit(report.error.name, report.error.unit),
-        "CPU s per s",
-        "feasible",
-    )
+    error = with_unit(report.error.name, report.error.unit)
+    header = (*report.varying, error, "CPU s per s", "feasible")
     rows = [
         (
             *(setting_text(each.configuration[name]) for name in report.varying),
@@ -189,10 +181,18 @@ def front_table(data: ReportData) -> TextTable | None:
 
 
 def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable | None:
-    """Return what changing one knob does; None without changes."""
+    """Return what changing one knob does to five of: time, error, tolerated and summary's metrics.
+
+    None without changes.
+    """
     if not changes:
         return None
-    names = _compared_names(data, changes)
+    if report := data.tradeoff:
+        wanted = [report.time.name, report.error.name, *report.tolerances, *summary_metrics()]
+    else:
+        wanted = ["cost_cpu_per_sim_s", *summary_metrics()]
+    known = {name for each in changes for name, ratio in each.ratios.items() if ratio is not None}
+    names = [name for name in dict.fromkeys(wanted) if name in known][:_MOST_RATIOS]
     header = ("knob", "from", "to", "pairs", "runs that fail", *(f"{name} x" for name in names))
     rows = [
         (
@@ -206,20 +206,6 @@ def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable |
         for each in changes
     ]
     return TextTable(header, rows)
-
-
-def _compared_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
-    """Return the first five of: time, error, tolerated metrics, metrics of the summary."""
-    report = data.tradeoff
-    wanted = [report.time.name, report.error.name, *report.tolerances] if report else []
-    wanted += ["cost_cpu_per_sim_s"] if report is None else []
-    wanted += summary_metrics()
-    present = [
-        name
-        for name in dict.fromkeys(wanted)
-        if any(each.ratios.get(name) is not None for each in changes)
-    ]
-    return present[:_MOST_RATIOS]
 
 
 def number_text(value: float | None) -> str:

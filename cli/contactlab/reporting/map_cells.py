@@ -2,10 +2,9 @@
 
 import json
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from types import MappingProxyType
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -24,11 +23,7 @@ _MOST_AXES = 8
 
 @dataclass(frozen=True)
 class MapAxes:
-    """The two axes of a map over n runs.
-
-    Attributes:
-        y: the vertical axis; None for a single row.
-    """
+    """The two axes of a map over n runs; one without a vertical axis has a single row."""
 
     x: GridAxis
     y: GridAxis | None
@@ -174,40 +169,24 @@ def aggregated_columns(
 
 
 class BoundaryLaw(NamedTuple):
-    """A closed form that separates two outcomes along an axis.
-
-    Attributes:
-        critical: the critical value, from friction and restitution.
-    """
+    """A closed form, atan μ or atan μ (1 + e), that separates two outcomes along an axis."""
 
     axis: str
     meaning: str
-    critical: Callable[[float, float], float]
+    rebounds: bool
 
 
-_LAWS: Mapping[str, BoundaryLaw] = MappingProxyType(
-    {
-        "incline": BoundaryLaw(
-            "tilt",
-            "the angle of friction, atan μ; steeper slopes slide",
-            lambda friction, _: math.degrees(math.atan(friction)),
-        ),
-        "oblique_impact": BoundaryLaw(
-            "angle",
-            "the boundary of Coulomb's cone, tan = μ (1 + e); smaller angles stick",
-            lambda friction, restitution: math.degrees(math.atan(friction * (1 + restitution))),
-        ),
-    }
-)
+_LAWS = {
+    "incline": BoundaryLaw("tilt", "the angle of friction, atan μ; steeper slopes slide", False),
+    "oblique_impact": BoundaryLaw(
+        "angle", "the boundary of Coulomb's cone, tan = μ (1 + e); smaller angles stick", True
+    ),
+}
 
 
 @dataclass(frozen=True)
 class Boundary:
-    """A closed form's boundary in n runs.
-
-    Attributes:
-        values: (n,) the critical value of each run, in the axis' unit.
-    """
+    """A closed form's boundary: the critical value of each run (n,), in the axis' unit."""
 
     axis: GridAxis
     meaning: str
@@ -236,4 +215,5 @@ def _critical(law: BoundaryLaw, pairs: str) -> float:
     if len(contacts) != 1:
         return math.nan
     restitution = float(restitution_of(damping_ratio(contacts[0]["solref"])))
-    return law.critical(contacts[0]["friction"][0], restitution)
+    gain = 1 + restitution if law.rebounds else 1
+    return math.degrees(math.atan(contacts[0]["friction"][0] * gain))

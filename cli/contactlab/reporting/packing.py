@@ -23,23 +23,20 @@ def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     Bytes are ordered by significance, all first bytes of a column first: neighbours are alike,
     which compresses well. The same columns give the same text.
     """
-    kinds = {name: column.dtype.str[1:] for name, column in columns.items()}
-    stream = b"".join(_shuffled(column, kinds[name]) for name, column in columns.items())
+    names: list[list[object]] = []
+    stream = bytearray()
+    for name, column in columns.items():
+        kind = column.dtype.str[1:]
+        names.append([name, kind, column.size])
+        values = np.ascontiguousarray(column, dtype=_TYPES[kind])
+        stream += values.view(np.uint8).reshape(-1, values.itemsize).T.tobytes()
     packed = gzip.compress(stream, _LEVEL, mtime=0)
-    return {
-        "columns": [[name, kinds[name], column.size] for name, column in columns.items()],
-        "bytes": base64.b64encode(packed).decode(),
-    }
+    return {"columns": names, "bytes": base64.b64encode(packed).decode()}
 
 
 def packed_text(text: str) -> str:
     """Return text as gzip in base64; the same text gives the same."""
     return base64.b64encode(gzip.compress(text.encode(), _LEVEL, mtime=0)).decode()
-
-
-def _shuffled(column: NDArray[Any], kind: str) -> bytes:
-    values = np.ascontiguousarray(column, dtype=_TYPES[kind])
-    return values.view(np.uint8).reshape(-1, values.itemsize).T.tobytes()
 
 
 def packed_integers(values: NDArray[Any]) -> NDArray[Any]:
@@ -66,12 +63,8 @@ def rounded_floats(values: Floats, bits: int = _MANTISSA) -> NDArray[np.float32]
 
 def run_id_halves(run_ids: NDArray[np.bytes_]) -> NDArray[np.uint32]:
     """Return (2 n,) the halves of run ids of 16 hexadecimal digits."""
-    numbers = np.array([int(run, 16) for run in run_ids.tolist()], dtype=np.uint64)
-    return (
-        np.stack([numbers >> np.uint64(32), numbers & np.uint64(0xFFFFFFFF)], 1)
-        .ravel()
-        .astype("u4")
-    )
+    numbers = np.array([int(run, 16) for run in run_ids.tolist()], dtype=">u8")
+    return numbers.view(">u4").astype("u4")
 
 
 def as_json(data: Any) -> str:  # noqa: ANN401 - anything that JSON holds

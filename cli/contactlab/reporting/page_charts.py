@@ -4,12 +4,13 @@ import re
 from collections.abc import Iterator
 
 import altair as alt
+import numpy as np
 
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
 from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.drawing import specify
-from contactlab.reporting.heatmap import EMPTY_FRAME, label_map, number_map
+from contactlab.reporting.heatmap import label_map, number_map
 from contactlab.reporting.report_columns import STABLE, RunLabels
 from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import (
@@ -19,6 +20,7 @@ from contactlab.reporting.vega_rendering import (
     layer_of,
     themed,
     with_page_colours,
+    word_colours,
 )
 from contactlab.schema.tradeoff_report import TradeoffReport
 
@@ -34,8 +36,8 @@ _TIMELINE_HEIGHTS = {"motion": 120, "force": 120, "depth": 90}
 def chart_templates(data: ReportData, tradeoff: Spec | None) -> dict[str, Spec]:
     """Return the specifications that a page's script fills with data, in the page's colours."""
     templates = {
-        "labels": themed(label_map(EMPTY_FRAME, [], [], data.labels).to_dict()),
-        "number": themed(number_map(EMPTY_FRAME, [], [], "").to_dict()),
+        "labels": themed(label_map(None, data.labels).to_dict()),
+        "number": themed(number_map(None, np.empty((0, 0)), "").to_dict()),
         "timeline": themed(timeline_chart()),
         "tradeoff": tradeoff,
     }
@@ -53,11 +55,7 @@ def label_bar(labels: RunLabels) -> Spec:
         rows.append({**row, "middle": (start + stop) / 2, "runs": count})
         before += count
     x = alt.X("x:Q").scale(domain=[0, 1]).axis(None)
-    colour = (
-        alt.Color("label:N")
-        .scale(domain=list(labels.legend), range=list(labels.colours))
-        .legend(None)
-    )
+    colour = word_colours("label", labels.legend, labels.colours).legend(None)
     base = layer_of("bar", rows)
     bar = base.mark_rect(stroke="white", strokeWidth=1).encode(x, colour, x2="x2:Q")
     middle = alt.X("middle:Q").scale(domain=[0, 1]).axis(None)
@@ -134,11 +132,8 @@ def _time_series(name: str, height: int) -> alt.Chart:
 def _contact_modes() -> alt.Chart:
     x = alt.X("time:Q").scale(nice=False).axis(title="simulated time [s]", format="~g")
     y = alt.Y("pair:N").axis(title=None, labelLimit=120)
-    colour = (
-        alt.Color("mode:N")
-        .scale(domain=list(MODE_NAMES.values()), range=[mode_colour(mode) for mode in MODE_NAMES])
-        .legend(title="contact")
-    )
+    colours = [mode_colour(mode) for mode in MODE_NAMES]
+    colour = word_colours("mode", list(MODE_NAMES.values()), colours).legend(title="contact")
     return (
         layer_of("modes", [])
         .mark_bar(height=16, stroke=INK, strokeWidth=0)

@@ -2,8 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,15 +37,8 @@ _MOST_MJCF = 200
 _BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
 
 
-@dataclass(frozen=True)
-class PageContent:
-    """What a page's script is given.
-
-    Attributes:
-        metadata: names, texts and specifications.
-        columns: numbers of runs and configurations, packed.
-        series: time series of some runs, packed.
-    """
+class PageContent(NamedTuple):
+    """What a page's script is given: names, texts and specifications; packed numbers; notes."""
 
     metadata: dict[str, Any]
     columns: dict[str, Any]
@@ -61,12 +53,11 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
     map, and a selection of runs only.
     """
     width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
-    is_aggregated = 4 / 3 * width * data.store.columns.runs > request.most_bytes
+    total = data.store.columns.runs
+    is_aggregated = 4 / 3 * width * total > request.most_bytes
     traces = min(request.traces, _SERIES_IF_AGGREGATED) if is_aggregated else request.traces
     with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
-    rows = (
-        _selected_runs(data, with_series) if is_aggregated else np.arange(data.store.columns.runs)
-    )
+    rows = _selected_runs(data, with_series) if is_aggregated else np.arange(total)
     positions = {row: position for position, row in enumerate(rows.tolist())}
     records = {positions[row]: record for row, record in _records(data.store, with_series).items()}
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
@@ -79,7 +70,7 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
     metadata = {
         "store": str(data.store.address),
         "runs": len(rows),
-        "total": data.store.columns.runs,
+        "total": total,
         "aggregated": is_aggregated,
         "axes": [
             {name: getattr(each, name) for name in ("name", "title", "ticks")}
@@ -104,7 +95,7 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
         "details": {position: _details(record) for position, record in records.items()},
     }
     note = (
-        f"{data.store.columns.runs:,} runs are too many for one page: each map covers all of them, "
+        f"{total:,} runs are too many for one page: each map covers all of them, "
         f"over any two axes and all values of the others; {len(rows):,} single runs are listed"
     )
     series = packed_series(data.store, records)
@@ -240,7 +231,7 @@ def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str,
 
 def _add_series(columns: dict[str, np.ndarray], row: int, trace: StoredTrace) -> dict[str, Any]:
     """Add the series of a run to columns, and return their names."""
-    signals, bands = read_signals(trace), read_mode_bands(trace)
+    signals, bands = list(read_signals(trace)), list(read_mode_bands(trace))
     for index, signal in enumerate(signals):
         columns[f"{row}:t{index}"] = rounded_floats(signal.time, _SERIES_BITS)
         columns[f"{row}:v{index}"] = rounded_floats(signal.values, _SERIES_BITS)

@@ -10,14 +10,14 @@ import numpy as np
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
-from contactlab.reporting.heatmap import MapFrame, default_map, number_map, number_rows
+from contactlab.reporting.heatmap import default_map, number_map
 from contactlab.reporting.knob_changes import change_panels, knob_changes
 from contactlab.reporting.map_cells import cell_statistic
 from contactlab.reporting.page_charts import tradeoff_chart
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.run_series import decimated, qpos_entries
-from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed
+from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed, word_colours
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
@@ -157,11 +157,7 @@ def _first_impact(pair: StoredPair, record: EvidenceRecord) -> Rows:
 def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
     """Return height over time, and the ratio of heights at each bounce beside e^2."""
     names = [each.setting for each in runs]
-    colour = (
-        alt.Color("setting:N")
-        .scale(domain=names, range=list(COLOURS[: len(names)]))
-        .legend(title=None)
-    )
+    colour = word_colours("setting", names, COLOURS[: len(names)]).legend(title=None)
     heights: Rows = [
         {"time": time, "height": height, "setting": each.setting}
         for each in runs
@@ -210,9 +206,7 @@ def cone_panel(impacts: Rows) -> Spec:
     y = alt.Y("slip:Q").scale(domain=[0, highest], nice=False)
     x = x.axis(title="μ (1 + e) · normal speed before the impact [m/s]")
     y = y.axis(title="tangential speed before the impact [m/s]")
-    colour = (
-        alt.Color("contact:N").scale(domain=_OUTCOMES, range=list(COLOURS[:2])).legend(title=None)
-    )
+    colour = word_colours("contact", _OUTCOMES, COLOURS[:2]).legend(title=None)
     shape = alt.Shape("contact:N").scale(domain=_OUTCOMES, range=["circle", "triangle-up"])
     end = min(most, highest)
     line_ends = [
@@ -232,8 +226,8 @@ def cone_panel(impacts: Rows) -> Spec:
     return chart.facet(column=alt.Column("engine:N").header(title)).to_dict()
 
 
-def figure_specs(data: ReportData) -> Iterator[tuple[str, Spec]]:
-    """Yield name and specification of each figure for which the store has the data."""
+def figure_specs(data: ReportData) -> dict[str, Spec]:
+    """Return the specification of each figure, by name, for which the store has the data."""
     bouncing = bouncing_runs(data.store, data.axes, ~data.labels.failed)
     impacts = first_impacts(data.store)
     figures = {
@@ -244,17 +238,16 @@ def figure_specs(data: ReportData) -> Iterator[tuple[str, Spec]]:
         "cone": themed(cone_panel(impacts)) if impacts else None,
         "effects": _effects(data),
     }
-    yield from ((name, spec) for name, spec in figures.items() if spec is not None)
+    return {name: spec for name, spec in figures.items() if spec is not None}
 
 
 def _error_map(data: ReportData) -> Spec | None:
     if data.map_axes is None or data.tradeoff is None:
         return None
     for error in data.quantities_named(data.tradeoff.error.name):
-        pieces, texts = number_rows(cell_statistic(data.map_axes, error, "worst"))
+        values = cell_statistic(data.map_axes, error, "worst")
         title, resolution = f"worst {error.title}", error.column.resolution
-        frame = MapFrame.of(data.map_axes)
-        return themed(number_map(frame, pieces, texts, title, resolution).to_dict())
+        return themed(number_map(data.map_axes, values, title, resolution).to_dict())
     return None
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,11 +58,7 @@ class GridAxis:
 
 @dataclass(frozen=True)
 class Quantity:
-    """One measured column of n runs.
-
-    Attributes:
-        values: (n,), NaN where there is no finite one.
-    """
+    """One measured column of n runs; values (n,) are NaN where there is no finite one."""
 
     column: Column
     description: str
@@ -85,7 +82,6 @@ class RunLabels:
     Attributes:
         names: worst labels that occur, the worst first and `stable` last.
         letters: one letter for each, all different; empty for `stable`.
-        counts: number of runs with each.
         codes: (n,) index into `names` of each run's worst label.
         masks: (n,) all labels of a run as bits: bit i for `every[i]`.
         every: labels that occur at all, also beside a worse one.
@@ -94,11 +90,19 @@ class RunLabels:
     names: tuple[str, ...]
     letters: tuple[str, ...]
     colours: tuple[str, ...]
-    meanings: tuple[str, ...]
-    counts: tuple[int, ...]
     codes: Codes
     masks: Codes
     every: tuple[str, ...]
+
+    @cached_property
+    def counts(self) -> tuple[int, ...]:
+        """The number of runs with each."""
+        return tuple(np.bincount(self.codes, minlength=len(self.names)).tolist())
+
+    @property
+    def meanings(self) -> tuple[str, ...]:
+        """What each says of a run; empty for labels of other versions and plug-ins."""
+        return tuple(LABELS[name].meaning if name in LABELS else "" for name in self.names)
 
     @property
     def failed(self) -> NDArray[np.bool_]:
@@ -184,15 +188,15 @@ def summary_metrics() -> list[str]:
 
 def read_quantities(store: Store) -> tuple[Quantity, ...]:
     """Return the measured columns in which any run has a value."""
-    quantities = (_quantity(store, column) for column in store.columns.measured.values())
-    return tuple(each for each in quantities if np.isfinite(each.values).any())
-
-
-def _quantity(store: Store, column: Column) -> Quantity:
-    values = store.columns.numbers(column.name).values
-    metadata = store.columns.schema.field(column.name).metadata or {}
-    finite = np.where(np.isfinite(values), values, np.nan)
-    return Quantity(column, metadata.get(b"description", b"").decode(), finite)
+    quantities: list[Quantity] = []
+    for column in store.columns.measured.values():
+        values = store.columns.numbers(column.name).values
+        finite = np.isfinite(values)
+        metadata = store.columns.schema.field(column.name).metadata or {}
+        description = metadata.get(b"description", b"").decode()
+        if finite.any():
+            quantities.append(Quantity(column, description, np.where(finite, values, np.nan)))
+    return tuple(quantities)
 
 
 def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
@@ -211,8 +215,6 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         names=tuple(names),
         letters=tuple(letters.get(name, "") for name in names),
         colours=tuple(colours.get(name, STABLE_COLOUR) for name in names),
-        meanings=tuple(LABELS[name].meaning if name in LABELS else "" for name in names),
-        counts=tuple(np.bincount(placed, minlength=len(names)).tolist()),
         codes=placed,
         masks=masks,
         every=every,

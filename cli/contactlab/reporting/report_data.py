@@ -1,6 +1,7 @@
 """What a page is asked to hold, and everything of a store that it is made of, read once."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
@@ -37,14 +38,8 @@ class PageRequest:
     baseline: Store | None = None
 
 
-@dataclass(frozen=True)
-class WrittenPage:
-    """A page that was written.
-
-    Attributes:
-        bytes: its size [B].
-        notes: what it leaves out.
-    """
+class WrittenPage(NamedTuple):
+    """The size of a page that was written [B], and notes on what it leaves out."""
 
     bytes: int
     notes: tuple[str, ...]

@@ -1,8 +1,7 @@
 """A run in a report: its trace in a few hundred points, and in words what it exercised."""
 
 import xml.etree.ElementTree as ET
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -10,15 +9,14 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
-from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
+from contactlab.store.mcap.stored_trace import StoredTrace
 
 _POINTS = 400
 _MOST_COORDINATES = 6
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 
 
-@dataclass(frozen=True)
-class QposEntry:
+class QposEntry(NamedTuple):
     """One entry of qpos.
 
     Attributes:
@@ -32,15 +30,8 @@ class QposEntry:
     is_height: bool
 
 
-@dataclass(frozen=True)
-class Signal:
-    """One quantity over time, decimated.
-
-    Attributes:
-        panel: the chart it belongs to: motion, force or depth.
-        time: (P,) [s].
-        values: (P,).
-    """
+class Signal(NamedTuple):
+    """One quantity over time (P,) [s], decimated, in a chart: motion, force or depth."""
 
     name: str
     unit: str
@@ -49,8 +40,7 @@ class Signal:
     values: Floats
 
 
-@dataclass(frozen=True)
-class ModeBand:
+class ModeBand(NamedTuple):
     """When a pair stuck, slid, or was apart.
 
     Attributes:
@@ -65,21 +55,30 @@ class ModeBand:
     end: float
 
 
-def read_signals(trace: StoredTrace) -> list[Signal]:
-    """Return the motion, forces and depths of a run, in at most 400 points each."""
-    entries = _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos)
-    return [
-        *(
-            _signal(each.name, each.unit, "motion", trace.time, trace.qpos[:, each.index])
-            for each in entries
-        ),
-        *(each for pair in trace.pairs for each in _contact(trace, pair)),
-    ]
+def read_signals(trace: StoredTrace) -> Iterator[Signal]:
+    """Yield the motion, forces and depths of a run, 0 without contact, in at most 400 points."""
+    for each in _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos):
+        motion = trace.qpos[:, each.index]
+        yield _signal(each.name, each.unit, "motion", trace.time, motion)
+    for pair in trace.pairs:
+        for name, unit, panel, values in (
+            ("normal", "N", "force", pair.normal),
+            ("tangential", "N", "force", pair.tangential),
+            ("depth", "m", "depth", np.maximum(-pair.distance, 0.0)),
+        ):
+            full = np.zeros(len(trace.contacts))
+            full[pair.steps] = values
+            yield _signal(f"{pair.name} {name}", unit, panel, trace.time[:-1], full)
 
 
-def read_mode_bands(trace: StoredTrace) -> list[ModeBand]:
-    """Return when each pair of a run stuck, slid, or was apart."""
-    return [_mode_band(trace, pair) for pair in trace.pairs]
+def read_mode_bands(trace: StoredTrace) -> Iterator[ModeBand]:
+    """Yield when each pair of a run stuck, slid, or was apart."""
+    for pair in trace.pairs:
+        modes = np.full(len(trace.contacts), NO_CONTACT, dtype=np.int8)
+        modes[pair.steps] = pair.mode
+        changes = np.flatnonzero(np.diff(modes)) + 1
+        starts = np.concatenate(([0], changes))[:_POINTS]
+        yield ModeBand(pair.name, trace.time[starts], modes[starts], float(trace.time[-1]))
 
 
 def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
@@ -110,26 +109,6 @@ def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry
         spread = np.nan_to_num(np.nanmax(qpos, axis=0) - np.nanmin(qpos, axis=0))
     ranked = sorted(entries, key=lambda each: (not each.is_height, -spread[each.index]))
     return ranked[:_MOST_COORDINATES]
-
-
-def _contact(trace: StoredTrace, pair: StoredPair) -> Iterator[Signal]:
-    """Yield forces and depth, 0 without contact."""
-    for name, unit, panel, values in (
-        ("normal", "N", "force", pair.normal),
-        ("tangential", "N", "force", pair.tangential),
-        ("depth", "m", "depth", np.maximum(-pair.distance, 0.0)),
-    ):
-        full = np.zeros(len(trace.contacts))
-        full[pair.steps] = values
-        yield _signal(f"{pair.name} {name}", unit, panel, trace.time[:-1], full)
-
-
-def _mode_band(trace: StoredTrace, pair: StoredPair) -> ModeBand:
-    modes = np.full(len(trace.contacts), NO_CONTACT, dtype=np.int8)
-    modes[pair.steps] = pair.mode
-    changes = np.flatnonzero(np.diff(modes)) + 1
-    starts = np.concatenate(([0], changes))[:_POINTS]
-    return ModeBand(pair.name, trace.time[starts], modes[starts], float(trace.time[-1]))
 
 
 def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
@@ -204,13 +183,13 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[CoverageRow]
             for name in pairs
         },
     }
-    return [_row(kind, done) for kind, done in kinds.items() if done]
-
-
-def _row(kind: str, done: Mapping[str, str]) -> CoverageRow:
-    idle = [name for name, text in done.items() if not text]
-    used = [f"{name} {text}" for name, text in done.items() if text]
-    return CoverageRow(kind, _listed(idle, ", "), _listed(used, "; "))
+    rows: list[CoverageRow] = []
+    for kind, done in kinds.items():
+        idle = [name for name, text in done.items() if not text]
+        used = [f"{name} {text}" for name, text in done.items() if text]
+        if done:
+            rows.append(CoverageRow(kind, _listed(idle, ", "), _listed(used, "; ")))
+    return rows
 
 
 def _listed(texts: list[str], separator: str) -> str:

@@ -2,6 +2,7 @@
 
 import io
 import re
+from collections.abc import Callable, Container, Sequence
 from functools import cache
 from typing import Any
 
@@ -46,6 +47,11 @@ def layer_of(name: str, rows: Rows) -> alt.Chart:
     return alt.Chart(alt.InlineData(values=rows, name=name))
 
 
+def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> alt.Color:
+    """Return the colour of each word that a field may hold."""
+    return alt.Color(f"{field}:N").scale(domain=list(words), range=list(colours))
+
+
 def themed(spec: Spec) -> Spec:
     """Return a specification in the theme that all charts share."""
     given = spec.get("config", {})
@@ -77,16 +83,21 @@ def themed(spec: Spec) -> Spec:
     return {**spec, "config": config}
 
 
-def with_page_colours(part: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
+def with_page_colours(spec: Spec) -> Spec:
     """Return a specification whose colours follow the page's style sheet, light or dark."""
+    return _with_texts(spec, lambda text: _PAGE_COLOURS.get(text, text), {"values", "datasets"})
+
+
+def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] = ()) -> Any:  # noqa: ANN401 - anything that JSON holds
+    """Return a part of a specification with changed texts, except below some keys."""
     if isinstance(part, dict):
         return {
-            key: value if key in {"values", "datasets"} else with_page_colours(value)
+            key: value if key in kept else _with_texts(value, changed, kept)
             for key, value in part.items()
         }
     if isinstance(part, list):
-        return [with_page_colours(each) for each in part]
-    return _PAGE_COLOURS.get(part, part) if isinstance(part, str) else part
+        return [_with_texts(each, changed, kept) for each in part]
+    return changed(part) if isinstance(part, str) else part
 
 
 def as_svg(spec: Spec, prefix: str = "") -> str:
@@ -95,13 +106,9 @@ def as_svg(spec: Spec, prefix: str = "") -> str:
     return _renumbered(svg, prefix)
 
 
-def _shown(part: Any) -> Any:  # noqa: ANN401 - anything that JSON holds
+def _shown(spec: Spec) -> Spec:
     """Return a specification whose texts XML can hold: the renderer ends the process otherwise."""
-    if isinstance(part, dict):
-        return {key: _shown(value) for key, value in part.items()}
-    if isinstance(part, list):
-        return [_shown(each) for each in part]
-    return visible(part) if isinstance(part, str) else part
+    return _with_texts(spec, visible)
 
 
 def _renumbered(svg: str, prefix: str) -> str:
@@ -132,11 +139,8 @@ def render_chart(spec: Spec, form: str) -> bytes:
     spec = _shown(spec)
     if form == "png":
         return vl_convert.vegalite_to_png(spec, scale=_SCALE, allowed_base_urls=_ALLOWED_URLS)
-    return _ordered_pdf(vl_convert.vegalite_to_pdf(spec, allowed_base_urls=_ALLOWED_URLS))
-
-
-def _ordered_pdf(pdf: bytes) -> bytes:
-    """Return a PDF with its objects in a fixed order; the renderer's own order varies."""
+    pdf = vl_convert.vegalite_to_pdf(spec, allowed_base_urls=_ALLOWED_URLS)
+    # Its objects in a fixed order: the renderer's own varies.
     written = io.BytesIO()
     with pikepdf.open(io.BytesIO(pdf)) as opened:
         opened.save(written, deterministic_id=True)

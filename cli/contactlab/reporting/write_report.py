@@ -57,7 +57,7 @@ def write_figures(
     except OSError as error:
         raise OutputError(f"cannot make {folder}: {error.strerror}") from error
     written: list[Path] = []
-    for name, spec in figure_specs(data):
+    for name, spec in figure_specs(data).items():
         for form in formats:
             path = folder / f"{name}.{form}"
             with atomic_write(path) as temporary:

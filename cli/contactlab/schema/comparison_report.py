@@ -61,6 +61,11 @@ class Check(JudgedCheck):
     accepted: str | None = Field(default=None, description="Why the policy accepts it.")
     worst: tuple[RunPair, ...] = Field(default=(), description="The worst few.")
 
+    @property
+    def is_open(self) -> bool:
+        """Whether it is a gate that could not be checked."""
+        return self.outcome == "skipped" and self.level == "gate"
+
 
 class Transition(Model):
     """Runs whose worst label changed."""

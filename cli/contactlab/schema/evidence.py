@@ -175,13 +175,12 @@ class PluginInfo(Model):
         return f"{self.name} {self.version or '(no version)'}, sha256 {self.sha256[:12]}"
 
 
-def _is_empty(plugins: tuple[PluginInfo, ...]) -> bool:
-    return not plugins
-
-
 PluginInfos = Annotated[
     tuple[PluginInfo, ...],
-    Field(exclude_if=_is_empty, description="Plug-ins that were loaded; left out without any."),
+    Field(
+        exclude_if=lambda plugins: not plugins,
+        description="Plug-ins that were loaded; left out without any.",
+    ),
 ]
 
 

@@ -1,7 +1,7 @@
 """The base of all models of files: closed, frozen, strict about numbers and words."""
 
-import math
 import re
+import sys
 from collections.abc import Sequence
 from typing import Annotated, cast
 
@@ -60,26 +60,20 @@ class Model(BaseModel):
 def _checked_number(value: object) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise PydanticCustomError("number", "takes numbers only in a list")
-    try:
-        finite = math.isfinite(value)
-    except OverflowError:
-        finite = False
-    if not finite:
+    # Of a whole number that no float can hold, isfinite would raise an error.
+    if not abs(value) <= sys.float_info.max:
         raise PydanticCustomError("finite_number", "must be finite")
     return value
 
 
 def _checked_value(value: object) -> object:
-    match value:
-        case bool() | str():
-            return value
-        case int() | float():
-            return _checked_number(value)
-        case list() | tuple():
-            return tuple(_checked_number(part) for part in cast("Sequence[object]", value))
-        case _:
-            message = "takes numbers, words, true, false or lists of numbers"
-            raise PydanticCustomError("value", message)
+    if isinstance(value, bool | str):
+        return value
+    if isinstance(value, int | float):
+        return _checked_number(value)
+    if isinstance(value, list | tuple):
+        return tuple(_checked_number(part) for part in cast("Sequence[object]", value))
+    raise PydanticCustomError("value", "takes numbers, words, true, false or lists of numbers")
 
 
 # A value of an axis as written, before its own parser makes it canonical.

@@ -32,10 +32,6 @@ EffectsBase = Literal["auto", "all"]
 _BASE = "base"
 
 
-def _as_mapping(value: object) -> object:
-    return {_BASE: value} if isinstance(value, str) else value
-
-
 def _checked(value: dict[str, bool | EffectsBase]) -> dict[str, bool | EffectsBase]:
     for name, each in value.items():
         if (name == _BASE) == isinstance(each, bool):
@@ -54,7 +50,7 @@ _BASE_SCHEMA = {
 # `auto` and `all` alone are short for {base: auto} and {base: all}.
 Effects = Annotated[
     dict[str, Annotated[bool, Field(strict=True)] | EffectsBase],
-    BeforeValidator(_as_mapping),
+    BeforeValidator(lambda value: {_BASE: value} if isinstance(value, str) else value),
     AfterValidator(_checked),
     WithJsonSchema(
         {
@@ -162,22 +158,14 @@ class IncludeFile(Model):
 IncludedRow = dict[str, Value]
 
 
-def _include_form(data: object) -> str:
-    return "@file" if isinstance(data, dict | IncludeFile) else "@rows"
-
-
-def _seeds_form(data: object) -> str:
-    return "@list" if isinstance(data, list | tuple) else "@count"
-
-
 Include = Annotated[
     Annotated[tuple[IncludedRow, ...], Tag("@rows")] | Annotated[IncludeFile, Tag("@file")],
-    Discriminator(_include_form),
+    Discriminator(lambda data: "@file" if isinstance(data, dict | IncludeFile) else "@rows"),
 ]
 Seeds = Annotated[
     Annotated[Whole, Field(ge=1, le=1_000_000), Tag("@count")]
     | Annotated[tuple[Seed, ...], Field(min_length=1), Tag("@list")],
-    Discriminator(_seeds_form),
+    Discriminator(lambda data: "@list" if isinstance(data, list | tuple) else "@count"),
 ]
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,7 @@ _USUAL_ARROW, _LONGEST_ARROW = 0.5, 1.0
 _USUAL_PERCENTILE = 90
 
 
-@dataclass(frozen=True)
-class ContactForces:
+class ContactForces(NamedTuple):
     """K contact forces, each drawn in one frame, in the order of the frames.
 
     Attributes:
@@ -205,19 +205,11 @@ def peak_forces(pairs: Sequence[StoredPair], rows: Rows) -> ContactForces:
     is seen at any rate; the last frame covers the step before it.
     """
     parts = [_forces_of_pair(pair, index, rows) for index, pair in enumerate(pairs)]
-    nothing = ContactForces(
-        frame=np.empty(0, np.intp),
-        pair=np.empty(0, np.intp),
-        mode=np.empty(0, np.int8),
-        position=np.empty((0, 3)),
-        force=np.empty((0, 3)),
-    )
-    columns = {
-        name: np.concatenate([getattr(each, name) for each in (nothing, *parts)])
-        for name in vars(nothing)
-    }
-    order = np.argsort(columns["frame"], kind="stable")
-    return ContactForces(**{name: column[order] for name, column in columns.items()})
+    none = np.empty(0, np.intp)
+    empty = ContactForces(none, none, np.empty(0, np.int8), np.empty((0, 3)), np.empty((0, 3)))
+    columns = [np.concatenate(each) for each in zip(empty, *parts, strict=True)]
+    order = np.argsort(columns[0], kind="stable")
+    return ContactForces(*(column[order] for column in columns))
 
 
 def _forces_of_pair(pair: StoredPair, index: int, rows: Rows) -> ContactForces:

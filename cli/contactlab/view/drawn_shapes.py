@@ -59,7 +59,7 @@ _SOLIDS = {
     int(_GEOM.mjGEOM_CYLINDER): (Form.cylinder, [0, 0, 1]),
     int(_GEOM.mjGEOM_CAPSULE): (Form.cylinder, [0, 0, 1]),
 }
-_SURFACES = {int(_GEOM.mjGEOM_MESH), int(_GEOM.mjGEOM_SDF)}
+_SURFACES = {int(each) for each in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD)}
 _NO_VERTICES = np.empty((0, 3))
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
 
@@ -114,10 +114,11 @@ def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
             yield _shape(model, geom, Form.ellipsoid, np.full(3, 2 * size[0]), offset, end)
     elif kind == _GEOM.mjGEOM_PLANE:
         yield _plane(model, geom, size)
-    elif kind == _GEOM.mjGEOM_HFIELD:
-        yield _mesh(model, geom, *_field(model, int(model.geom_dataid[geom])))
     elif kind in _SURFACES:
-        yield _mesh(model, geom, *_surface(model, int(model.geom_dataid[geom])))
+        read = _field if kind == _GEOM.mjGEOM_HFIELD else _surface
+        vertices, triangles = read(model, int(model.geom_dataid[geom]))
+        plain = _shape(model, geom, Form.mesh, np.ones(3))
+        yield replace(plain, vertices=vertices, triangles=triangles)
 
 
 def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
@@ -152,11 +153,6 @@ def _shape(
         vertices=_NO_VERTICES,
         triangles=_NO_TRIANGLES,
     )
-
-
-def _mesh(model: mujoco.MjModel, geom: int, vertices: Floats, triangles: Integers) -> BodyShape:
-    plain = _shape(model, geom, Form.mesh, np.ones(3))
-    return replace(plain, vertices=vertices, triangles=triangles)
 
 
 def _surface(model: mujoco.MjModel, mesh: int) -> tuple[Floats, Integers]:

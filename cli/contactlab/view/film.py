@@ -1,11 +1,11 @@
 """A run as a film or a sheet of pictures, which MuJoCo draws without a display."""
 
-import ctypes.util
 import importlib
 import math
 import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from ctypes.util import find_library
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -60,7 +60,12 @@ def graphics(width: int, height: int) -> Generator[None]:
     Raises:
         SceneError: there is no OpenGL to draw with.
     """
-    name = _backend()
+    asked = os.environ.get("MUJOCO_GL", "").lower()
+    installed = [name for name in ("egl", "osmesa") if find_library(_BACKENDS[name])]
+    found = [asked] if asked in _BACKENDS else installed
+    if not found:
+        raise SceneError(f"no pictures: there is no OpenGL to draw with; {_REMEDY}")
+    name = found[0]
     try:
         context = importlib.import_module(f"mujoco.{name}").GLContext(width, height)
         context.make_current()
@@ -70,16 +75,6 @@ def graphics(width: int, height: int) -> Generator[None]:
         yield
     finally:
         context.free()
-
-
-def _backend() -> str:
-    asked = os.environ.get("MUJOCO_GL", "").lower()
-    if asked in _BACKENDS:
-        return asked
-    found = [name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKENDS[name])]
-    if not found:
-        raise SceneError(f"no pictures: there is no OpenGL to draw with; {_REMEDY}")
-    return found[0]
 
 
 def draw_pictures(
@@ -98,12 +93,17 @@ def draw_pictures(
         SceneError: there is no OpenGL, or no camera of this name.
     """
     width, height = size
-    _set_appearance(model, width, height)
+    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
+    model.vis.quality.shadowsize = _SHADOW
+    # Moving bodies are translucent, so that arrows show.
+    model.vis.map.alpha = _SOLID
+    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT)
     view = _camera(model, motion, width / height, camera)
     option = mujoco.MjvOption()
     option.flags[mujoco.mjtVisFlag.mjVIS_TRANSPARENT] = True
     has_sky = bool((model.tex_type == mujoco.mjtTexture.mjTEXTURE_SKYBOX).any())
     data, scene = mujoco.MjData(model), mujoco.MjvScene(model, _MOST_GEOMS)
+    area, picture = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
     with graphics(width, height):
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
@@ -114,7 +114,9 @@ def draw_pictures(
             if not has_sky:
                 _draw_background(scene)
             _draw_forces(scene, motion, frame)
-            yield _shot(scene, context, width, height)
+            mujoco.mjr_render(area, scene, context)
+            mujoco.mjr_readPixels(picture, None, area, context)
+            yield picture[::-1].copy()
         context.free()
 
 
@@ -125,21 +127,6 @@ def _pose(model: mujoco.MjModel, data: mujoco.MjData, configuration: Floats) -> 
     mujoco.mj_comPos(model, data)
     mujoco.mj_camlight(model, data)
     mujoco.mj_tendon(model, data)
-
-
-def _set_appearance(model: mujoco.MjModel, width: int, height: int) -> None:
-    """Set a picture's size and light; moving bodies are translucent, so that arrows show."""
-    model.vis.global_.offwidth, model.vis.global_.offheight = width, height
-    model.vis.quality.shadowsize = _SHADOW
-    model.vis.map.alpha = _SOLID
-    model.vis.headlight.ambient[:] = np.maximum(model.vis.headlight.ambient, _AMBIENT)
-
-
-def _shot(scene: mujoco.MjvScene, context: mujoco.MjrContext, width: int, height: int) -> Picture:
-    area, picture = mujoco.MjrRect(0, 0, width, height), np.empty((height, width, 3), np.uint8)
-    mujoco.mjr_render(area, scene, context)
-    mujoco.mjr_readPixels(picture, None, area, context)
-    return picture[::-1].copy()
 
 
 def _draw_background(scene: mujoco.MjvScene) -> None:
@@ -161,8 +148,11 @@ def _camera(
 ) -> mujoco.MjvCamera:
     camera = mujoco.MjvCamera()
     if name is not None:
-        camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
-        camera.fixedcamid = _find(model, name)
+        names = [model.camera(index).name for index in range(model.ncam)]
+        if name not in names:
+            known = f"; it has {', '.join(names)}" if names else "; leave --camera out"
+            raise SceneError(f"the model has no camera '{name}'{did_you_mean(name, names)}{known}")
+        camera.type, camera.fixedcamid = mujoco.mjtCamera.mjCAMERA_FIXED, names.index(name)
         return camera
     half = math.radians(float(model.vis.global_.fovy)) / 2
     narrow = min(half, math.atan(math.tan(half) * aspect))
@@ -170,14 +160,6 @@ def _camera(
     camera.distance = _MARGIN * motion.radius / math.sin(narrow)
     camera.azimuth, camera.elevation = _AZIMUTH, _ELEVATION
     return camera
-
-
-def _find(model: mujoco.MjModel, name: str) -> int:
-    names = [model.camera(index).name for index in range(model.ncam)]
-    if name not in names:
-        known = f"; it has {', '.join(names)}" if names else "; leave --camera out"
-        raise SceneError(f"the model has no camera '{name}'{did_you_mean(name, names)}{known}")
-    return names.index(name)
 
 
 def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
@@ -209,11 +191,7 @@ def _new_geom(
 
 @dataclass(frozen=True)
 class RunPictures:
-    """The pictures of a run, drawn when they are written.
-
-    Attributes:
-        qpos: (F, nq) configurations of the motion's frames.
-    """
+    """The pictures of a run, drawn when they are written; qpos is (F, nq), of the frames."""
 
     replay: PreparedReplay
     motion: BodyMotion
@@ -241,32 +219,26 @@ class RunPictures:
 
     def sheet(self) -> list[Picture]:
         """Return a sheet's pictures."""
-        times = np.array(self.options.at or self._default_times())
-        wanted: list[int] = nearest(self.motion.time, times).tolist()
+        motion, times = self.motion, self.options.at
+        if not times:
+            # Evenly over the frames in which a moving body is in view.
+            far = np.linalg.norm(motion.positions[:, motion.moving] - motion.centre, axis=2)
+            in_view = motion.time[(far <= motion.radius).any(axis=1)]
+            span = in_view if len(in_view) else motion.time
+            times = np.linspace(span[0], span[-1], _SHEET_PICTURES)
+        wanted: list[int] = nearest(motion.time, np.array(times)).tolist()
         frames = sorted(set(wanted))
         drawn = dict(zip(frames, self._draw(frames), strict=True))
         return [drawn[frame] for frame in wanted]
 
-    def _default_times(self) -> list[float]:
-        """Return six times, evenly over the frames in which a moving body is in view."""
-        motion = self.motion
-        far = np.linalg.norm(motion.positions[:, motion.moving] - motion.centre, axis=2)
-        in_view = motion.time[(far <= motion.radius).any(axis=1)]
-        span = in_view if len(in_view) else motion.time
-        return np.linspace(span[0], span[-1], _SHEET_PICTURES).tolist()
-
     def _draw(self, frames: Sequence[int]) -> Iterator[Picture]:
-        chosen = {frame: self.qpos[frame] for frame in frames}
+        record, chosen = self.replay.record, {frame: self.qpos[frame] for frame in frames}
+        scale = f"   1 N is {self.motion.scale:g} m" if len(self.motion.forces.frame) else ""
+        run = f"{record.scene} {record.run_id[:8]}: {record.label}{scale}"
         model, size = self.replay.prepared.model, self.options.size or _SIZE
         drawn = draw_pictures(model, self.motion, chosen, size, self.options.camera)
         for frame, picture in zip(frames, drawn, strict=True):
-            yield captioned(picture, self._caption(frame))
-
-    def _caption(self, frame: int) -> str:
-        record = self.replay.record
-        caption = f"{self.motion.time[frame]:.3f} s   {record.scene} {record.run_id[:8]}: "
-        scale = f"   1 N is {self.motion.scale:g} m" if len(self.motion.forces.frame) else ""
-        return caption + record.label + scale
+            yield captioned(picture, f"{self.motion.time[frame]:.3f} s   {run}")
 
 
 def write_mp4(target: Path, pictures: Iterator[Picture], rate: int) -> None:

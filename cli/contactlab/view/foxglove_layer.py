@@ -102,9 +102,12 @@ def transforms(motion: BodyMotion, frame: int) -> FrameTransforms:
 
 def scene(motion: BodyMotion) -> SceneUpdate:
     """Return what the bodies look like, each as an entity that moves with its body's frame."""
-    return SceneUpdate(
-        entities=[_entity(motion, body) for body in sorted({each.body for each in motion.shapes})]
-    )
+    time, entities = _timestamp(motion, 0), dict[str, SceneEntity]()
+    for shape in sorted(motion.shapes, key=lambda each: each.body):
+        name = motion.bodies[shape.body]
+        entity = SceneEntity(timestamp=time, frame_id=name, id=name, frame_locked=True)
+        _add(entities.setdefault(name, entity), shape)
+    return SceneUpdate(entities=entities.values())
 
 
 def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
@@ -128,19 +131,6 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
             )
         ]
     )
-
-
-def _entity(motion: BodyMotion, body: int) -> SceneEntity:
-    entity = SceneEntity(
-        timestamp=_timestamp(motion, 0),
-        frame_id=motion.bodies[body],
-        id=motion.bodies[body],
-        frame_locked=True,
-    )
-    for shape in motion.shapes:
-        if shape.body == body:
-            _add(entity, shape)
-    return entity
 
 
 def _add(entity: SceneEntity, shape: BodyShape) -> None:

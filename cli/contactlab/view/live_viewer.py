@@ -16,7 +16,13 @@ def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
     Raises:
         SceneError: there is no display.
     """
-    if not _has_display():
+    import glfw  # noqa: PLC0415 - it looks for a display
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        # Checked beforehand: without a display, MuJoCo's viewer ends the process.
+        has_display = bool(glfw.init())
+    if not has_display:
         raise SceneError("no display for the viewer; replay without --view")
     import mujoco.viewer  # noqa: PLC0415 - it looks for a display
 
@@ -46,12 +52,3 @@ def _drive(model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates) -> 
     )
     own[start.driven] = inputs[start.driven]
     apply_inputs(model, data, own)
-
-
-def _has_display() -> bool:
-    """Check beforehand: without a display, MuJoCo's viewer ends the process."""
-    import glfw  # noqa: PLC0415 - it looks for a display
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return bool(glfw.init())
