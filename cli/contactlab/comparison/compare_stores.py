@@ -23,9 +23,8 @@ from contactlab.comparison.run_checks import (
     knife_edge,
     knife_edge_check,
     label_checks,
-    missing_runs_check,
-    new_runs_check,
     recommendation_check,
+    unpaired_checks,
 )
 from contactlab.errors import ContactlabError, ExpectationError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
@@ -65,9 +64,6 @@ def compare(
 
 def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> ComparisonReport:
     """Return the report of stores that cannot be compared, with the reason."""
-    none = PairCounts(
-        paired=0, missing=0, new=0, bitwise_equal=0, knife_edge=0, knife_edge_flipped=0
-    )
     return ComparisonReport(
         verdict="not comparable",
         exit_code=error.exit_code,
@@ -75,7 +71,7 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
         baseline=None,
         candidate=None,
         match=policy.match,
-        pairs=none,
+        pairs=PairCounts(**dict.fromkeys(PairCounts.model_fields, 0)),
         differences=(),
         transitions=(),
         checks=(_COMPARABLE.single(NOT_COMPARABLE, str(error)),),
@@ -110,8 +106,7 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         _COMPARABLE.single(SAME, "both are sound"),
         *store_checks(before, after),
         *(check for check, _ in sameness),
-        missing_runs_check(paired),
-        new_runs_check(paired),
+        *unpaired_checks(paired),
         knife_edge_check(paired),
         *label_checks(labels),
         *expectation_checks(gated),

@@ -51,26 +51,21 @@ def knife_edge(paired: PairedStores) -> Mask:
     return (before.values == 1) | (after.values == 1)
 
 
-def missing_runs_check(paired: PairedStores) -> Check:
-    """Return whether every run of the baseline is in the candidate."""
-    missing = paired.pairing.missing
+def unpaired_checks(paired: PairedStores) -> Iterator[Check]:
+    """Yield whether every run of one store is in the other: of the baseline, of the candidate."""
+    missing, new = paired.pairing.missing, paired.pairing.new
     total = len(paired.pairing.baseline) + len(missing)
-    verdicts = np.where(np.arange(total) < len(missing), MISSING, SAME).astype(np.int8)
-    subject = CheckSubject("no missing runs", "runs", paired.policy.missing_runs)
-    if not len(missing):
-        return subject.check(verdicts, f"all {total:,} are there")
+    verdicts = np.full(total, SAME, dtype=np.int8)
+    verdicts[: len(missing)] = MISSING
+    message = f"{out_of(len(missing), total)} not in the candidate"
     worst = unpaired_runs(paired.baseline, "baseline", missing[:MOST_SHOWN].tolist())
-    return subject.check(verdicts, f"{out_of(len(missing), total)} not in the candidate", worst)
-
-
-def new_runs_check(paired: PairedStores) -> Check:
-    """Return whether every run of the candidate is in the baseline."""
-    new = paired.pairing.new
-    subject = CheckSubject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
+    subject = CheckSubject("no missing runs", "runs", paired.policy.missing_runs)
+    yield subject.check(verdicts, message if len(missing) else f"all {total:,} are there", worst)
     verdicts = np.full(len(new), CHANGED, dtype=np.int8)
+    message = f"{plural(len(new))} not in the baseline"
     worst = unpaired_runs(paired.candidate, "candidate", new[:MOST_SHOWN].tolist())
-    message = f"{plural(len(new))} not in the baseline" if len(new) else "none"
-    return subject.check(verdicts, message, worst)
+    subject = CheckSubject("no new runs", "runs", paired.policy.new_runs, two_sided=True)
+    yield subject.check(verdicts, message if len(new) else "none", worst)
 
 
 def knife_edge_check(paired: PairedStores) -> Check:

@@ -116,7 +116,7 @@ def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
 
     If the joints of the MJCF do not add up to the size of qpos, entries are named by their index.
     """
-    joints = list(_joints_of_model(model_xml))
+    joints = list(_joints(model_xml))
     if sum(_JOINT_SIZES[kind] for _, kind in joints) != size:
         return tuple(QposEntry(index, f"qpos[{index}]", "m, rad", False) for index in range(size))
     entries: list[QposEntry] = []
@@ -131,28 +131,20 @@ def qpos_entries(model_xml: bytes, size: int) -> tuple[QposEntry, ...]:
     return tuple(entries)
 
 
-def _joints_of_model(model_xml: bytes) -> Iterator[tuple[str, str]]:
+def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
     """Yield name and type of every joint in the order of qpos, depth first."""
     try:
         root = ET.fromstring(model_xml)  # noqa: S314 - written by this program, hashed in the store
     except ET.ParseError:
         return
-    world = root.find("worldbody")
-    if world is not None:
-        for body in world.findall("body"):
-            yield from _joints_of_body(body)
-
-
-def _joints_of_body(body: ET.Element) -> Iterator[tuple[str, str]]:
-    name = body.get("name", "body")
-    for joint in body:
-        if joint.tag == "freejoint":
-            yield name, "free"
-        elif joint.tag == "joint":
-            kind = joint.get("type", "hinge")
-            yield name if kind == "free" else joint.get("name", f"{name} joint"), kind
-    for inner in body.findall("body"):
-        yield from _joints_of_body(inner)
+    for body in root.iterfind("worldbody//body"):
+        name = body.get("name", "body")
+        for joint in body:
+            if joint.tag == "freejoint":
+                yield name, "free"
+            elif joint.tag == "joint":
+                kind = joint.get("type", "hinge")
+                yield name if kind == "free" else joint.get("name", f"{name} joint"), kind
 
 
 _MOST = 4

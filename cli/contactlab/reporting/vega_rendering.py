@@ -26,7 +26,27 @@ _ALLOWED_URLS: list[str] = []
 _SCALE = 3.0
 _ID = re.compile(r'\bid="([^"]+)"')
 _PAPER, _FAINT, _GRID, _EDGE = "white", "#555555", "#eeeeee", "#999999"
-_FONT = "system-ui, -apple-system, 'Segoe UI', sans-serif"
+_TEXT = {"labelColor": INK, "titleColor": INK}
+_THEME: Spec = {
+    # A chart has one name, and a table beside it; a name for every mark would double its size.
+    "aria": False,
+    "background": _PAPER,
+    "font": "system-ui, -apple-system, 'Segoe UI', sans-serif",
+    # Text is measured in one font, and a reader's may be wider.
+    "padding": {"left": 5, "top": 5, "right": 48, "bottom": 5},
+    "axis": {
+        **_TEXT,
+        "tickColor": _EDGE,
+        "domainColor": _EDGE,
+        "gridColor": _GRID,
+        "labelFontSize": 11,
+        "titleFontSize": 12,
+        "titleFontWeight": "normal",
+    },
+    "legend": {**_TEXT, "labelLimit": 360, "titleFontWeight": "normal"},
+    "title": {"color": INK, "subtitleColor": _FAINT, "anchor": "start"},
+    "view": {"stroke": _EDGE},
+}
 # Colours on paper, and the variables of the page's style sheet that stand for them.
 _PAGE_COLOURS = {
     _PAPER: "var(--page,#fff)",
@@ -55,32 +75,8 @@ def word_colours(field: str, words: Sequence[str], colours: Sequence[str]) -> al
 def themed(spec: Spec) -> Spec:
     """Return a specification in the theme that all charts share."""
     given = spec.get("config", {})
-    text = {"labelColor": INK, "titleColor": INK}
-    axis = {
-        **text,
-        "tickColor": _EDGE,
-        "domainColor": _EDGE,
-        "gridColor": _GRID,
-        "labelFontSize": 11,
-        "titleFontSize": 12,
-        "titleFontWeight": "normal",
-        **given.get("axis", {}),
-    }
-    legend = {**text, "labelLimit": 360, "titleFontWeight": "normal"}
-    config = {
-        **given,
-        # A chart has one name, and a table beside it; a name for every mark would double its size.
-        "aria": False,
-        "background": _PAPER,
-        "font": _FONT,
-        # Text is measured in one font, and a reader's may be wider.
-        "padding": {"left": 5, "top": 5, "right": 48, "bottom": 5},
-        "axis": axis,
-        "legend": legend | given.get("legend", {}),
-        "title": {"color": INK, "subtitleColor": _FAINT, "anchor": "start"},
-        "view": {"stroke": _EDGE, **given.get("view", {})},
-    }
-    return {**spec, "config": config}
+    own = {part: _THEME[part] | given.get(part, {}) for part in ("axis", "legend", "view")}
+    return {**spec, "config": given | _THEME | own}
 
 
 def with_page_colours(spec: Spec) -> Spec:
