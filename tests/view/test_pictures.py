@@ -14,8 +14,7 @@ from contactlab.contact.trace_arrays import STICK
 from contactlab.errors import OutputError, SceneError
 from contactlab.view.drawn_motion import read_motion
 from contactlab.view.film import Picture, draw_pictures
-from contactlab.view.picture_options import PictureOptions
-from contactlab.view.render import render
+from contactlab.view.render import PictureOptions, render
 
 SIZE = (160, 120)
 Draw = Callable[[str], Any]

@@ -105,7 +105,7 @@ def render(
 ) -> None:
     """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
     from contactlab.store.finished_store import Store
-    from contactlab.view.picture_options import PictureOptions
+    from contactlab.view.render import PictureOptions
     from contactlab.view.render import render as write
 
     options = PictureOptions(_size(size), camera, speed, tuple(at or ()))

@@ -167,7 +167,7 @@ def _conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
     return verdict, 0, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
 
 
-def _unchanged(found: Collection[Verdict]) -> Verdict:
+def _unchanged(found: Collection[str]) -> Verdict:
     """Return the verdict where no gate failed."""
     changes = set(found) - {"same", "not comparable"}
     if not changes:

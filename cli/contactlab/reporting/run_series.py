@@ -2,6 +2,7 @@
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,7 +17,8 @@ _MOST_COORDINATES = 6
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 
 
-class QposEntry(NamedTuple):
+@dataclass(frozen=True)
+class QposEntry:
     """One entry of qpos.
 
     Attributes:

@@ -23,7 +23,6 @@ from contactlab.palette import MODE_COLOURS
 from contactlab.run.stored_runs import PreparedReplay
 from contactlab.store.atomic_files import atomic_write
 from contactlab.view.drawn_motion import BodyMotion, frame_times, nearest
-from contactlab.view.picture_options import FILMS, SHEET, PictureOptions
 
 Picture = NDArray[np.uint8]
 
@@ -45,7 +44,6 @@ _REMEDY = (
     "install EGL or OSMesa (Debian: apt install libegl1 libgl1-mesa-dri, or libosmesa6) and choose "
     "with MUJOCO_GL=egl or MUJOCO_GL=osmesa; .mcap and .rrd files need neither"
 )
-_SIZE = (640, 480)
 _SHEET_PICTURES = 6
 # Half the size of the encoder's default, and no visible difference.
 _H264_OPTIONS = {"crf": "20"}
@@ -196,20 +194,12 @@ class RunPictures:
     replay: PreparedReplay
     motion: BodyMotion
     qpos: Floats
-    options: PictureOptions
-
-    def write(self, target: Path) -> None:
-        """Write a film or a sheet, as the file's suffix says."""
-        suffix = target.suffix.lower()
-        if suffix == SHEET:
-            write_sheet(target, self.sheet())
-        else:
-            write_film = write_mp4 if suffix == ".mp4" else write_gif
-            write_film(target, self.film(FILMS[suffix]), FILMS[suffix])
+    size: tuple[int, int]
+    camera: str | None
 
     def film(self, rate: float) -> Iterator[Picture]:
-        """Yield a film's pictures, `rate` per second of film."""
-        times = frame_times(self.motion.time, rate / (self.options.speed or 1.0))
+        """Yield a film's pictures, `rate` per simulated second."""
+        times = frame_times(self.motion.time, rate)
         frames_of_times = nearest(self.motion.time, times)
         repeats = np.bincount(frames_of_times, minlength=len(self.motion.time)).tolist()
         frames = [frame for frame, count in enumerate(repeats) if count]
@@ -217,9 +207,9 @@ class RunPictures:
             for _ in range(repeats[frame]):
                 yield picture
 
-    def sheet(self) -> list[Picture]:
-        """Return a sheet's pictures."""
-        motion, times = self.motion, self.options.at
+    def sheet(self, times: Sequence[float]) -> list[Picture]:
+        """Return a sheet's pictures, at times [s] or, without any, six over the run."""
+        motion = self.motion
         if not times:
             # Evenly over the frames in which a moving body is in view.
             far = np.linalg.norm(motion.positions[:, motion.moving] - motion.centre, axis=2)
@@ -235,8 +225,8 @@ class RunPictures:
         record, chosen = self.replay.record, {frame: self.qpos[frame] for frame in frames}
         scale = f"   1 N is {self.motion.scale:g} m" if len(self.motion.forces.frame) else ""
         run = f"{record.scene} {record.run_id[:8]}: {record.label}{scale}"
-        model, size = self.replay.prepared.model, self.options.size or _SIZE
-        drawn = draw_pictures(model, self.motion, chosen, size, self.options.camera)
+        model = self.replay.prepared.model
+        drawn = draw_pictures(model, self.motion, chosen, self.size, self.camera)
         for frame, picture in zip(frames, drawn, strict=True):
             yield captioned(picture, f"{self.motion.time[frame]:.3f} s   {run}")
 

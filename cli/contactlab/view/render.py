@@ -1,22 +1,43 @@
 """A stored run as a file to look at; its suffix says which kind."""
 
+from dataclasses import dataclass
 from pathlib import Path
 
-from contactlab.errors import optional
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import OutputError, optional
 from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion, read_motion
-from contactlab.view.picture_options import (
-    FILMS,
-    VIEWERS,
-    PictureOptions,
-    check_options,
-    check_times,
-)
 
+_VIEWERS = (".mcap", ".rrd")
+_FILMS = {".mp4": 30, ".gif": 25}
+"""Frames per second."""
+_SHEET = ".png"
+_SIDES = (64, 4096)
+_SPEEDS = (0.001, 1000.0)
+_SIZE = (640, 480)
 # Frames per second of viewers' files, and of the steps that a sheet's arrows stand for.
 _RATE = 60.0
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """How pictures are taken.
+
+    Attributes:
+        size: width and height [pixels].
+        camera: name of a camera of the model; None for one that sees the whole motion.
+        speed: simulated seconds per second of film, below 1 for slow motion; None for 1.
+        at: times of a sheet's pictures [s]; six over the run if empty.
+    """
+
+    size: tuple[int, int] | None = None
+    camera: str | None = None
+    speed: float | None = None
+    at: tuple[float, ...] = ()
+
+
 _DEFAULT = PictureOptions()
 
 
@@ -31,11 +52,11 @@ def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFA
         StoreError: there is no such run, or its trace was not kept.
         SceneError: there is no OpenGL to draw with, or no such camera.
     """
-    check_options(target, options)
+    _check_options(target, options)
     replay = prepare_replay(store, run)
     trace = store.trace(replay.record)
-    check_times(options, trace.time)
-    if target.suffix.lower() in VIEWERS:
+    _check_times(options, trace.time)
+    if target.suffix.lower() in _VIEWERS:
         return _write_for_viewer(store, replay, trace, target)
     return _write_pictures(replay, trace, target, options)
 
@@ -60,9 +81,52 @@ def _write_for_viewer(
 def _write_pictures(
     replay: PreparedReplay, trace: StoredTrace, target: Path, options: PictureOptions
 ) -> BodyMotion:
+    suffix = target.suffix.lower()
     with optional("view", target.suffix):
-        from contactlab.view.film import RunPictures  # noqa: PLC0415 - an extra
-    rate = FILMS.get(target.suffix.lower(), _RATE) / (options.speed or 1.0)
+        from contactlab.view.film import (  # noqa: PLC0415 - an extra
+            RunPictures,
+            write_gif,
+            write_mp4,
+            write_sheet,
+        )
+    rate = _FILMS.get(suffix, _RATE) / (options.speed or 1.0)
     motion = read_motion(replay.prepared, trace, rate, options.at)
-    RunPictures(replay, motion, trace.qpos[motion.rows], options).write(target)
+    size, qpos = options.size or _SIZE, trace.qpos[motion.rows]
+    pictures = RunPictures(replay, motion, qpos, size, options.camera)
+    if suffix == _SHEET:
+        write_sheet(target, pictures.sheet(options.at))
+    else:
+        write_film = write_mp4 if suffix == ".mp4" else write_gif
+        write_film(target, pictures.film(rate), _FILMS[suffix])
     return motion
+
+
+def _check_options(target: Path, options: PictureOptions) -> None:
+    """Check the kind of a file, and that each option applies to it."""
+    suffix = target.suffix.lower()
+    known = (*_VIEWERS, *_FILMS, _SHEET)
+    if suffix not in known:
+        raise OutputError(f"cannot write {target}: end its name in {', '.join(known)}")
+    if not target.parent.is_dir():
+        raise OutputError(f"cannot write {target}: there is no folder {target.parent}")
+    if options.at and suffix != _SHEET:
+        raise OutputError(f"--at is for {_SHEET} only; leave it out for {suffix}")
+    if options.speed is not None and suffix not in _FILMS:
+        raise OutputError(f"--speed is for {' and '.join(_FILMS)} only; leave it out for {suffix}")
+    if suffix in _VIEWERS and (options.size or options.camera):
+        raise OutputError(f"--size and --camera are for pictures; leave them out for {suffix}")
+    low, high = _SIDES
+    if options.size and any(side % 2 or not low <= side <= high for side in options.size):
+        raise OutputError(f"--size takes even numbers from {low} to {high}, as in 640x480")
+    slowest, fastest = _SPEEDS
+    if options.speed is not None and not slowest <= options.speed <= fastest:
+        raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
+
+
+def _check_times(options: PictureOptions, time: Floats) -> None:
+    """Check that all times lie in the run."""
+    outside = [each for each in options.at if not time[0] <= each <= time[-1]]
+    if outside:
+        raise OutputError(
+            f"--at {outside[0]:g}: choose a time within the run, {time[0]:g} to {time[-1]:g} s"
+        )
