@@ -1,11 +1,11 @@
 """A run as a film or a sheet of pictures, which MuJoCo draws without a display."""
 
+import ctypes.util
 import importlib
 import math
 import os
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from ctypes.util import find_library
 from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
@@ -59,7 +59,7 @@ def graphics(width: int, height: int) -> Generator[None]:
         SceneError: there is no OpenGL to draw with.
     """
     asked = os.environ.get("MUJOCO_GL", "").lower()
-    installed = [name for name in ("egl", "osmesa") if find_library(_BACKENDS[name])]
+    installed = [name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKENDS[name])]
     found = [asked] if asked in _BACKENDS else installed
     if not found:
         raise SceneError(f"no pictures: there is no OpenGL to draw with; {_REMEDY}")
