@@ -1,19 +1,20 @@
-"""Compare two stores: every check, and what they mean together."""
+"""Compare two stores: open them, make every check, and say what they mean together."""
 
 from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
 from datetime import date
+from pathlib import Path
 
-from contactlab.comparison.checks import NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
+from contactlab.comparison.checks import CHANGED, NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
 from contactlab.comparison.metric_checks import metric_checks
-from contactlab.comparison.opened_stores import (
-    described,
+from contactlab.comparison.pairing import (
+    PairedStores,
+    Pairing,
     difference,
-    open_both,
-    sameness_checks,
-    store_checks,
+    engine_of,
+    pair_by_axes,
+    pair_by_id,
 )
-from contactlab.comparison.pairing import PairedStores, Pairing, pair_by_axes, pair_by_id
 from contactlab.comparison.policies import apply_acceptances, check_names
 from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
 from contactlab.comparison.run_checks import (
@@ -26,14 +27,25 @@ from contactlab.comparison.run_checks import (
     recommendation_check,
     unpaired_checks,
 )
-from contactlab.errors import ContactlabError, ExpectationError, StoreError
+from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, Verdict
+from contactlab.schema.comparison_report import (
+    Check,
+    ComparedStore,
+    ComparisonReport,
+    Difference,
+    PairCounts,
+    Verdict,
+)
 from contactlab.store.finished_store import Store
 from contactlab.store.store_address import Address
+from contactlab.store.verify_store import verify
 
 DEFAULT_POLICY = ComparePolicy(version=1)
 _COMPARABLE = CheckSubject("stores can be compared", "evidence", "gate")
+_MOST_PROBLEMS = 3
+# Metrics and labels are checked one by one: those that have not changed stay comparable.
+_JUDGED_ONE_BY_ONE = {"metric_versions", "thresholds"}
 _ABOUT_RUNS = {"runs", "labels", "metrics", "recommendation"}
 
 
@@ -53,13 +65,49 @@ def compare(
 
     Raises:
         StoreError: a store is not sound, or they have no run in common.
-        PolicyError: the policy names what the stores do not have.
+        PolicyError: both are the same store, or the policy names what they do not have.
     """
-    before, after = open_both(baseline, candidate, policy, thorough=thorough)
+    before, after = _open_both(baseline, candidate, policy, thorough=thorough)
     pairing = pair_runs(before, after, policy)
     paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
     check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
     return _report(paired, remeasure)
+
+
+def _open_both(
+    baseline: Address, candidate: Address, policy: ComparePolicy, *, thorough: bool = False
+) -> tuple[Store, Store]:
+    """Open two sound stores, the baseline being the one that the policy pins, if it pins one."""
+    paths = [each for each in (baseline, candidate) if isinstance(each, Path) and each.exists()]
+    if baseline == candidate or (len(paths) == 2 and paths[0].samefile(paths[1])):
+        raise PolicyError(
+            f"{baseline} and {candidate} are the same store; compare the stores of two sweeps"
+        )
+    before = _open("baseline", baseline, thorough=thorough)
+    if policy.baseline_digest not in {None, before.digest}:
+        raise StoreError(
+            f"the baseline {baseline} has the digest {before.digest}, not "
+            f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
+        )
+    return before, _open("candidate", candidate, thorough=thorough)
+
+
+def _open(role: str, address: Address, *, thorough: bool) -> Store:
+    try:
+        problems = verify(address, thorough=thorough)
+    except StoreError as error:
+        raise StoreError(f"the {role} cannot be read: {error}") from error
+    if problems:
+        first = "; ".join(problems[:_MOST_PROBLEMS])
+        more = len(problems) - _MOST_PROBLEMS
+        rest = f"; and {more} more problems" if more > 0 else ""
+        raise StoreError(
+            f"the {role} {address} is not sound: {first}{rest} (see `contactlab verify {address}`)"
+        )
+    opened = Store.unchecked(address)
+    if opened.manifest.runs == 0:
+        raise StoreError(f"the {role} {address} is empty: it holds no runs")
+    return opened
 
 
 def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> ComparisonReport:
@@ -101,10 +149,10 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
     before, after, policy = paired.baseline, paired.candidate, paired.policy
     gated = paired.without(knife_edge(paired) & policy.knife_edge.exclude)
     labels = PairLabels.of(gated)
-    sameness = list(sameness_checks(before, after, policy))
+    sameness = list(_sameness_checks(before, after, policy))
     checks = [
         _COMPARABLE.single(SAME, "both are sound"),
-        *store_checks(before, after),
+        *_store_checks(before, after),
         *(check for check, _ in sameness),
         *unpaired_checks(paired),
         knife_edge_check(paired),
@@ -121,8 +169,8 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         verdict=verdict,
         exit_code=exit_code,
         headline=headline,
-        baseline=described(before),
-        candidate=described(after),
+        baseline=_described(before),
+        candidate=_described(after),
         match=policy.match,
         pairs=_counts(paired),
         differences=tuple(found for _, found in sameness if found),
@@ -130,6 +178,62 @@ def _report(paired: PairedStores, remeasure: Remeasure | None) -> ComparisonRepo
         checks=tuple(checks),
         advice=tuple(_advice(checks, before, after)),
     )
+
+
+def _described(store: Store) -> ComparedStore:
+    """Return how a report describes a store."""
+    manifest, origin = store.manifest, store.manifest.provenance
+    return ComparedStore(
+        store=str(store.address),
+        sweep=manifest.sweep.name,
+        runs=manifest.runs,
+        engine=engine_of(store),
+        contactlab=origin.contactlab,
+        git_revision=origin.git_revision,
+        cpu_model=origin.host.cpu_model,
+        finished=manifest.finished,
+    )
+
+
+def _sameness_checks(
+    baseline: Store, candidate: Store, policy: ComparePolicy
+) -> Iterator[tuple[Check, Difference | None]]:
+    """Yield one check for each property that the policy names, and in what the stores differ."""
+    for what in dict.fromkeys((*policy.require.same, *policy.require.warn_if_different)):
+        # A changed scene is what runs are matched by axes for.
+        changes_scene = what == "scene_hash" and policy.match == "axes"
+        required = what in policy.require.same and not changes_scene
+        is_gate = required and what not in _JUDGED_ONE_BY_ONE
+        level = "gate" if is_gate else "warn"
+        subject = CheckSubject(f"same {what}", "evidence", level, two_sided=True)
+        values = difference(baseline, candidate, what)
+        if values is None:
+            yield subject.single(SAME, "the same"), None
+            continue
+        old, new = values
+        found = Difference(what=what, baseline=old, candidate=new, required=required)
+        if is_gate:
+            yield subject.skipped(f"must be the same, but is {old}, now {new}"), found
+        else:
+            yield subject.single(CHANGED, f"{old}, now {new}"), found
+
+
+def _store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
+    """Yield whether the stores are of two sweeps, in the right order; these checks only warn."""
+    old, new = baseline.manifest, candidate.manifest
+    copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
+    warning = "both were written at the same instant: the sweep did not run again"
+    yield _warning(
+        "candidate is no copy", warning if copied else "", "written by a sweep of its own"
+    )
+    swapped = new.finished < old.finished
+    warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
+    yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")
+
+
+def _warning(name: str, warning: str, fine: str) -> Check:
+    subject = CheckSubject(name, "evidence", "warn", two_sided=True)
+    return subject.single(CHANGED if warning else SAME, warning or fine)
 
 
 def _counts(paired: PairedStores) -> PairCounts:

@@ -22,8 +22,7 @@ from contactlab.comparison.checks import (
     value_change,
     verdict_counts,
 )
-from contactlab.comparison.opened_stores import difference
-from contactlab.comparison.pairing import PairedStores, Value, groups
+from contactlab.comparison.pairing import PairedStores, Value, difference, groups
 from contactlab.comparison.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.comparison_report import Check, RunPair, Verdict

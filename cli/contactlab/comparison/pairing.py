@@ -1,6 +1,6 @@
-"""Pairs of runs by id or by axis values, groups of pairs, and what the two stores say of them."""
+"""Pairs of runs by id or by axis values, groups of pairs, and how the two stores differ."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import date
 from functools import cached_property
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.errors import PolicyError, StoreError, did_you_mean
-from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.compare_policy import ComparePolicy, Sameness
 from contactlab.schema.comparison_report import RunPair
 from contactlab.schema.evidence import Setting
 from contactlab.store.finished_store import Store
@@ -270,3 +270,42 @@ def _axes(identity: dict[str, Setting]) -> dict[str, Setting]:
         for name, value in identity.items()
         if name != "run_id" and (name, value) != ("seed", 0)
     }
+
+
+def engine_of(store: Store) -> str:
+    """Return name and version of the engine that computed a store."""
+    engine = store.manifest.sweep.engine
+    return f"{engine.name} {engine.version}"
+
+
+_PROPERTIES: Mapping[Sameness, Callable[[Store], str | Mapping[str, object]]] = {
+    "sweep": lambda each: each.manifest.sweep.name,
+    "scene": lambda each: each.manifest.sweep.scene,
+    "scene_hash": lambda each: each.manifest.sweep.scene_hash,
+    "metric_versions": lambda each: each.manifest.sweep.metric_versions,
+    "thresholds": lambda each: each.manifest.sweep.resolved.get("thresholds", {}),
+    "engine": engine_of,
+    "contactlab": lambda each: each.manifest.provenance.contactlab,
+    "python": lambda each: each.manifest.provenance.python,
+    "numpy": lambda each: each.manifest.provenance.numpy,
+    "cpu_model": lambda each: each.manifest.provenance.host.cpu_model,
+    "cpu_flags": lambda each: each.manifest.provenance.host.cpu_flags,
+    "os": lambda each: each.manifest.provenance.host.os,
+}
+
+
+def difference(baseline: Store, candidate: Store, what: Sameness) -> tuple[str, str] | None:
+    """Return the two values of a property in which two stores differ; None if they do not."""
+    before, after = (_PROPERTIES[what](each) for each in (baseline, candidate))
+    if isinstance(before, str) or isinstance(after, str):
+        return (str(before), str(after)) if before != after else None
+    shared = what == "metric_versions"
+    names = before.keys() & after.keys() if shared else before.keys() | after.keys()
+    differing = sorted(name for name in names if before.get(name) != after.get(name))
+    if not differing:
+        return None
+    return _format_table(before, differing), _format_table(after, differing)
+
+
+def _format_table(table: Mapping[str, object], names: list[str]) -> str:
+    return ", ".join(f"{name} {table.get(name, 'by default')}" for name in names)

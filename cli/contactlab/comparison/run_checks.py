@@ -23,8 +23,7 @@ from contactlab.comparison.checks import (
     plural,
     verdict_counts,
 )
-from contactlab.comparison.opened_stores import difference
-from contactlab.comparison.pairing import PairedStores, groups, unpaired_runs
+from contactlab.comparison.pairing import PairedStores, difference, groups, unpaired_runs
 from contactlab.errors import ContactlabError
 from contactlab.pareto.analysis import analyse
 from contactlab.schema.compare_policy import AllowedTransition
