@@ -12,8 +12,8 @@ from contactlab.comparison.pairing import (
     Pairing,
     difference,
     engine_of,
+    pair,
     pair_by_axes,
-    pair_by_id,
 )
 from contactlab.comparison.policies import apply_acceptances, check_names
 from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
@@ -130,11 +130,14 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
     """Return the pairs of runs that `compare` compares.
 
+    Runs of equal id have the same scene content, settings, seed and duration.
+
     Raises:
         StoreError: the stores have no run in common.
     """
     by_axes = policy.match == "axes"
-    pairing = (pair_by_axes if by_axes else pair_by_id)(baseline, candidate)
+    ids = (each.columns.byte_strings("run_id") for each in (baseline, candidate))
+    pairing = pair_by_axes(baseline, candidate) if by_axes else pair(*ids)
     if len(pairing.baseline):
         return pairing
     message = f"no run of {baseline.address} is in {candidate.address}"

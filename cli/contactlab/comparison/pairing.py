@@ -39,11 +39,6 @@ class Pairing(NamedTuple):
     new: Rows
 
 
-def pair_by_id(baseline: Store, candidate: Store) -> Pairing:
-    """Pair runs of equal id: of the same scene content, settings, seed and duration."""
-    return pair(baseline.columns.byte_strings("run_id"), candidate.columns.byte_strings("run_id"))
-
-
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal axis values, to 9 digits, and equal seed.
 
