@@ -84,7 +84,7 @@ def with_page_colours(spec: Spec) -> Spec:
     return _with_texts(spec, lambda text: _PAGE_COLOURS.get(text, text), {"values", "datasets"})
 
 
-def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] = ()) -> Any:  # noqa: ANN401 - anything that JSON holds
+def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] = ()) -> Any:  # noqa: ANN401 - JSON
     """Return a part of a specification with changed texts, except below some keys."""
     if isinstance(part, dict):
         return {
