@@ -93,7 +93,7 @@ _BY_STATE = ("time", "qpos", "qvel")
 _ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
 _BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
-_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "surplus")
+_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "surplus")
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,8 @@ class Trace:
         lengths: (n, N, ntendon) length of each tendon.
         control_ranges: (n, nu, 2) least and greatest control of each actuator.
         equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
+        equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
+            largest, and the median in the last quarter.
         work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
             gravity and springs; NaN where not known.
         surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
@@ -147,6 +149,7 @@ class Trace:
     lengths: Floats | None = None
     control_ranges: Floats | None = None
     equality_loads: Floats | None = None
+    equality_gaps: Floats | None = None
     work: Floats | None = None
     surplus: Floats | None = None
 

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 
 SlipMode = Literal["stick", "slide"]
+QUARTER_TURN = np.pi / 2
+"""What angles are large or small against [rad]."""
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
 
 
@@ -84,6 +86,22 @@ class Part:
 
 
 @dataclass(frozen=True)
+class Equality:
+    """An equality constraint.
+
+    Attributes:
+        name: its name, or its address.
+        unit: of its violation, m or rad.
+        scale: what its violation is large or small against: the smaller body that it connects, a
+            tendon's length, a joint's range or a quarter turn; infinite where none is known.
+    """
+
+    name: str
+    unit: Literal["m", "rad"]
+    scale: float
+
+
+@dataclass(frozen=True)
 class Mechanism:
     """The parts of a model that move and hold.
 
@@ -93,7 +111,7 @@ class Mechanism:
         actuators: every actuator.
         slack: (tendons, 2) lengths between which a tendon's spring is slack; NaN without a spring.
         forces: (actuators, 2) least and greatest force of each; infinite without.
-        equalities: names of the equality constraints.
+        equalities: every equality constraint.
         weight: of the whole model at 9.81 m/s^2 [N].
     """
 
@@ -102,7 +120,7 @@ class Mechanism:
     actuators: tuple[Part, ...]
     slack: Floats
     forces: Floats
-    equalities: tuple[str, ...]
+    equalities: tuple[Equality, ...]
     weight: float
 
 
@@ -132,6 +150,7 @@ class Setup:
         speculative: (n,) whether the engine makes contacts ahead of touch, whose distance is then
             no depth; None where no run does.
         hold: when the subject should be held; None where nothing should.
+        limits_act: (n,) whether limits of joints and tendons are on; None where all are.
         mechanism: what of the model can move and hold; None where that is not asked about.
     """
 
@@ -155,6 +174,7 @@ class Setup:
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
     speculative: NDArray[np.bool_] | None = None
     hold: HoldWindow | None = None
+    limits_act: NDArray[np.bool_] | None = None
     mechanism: Mechanism | None = None
 
     def select(self, runs: Sequence[int]) -> "Setup":
@@ -171,6 +191,7 @@ class Setup:
             gravity=self.gravity[rows],
             moving_mass=self.moving_mass[rows],
             duration=self.duration[rows],
+            limits_act=None if self.limits_act is None else self.limits_act[rows],
             speculative=None if self.speculative is None else self.speculative[rows],
             hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),
             free_bodies=tuple(bodies.values()),

@@ -70,6 +70,8 @@ class Rollout:
         controls: what policies did in each run, None where one failed; empty without policies.
         control_ranges: (n, nu, 2) least and greatest control of each actuator; None if not known.
         equality_loads: (n, neq) largest force of each equality at sampled steps; None likewise.
+        equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
+            largest, and the median in the last quarter; None likewise.
         work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
             gravity and springs; NaN where not known; None likewise.
         surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
@@ -86,6 +88,7 @@ class Rollout:
     controls: tuple[RecordedControls | None, ...] = ()
     control_ranges: Floats | None = None
     equality_loads: Floats | None = None
+    equality_gaps: Floats | None = None
     work: Floats | None = None
     surplus: Floats | None = None
 

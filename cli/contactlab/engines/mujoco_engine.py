@@ -27,7 +27,7 @@ from contactlab.scene.model_options import MODEL_ENGINE
 
 _STEPS_OF_SAMPLE = 250
 """Steps for each sample, which takes as long as three or four of them."""
-_MOST_SAMPLES = 16
+_FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
 
 
@@ -116,11 +116,12 @@ def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
 
 
 def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
-    """Return a rollout with the ranges of its controls and the loads of its equalities."""
+    """Return a rollout with the ranges of its controls, and loads and gaps of its equalities."""
     first = runs.prepared[0].model
     data = mujoco.MjData(first) if first.neq else None
     ranges = np.zeros((len(rollout.steps), first.nu, 2))
     loads = np.zeros((len(rollout.steps), first.neq))
+    gaps = np.zeros((*loads.shape, 2))
     for run, steps in enumerate(rollout.steps):
         model, start = runs.prepared[run].model, runs.starts.pick(run)
         controls = rollout.controls[run] if rollout.controls else None
@@ -130,28 +131,36 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
             ranges[run] = np.stack([controls.levels.min(axis=0), controls.levels.max(axis=0)], 1)
         if data is not None and steps:
             start = start if controls is None else start.acted_on([controls])
-            loads[run] = _loads(model, data, start, rollout.state[run, : steps + 1])
-    return replace(rollout, control_ranges=ranges, equality_loads=loads)
+            loads[run], gaps[run] = _loads(model, data, start, rollout.state[run, : steps + 1])
+    return replace(rollout, control_ranges=ranges, equality_loads=loads, equality_gaps=gaps)
 
 
 def sampled_steps(steps: int) -> np.ndarray:
     """Return the steps of a run before which loads are taken: in the middle of equal parts."""
-    samples = max(1, min(_MOST_SAMPLES, steps // _STEPS_OF_SAMPLE))
+    samples = max(_FEWEST_SAMPLES, min(_MOST_SAMPLES, steps // _STEPS_OF_SAMPLE))
     return ((np.arange(samples) + 0.5) / samples * steps).astype(np.intp)
 
 
 def _loads(
     model: mujoco.MjModel, data: mujoco.MjData, start: InitialStates, states: Floats
-) -> Floats:
-    """Return (neq,) the largest force of each equality constraint at sampled steps [N or N m]."""
+) -> tuple[Floats, Floats]:
+    """Return what equality constraints bore at sampled steps, and how far they were violated.
+
+    (neq,) the largest force of each [N or N m], and (neq, 2) its violation [m or rad]: the largest,
+    and the median in the last quarter.
+    """
     steps = sampled_steps(len(states) - 1)
     acting = start.inputs(0, model.opt.timestep, steps)
-    loads = np.zeros(model.neq)
+    loads, gaps = np.zeros(model.neq), np.zeros((len(steps), model.neq))
     mujoco.mj_resetData(model, data)
-    for step, inputs in zip(steps, acting, strict=True):
+    for sample, (step, inputs) in enumerate(zip(steps, acting, strict=True)):
         mujoco.mj_setState(model, data, states[step], int(STATE))
         apply_inputs(model, data, inputs)
         mujoco.mj_forward(model, data)
         rows = data.efc_type == _EQUALITY
-        np.maximum.at(loads, data.efc_id[rows], np.abs(data.efc_force[rows]))
-    return loads
+        which = data.efc_id[rows]
+        np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
+        np.add.at(gaps[sample], which, data.efc_pos[rows] ** 2)
+    gaps = np.sqrt(gaps)
+    late = gaps[steps >= 0.75 * (len(states) - 1)]
+    return loads, np.stack([gaps.max(axis=0), np.median(late, axis=0)], axis=1)

@@ -47,6 +47,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
         control_ranges=rollout.control_ranges,
         equality_loads=rollout.equality_loads,
+        equality_gaps=rollout.equality_gaps,
         work=rollout.work,
         surplus=rollout.surplus,
     )

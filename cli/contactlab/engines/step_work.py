@@ -12,12 +12,12 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
+from contactlab.scene.mechanism import AT_JOINT
 from contactlab.scene.run_setup import is_conservative
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
 _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
-_INSIDE_ONE_BRANCH = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
 _OF_ACTUATORS = ("actuator_velocity", "actuator_force")
 _FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
 
@@ -104,7 +104,7 @@ def _couples_branches(model: mujoco.MjModel) -> bool:
     The integrator implicitfast leaves out what it does from one to the other.
     """
     feeds = model.actuator_biasprm[:, 2] != 0
-    inside = np.isin(model.actuator_trntype, _INSIDE_ONE_BRANCH)
+    inside = np.isin(model.actuator_trntype, AT_JOINT)
     return model.opt.integrator == _IMPLICIT[1] and bool((feeds & ~inside).any())
 
 

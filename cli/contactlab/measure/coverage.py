@@ -45,13 +45,14 @@ def coverages(context: Context) -> tuple[Coverage, ...] | None:
         pairs = _rows(trace.pairs, _pairs(context), n)
     loads = np.zeros((n, 0)) if trace.equality_loads is None else trace.equality_loads
     loads = np.where(loads < _LEAST_LOAD * mechanism.weight, 0, loads)
+    names = [each.name for each in mechanism.equalities]
     touched = _share(trace.contacts > 0)
     covered = (
         {
             "joints": joints[run],
             "tendons": tendons[run],
             "actuators": actuators[run],
-            "equalities": dict(zip(mechanism.equalities, loads[run].tolist(), strict=False)),
+            "equalities": dict(zip(names, loads[run].tolist(), strict=False)),
             "pairs": {name: use for name, use in pairs[run].items() if use["touched"]},
             "touched": touched[run],
         }

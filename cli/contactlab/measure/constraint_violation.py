@@ -1,0 +1,135 @@
+"""How far constraints other than contacts give way: limits of joints and tendons, equalities."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_setup import QUARTER_TURN, Part
+from contactlab.measure.context import Context, cached, first_step
+from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+
+_PEAK = Threshold(
+    "constraint_violation",
+    0.5,
+    "1",
+    "Largest metric constraint_violation. Public robots reach 0.2 under noise; stops that are "
+    "pushed through reach 0.9 to 3.",
+)
+_AT_REST = Threshold(
+    "constraint_violation_rest",
+    0.1,
+    "1",
+    "Largest metric constraint_violation_rest. Public robots stay below 0.03; loops that open, "
+    "welds that sag and gears that slip reach 0.25 and more.",
+)
+
+
+@dataclass(frozen=True)
+class _Violation:
+    """How far one constraint of n runs was violated, in `unit`.
+
+    Attributes:
+        scale: what that is large or small against.
+        peak: (n,) the largest; of limits, beyond that of the start.
+        rest: (n,) the median of the last quarter, likewise.
+        course: (n, N) over time; None for equalities, which are sampled.
+    """
+
+    name: str
+    unit: str
+    scale: float
+    peak: Floats
+    rest: Floats
+    course: Floats | None = None
+
+
+@cached
+def _violations(context: Context) -> list[_Violation]:
+    mechanism, trace = context.setup.mechanism, context.trace
+    if mechanism is None:
+        return []
+    found = [_of_limit(context, part, _places(context, part)) for part in mechanism.joints]
+    if trace.lengths is not None:
+        of_tendons = zip(mechanism.tendons, np.moveaxis(trace.lengths, 2, 0), strict=True)
+        found += [_of_limit(context, part, length) for part, length in of_tendons]
+    if trace.equality_gaps is not None:
+        of_equalities = zip(mechanism.equalities, trace.equality_gaps.T.swapaxes(0, 1), strict=True)
+        found += [
+            _Violation(each.name, each.unit, each.scale, *gaps) for each, gaps in of_equalities
+        ]
+    return [each for each in found if each is not None and np.isfinite(each.scale)]
+
+
+def _places(context: Context, joint: Part) -> Floats:
+    """Return (n, N) where a joint is; of a ball joint, how far it is turned."""
+    places = context.trace.qpos[:, :-1, joint.place]
+    return 2 * np.arccos(np.minimum(np.abs(places), 1)) if joint.kind == "ball" else places
+
+
+def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None:
+    if part.kind == "free" or not np.isfinite(part.high) or places.shape[1] == 0:
+        return None
+    beyond = np.maximum(np.maximum(part.low - places, places - part.high), 0)
+    if context.setup.limits_act is not None:
+        beyond = beyond * context.setup.limits_act[:, None]
+    beyond = np.maximum(beyond - beyond[:, :1], 0)
+    turns = part.kind in {"ball", "hinge"}
+    width = part.high - (0 if part.kind == "ball" else part.low)
+    scale = min(width, QUARTER_TURN) if turns else width
+    rest = np.median(beyond[:, 3 * beyond.shape[1] // 4 :], axis=1)
+    unit = "rad" if turns else "m"
+    return _Violation(f"the limit of {part.name}", unit, scale, beyond.max(axis=1), rest, beyond)
+
+
+@metric("1", "lower", 1e-9)
+def constraint_violation(context: Context) -> Floats:
+    """Largest violation of a limit or an equality, over what it is large or small against.
+
+    For a limit that is its range, at most a quarter turn; what it was violated by at the start
+    does not count. For an equality, at a few sampled states, it is the reach of the smaller body
+    that it connects, the length of a tendon, or as for limits.
+    """
+    shares = [each.peak / each.scale for each in _violations(context)]
+    return np.fmax.reduce(shares) if shares else context.undefined()
+
+
+@metric("1", "lower", 1e-9)
+def constraint_violation_rest(context: Context) -> Floats:
+    """Median violation of a limit or an equality in the last quarter; see constraint_violation."""
+    shares = [each.rest / each.scale for each in _violations(context)]
+    return np.fmax.reduce(shares) if shares else context.undefined()
+
+
+@label(66, (_PEAK, _AT_REST))
+def constraint_violated(runs: MeasuredRuns) -> Found:
+    """A limit was pushed through, or a loop, weld, gear or rope gives way."""
+    quarter = 3 * runs.context.trace.steps // 4
+    for name, when, begin in (
+        ("constraint_violation", "", 0),
+        (_AT_REST.name, " at rest", quarter),
+    ):
+        for run, _, limit in runs.over(name):
+            for each, amount, step in _beyond(runs.context, run, limit, begin):
+                reason = (
+                    f"{each.name} is violated by {amount:.3g} {each.unit}{when} "
+                    f"(limit {limit * each.scale:.3g} {each.unit})"
+                )
+                yield run, Finding(reason, step)
+
+
+def _beyond(
+    context: Context, run: int, limit: float, begin: int
+) -> Iterator[tuple[_Violation, float, int]]:
+    """Yield the worst violation beyond a limit, by how much, and the first step of it."""
+    amounts = [each.rest[run] if begin else each.peak[run] for each in _violations(context)]
+    shares = [
+        amount / each.scale for amount, each in zip(amounts, _violations(context), strict=True)
+    ]
+    worst = int(np.nanargmax(shares))
+    each = _violations(context)[worst]
+    step = begin
+    if each.course is not None:
+        step += first_step(each.course[run, begin:] > limit * each.scale)
+    yield each, float(amounts[worst]), step

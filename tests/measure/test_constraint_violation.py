@@ -1,0 +1,65 @@
+"""Limits and equalities that give way are seen, and by how much is that of the closed form."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from contactlab.contact.contact_laws import rest_penetration
+
+MASS, GRAVITY, SOLIMP = 2.0, 9.81, (0.9, 0.95, 0.001, 0.5, 2.0)
+# A mass that gravity pulls against the end of its slide, or from the point that it is tied to.
+LIMIT = """
+<mujoco>
+  <worldbody><body><joint name="lift" type="slide" axis="0 0 1" range="0 .3" limited="true"
+    solreflimit="{timeconst} 1"/><geom size=".05" mass="2"/></body></worldbody>
+</mujoco>
+"""
+TIED = """
+<mujoco>
+  <worldbody><body name="load"><joint type="slide" axis="0 0 1"/><geom size=".05" mass="2"/></body>
+  </worldbody>
+  <equality><connect body1="load" anchor="0 0 0" solref="{timeconst} 1"/></equality>
+</mujoco>
+"""
+SWEEP = "version: 1\nscene: model.xml\nduration: 6\ndrive: none\nseeds: 1\ntrace: none\naxes: {}\n"
+
+
+def row_of(sweeper: Any, model: str) -> dict[str, Any]:
+    (sweeper.folder / "model.xml").write_text(model)
+    sweeper.run(SWEEP)
+    return sweeper.rows()[0]
+
+
+@pytest.mark.parametrize(
+    ("model", "scale"), [(LIMIT, 0.3), (TIED, 0.05)], ids=["limit", "equality"]
+)
+@pytest.mark.parametrize(("timeconst", "violated"), [(0.02, False), (0.4, True)])
+def test_what_gives_way_gives_as_the_law_says(
+    sweeper: Any, model: str, scale: float, timeconst: float, violated: bool
+) -> None:
+    """At rest a constraint bears the weight where its spring, as MuJoCo states it, does."""
+    row = row_of(sweeper, model.format(timeconst=timeconst))
+    load = MASS * GRAVITY
+    expected = float(rest_penetration(load, 1 / MASS, (timeconst, 1.0), SOLIMP))
+    # Both settle with a time constant of 0.4 s at most, so within 4.5 s to exp(-11).
+    assert row["constraint_violation_rest"] == pytest.approx(expected / scale, rel=2e-3)
+    assert ("constraint_violated" in row["labels"]) == (expected / scale > 0.1) == violated
+
+
+def test_a_limit_that_is_off_is_not_violated(sweeper: Any) -> None:
+    model = LIMIT.format(timeconst=0.2).replace(
+        "<worldbody>", '<option><flag limit="disable"/></option><worldbody>'
+    )
+    row = row_of(sweeper, model)
+    assert row["constraint_violation"] == 0
+    assert row["labels"] == ["stable"]
+
+
+def test_what_a_limit_was_violated_by_at_the_start_does_not_count(sweeper: Any) -> None:
+    model = LIMIT.format(timeconst=0.02).replace(
+        "</mujoco>", '<keyframe><key qpos="-.2"/></keyframe></mujoco>'
+    )
+    row = row_of(sweeper, model)
+    assert row["constraint_violation"] == 0
+    assert np.isclose(row["constraint_violation_rest"], 0)
