@@ -33,7 +33,8 @@ def rows(values: list[float | None], label: str = "stable") -> tuple[dict[str, A
 
 def compared(setup: AblationSetup, base: Any, other: Any) -> ConfigurationDifference:
     """Compare two outcomes of one scenario."""
-    return difference(setup, [{}], ConfigurationRows((base,)), ConfigurationRows((other,)))
+    first, second = (ConfigurationRows([{}], [each]) for each in (base, other))
+    return difference(setup.tolerances, first, second)
 
 
 @given(
@@ -85,9 +86,10 @@ def test_a_label_that_no_seed_shows_matters(setup: AblationSetup) -> None:
 
 
 def test_the_scenario_that_changes_most_is_told(setup: AblationSetup) -> None:
-    base = ConfigurationRows((rows([0.0]), rows([0.0])))
-    other = ConfigurationRows((rows([0.0]), rows([0.01])))
-    found = difference(setup, [{"speed": 1.0}, {"speed": 2.0}], base, other)
+    scenarios = [{"speed": 1.0}, {"speed": 2.0}]
+    base = ConfigurationRows(scenarios, [rows([0.0]), rows([0.0])])
+    other = ConfigurationRows(scenarios, [rows([0.0]), rows([0.01])])
+    found = difference(setup.tolerances, base, other)
     (change,) = found.changes
     assert change.scenario == {"speed": 2.0}
     assert change.times == pytest.approx(10)

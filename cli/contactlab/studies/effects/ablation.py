@@ -27,7 +27,7 @@ from contactlab.studies.effects.effect_toggles import (
     settings_mjcf,
     settings_sweep,
 )
-from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
+from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.effects.metric_changes import (
     ConfigurationDifference,
     cost_ratio,
@@ -73,34 +73,31 @@ class SmallestSetSearch:
         pairs = list(combinations(needed, 2))
         if not pairs:
             return free, ()
-        seed = self.trials.setup.seeds[:1]
         each_changed = [merged(free, pair) for pair in pairs]
-        outcomes = self._run([BASE, *each_changed], seeds=seed)
+        outcomes = self._run([BASE, *each_changed], self.trials.setup.seeds[:1])
         interactions: list[Interaction] = []
         for pair, changed in zip(pairs, each_changed, strict=True):
-            change = self._difference(changed, outcomes[BASE], outcomes[changed])
+            change = difference(self.tolerances, outcomes[BASE], outcomes[changed], changed)
             passed = not change.matters and self._is_free(merged(free, pair))
             free = merged(free, pair) if passed else free
             interactions.append(Interaction(effects=pair, free=passed, reason=change.reason))
         return free, tuple(interactions)
 
+    @property
+    def tolerances(self) -> Mapping[str, float]:
+        """Metric to largest change."""
+        return self.trials.setup.tolerances
+
     def _is_free(self, changed: Changed) -> bool:
         outcome = self._run([changed])[changed]
-        return not self._difference(changed, self.base, outcome).matters
+        return not difference(self.tolerances, self.base, outcome, changed).matters
 
     def _run(
         self, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
     ) -> Mapping[Changed, ConfigurationRows]:
         self.tried += 1
-        return self.trials.run(
-            f"search-{self.tried:02}", "Effects changed together", configurations, seeds=seeds
-        )
-
-    def _difference(
-        self, changed: Changed, base: ConfigurationRows, other: ConfigurationRows
-    ) -> ConfigurationDifference:
-        setup = self.trials.setup
-        return difference(setup, setup.scenarios, base, other, changed)
+        name = f"search-{self.tried:02}"
+        return self.trials.run(name, "Effects changed together", configurations, seeds=seeds)
 
 
 def merged(*names: Collection[str]) -> Changed:
@@ -110,9 +107,6 @@ def merged(*names: Collection[str]) -> Changed:
 
 REPORT = "effects.json"
 FRESH_SEEDS = 10
-_PAIRS = 6
-"""Matched pairs that are timed; their range contains the median in 97 of 100 cases."""
-
 _CHEAPER = 0.95
 """An effect is added only if the ratio of times is at most this."""
 
@@ -136,17 +130,17 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     singles = [(name,) for name, each in toggles.items() if each.proof is None]
     configurations = [BASE, *singles, *([proven] if proven else [])]
     outcomes = trials.run("one-by-one", "One effect changed at a time", configurations)
-    timed = _timed(trials, "timing", configurations)
+    timed = trials.timed("timing", configurations)
     exercised = Exercised.of(outcomes[BASE].flat)
     findings = [
-        _as_exercised(_finding(setup, toggle, outcomes, timed, proven), exercised)
+        _as_exercised(_finding(setup.tolerances, toggle, outcomes, timed, proven), exercised)
         for toggle in toggles.values()
     ]
     search = SmallestSetSearch(trials, outcomes[BASE])
     free = search.smallest(proven, _worthwhile(findings))
     needed = [each.effect for each in findings if each.need == "needed"]
     free, interactions = search.interactions(free, needed)
-    saving = _timed(trials, "saving", [BASE, free]) if free else {}
+    saving = trials.timed("saving", [BASE, free]) if free else {}
     report = EffectsReport(
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
@@ -169,24 +163,8 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     return report
 
 
-def _timed(
-    trials: ConfigurationRunner,
-    name: str,
-    configurations: Sequence[Changed],
-    seeds: Sequence[int] | None = None,
-) -> dict[Changed, ConfigurationRows]:
-    """Time configurations, interleaved, in at most six matched pairs of each with the base."""
-    if trials.rounds is None:
-        return dict.fromkeys(configurations, ConfigurationRows(()))
-    setup = trials.setup
-    scenarios = setup.scenarios[:: max(1, len(setup.scenarios) // _PAIRS)][:_PAIRS]
-    seeds = (setup.seeds if seeds is None else seeds)[: max(1, _PAIRS // len(scenarios))]
-    about = "Configurations timed in turns"
-    return trials.run(name, about, configurations, seeds=seeds, scenarios=scenarios, timed=True)
-
-
 def _finding(
-    setup: AblationSetup,
+    tolerances: Mapping[str, float],
     toggle: Toggle,
     outcomes: Mapping[Changed, ConfigurationRows],
     timed: Mapping[Changed, ConfigurationRows],
@@ -194,7 +172,7 @@ def _finding(
 ) -> EffectFinding:
     """Return the finding of one effect; effects unused by proof are toggled together."""
     changed = proven if toggle.proof is not None else (toggle.effect,)
-    change = difference(setup, setup.scenarios, outcomes[BASE], outcomes[changed], changed)
+    change = difference(tolerances, outcomes[BASE], outcomes[changed], changed)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
     effect = EFFECTS[toggle.effect]
     return EffectFinding(
@@ -277,8 +255,8 @@ def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
         return Verification(seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, cost=None)
     about = "The smallest set against the base configuration, from fresh seeds"
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
-    change = difference(setup, scenarios, outcomes[BASE], outcomes[free], free)
-    timed = _timed(trials, "fresh-timing", [BASE, free], seeds)
+    change = difference(setup.tolerances, outcomes[BASE], outcomes[free], free)
+    timed = trials.timed("fresh-timing", [BASE, free], seeds)
     return Verification(
         seeds=seeds,
         scenarios=tuple(_written(each) for each in scenarios),

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 from contactlab.mjcf import default_lines, option_lines
 from contactlab.run.evidence_record import as_written
@@ -17,14 +17,10 @@ States = Mapping[str, EffectState]
 _CONDIM_COMMENT = "and on every geom and pair that has a condim of its own"
 
 
-@dataclass(frozen=True)
-class Toggle:
-    """One effect, and how to toggle it.
+class Toggle(NamedTuple):
+    """One effect, whether it is on in the base configuration, and axis values that toggle it.
 
-    Attributes:
-        on: whether it is on in the base configuration.
-        values: axis values that toggle it.
-        proof: why results do not depend on it, if that is known without a run.
+    The proof says why results do not depend on it, if that is known without a run.
     """
 
     effect: str
@@ -105,16 +101,20 @@ Changed = tuple[str, ...]
 BASE: Changed = ()
 
 
-@dataclass(frozen=True)
-class ConfigurationRows:
+class ConfigurationRows(NamedTuple):
     """The rows of one configuration, by scenario and by seed."""
 
-    rows: tuple[tuple[Row, ...], ...]
+    scenarios: Sequence[Values]
+    rows: Sequence[Sequence[Row]]
 
     @property
     def flat(self) -> list[Row]:
         """All rows."""
         return [row for rows in self.rows for row in rows]
+
+
+_PAIRS = 6
+"""Matched pairs that are timed; their range contains the median in 97 of 100 cases."""
 
 
 @dataclass
@@ -123,7 +123,6 @@ class ConfigurationRunner:
 
     Attributes:
         setup: the base configuration, scenarios and seeds.
-        session: where and how sweeps are run.
         rounds: of a timing pass; None for no timing.
         stores: names of the stores written.
     """
@@ -171,14 +170,26 @@ class ConfigurationRunner:
         self.stores.append(name)
         runs, scene = {row["run_id"]: row for row in table.to_pylist()}, setup.scene
 
-        def stored(values: Values) -> tuple[Row, ...]:
+        def stored(values: Values) -> list[Row]:
             ids = (scene.run_id(scene.resolve(values, seed, setup.duration)) for seed in seeds)
-            return tuple(runs[each] for each in ids)
+            return [runs[each] for each in ids]
 
         return {
-            each: ConfigurationRows(tuple(map(stored, of_each)))
+            each: ConfigurationRows(scenarios, list(map(stored, of_each)))
             for each, of_each in zip(unique, rows, strict=True)
         }
+
+    def timed(
+        self, name: str, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
+    ) -> dict[Changed, ConfigurationRows]:
+        """Time configurations, interleaved, in at most six matched pairs of each with the base."""
+        if self.rounds is None:
+            return dict.fromkeys(configurations, ConfigurationRows((), ()))
+        scenarios = self.setup.scenarios
+        scenarios = scenarios[:: max(1, len(scenarios) // _PAIRS)][:_PAIRS]
+        seeds = (self.setup.seeds if seeds is None else seeds)[: max(1, _PAIRS // len(scenarios))]
+        about = "Configurations timed in turns"
+        return self.run(name, about, configurations, seeds=seeds, scenarios=scenarios, timed=True)
 
     def _values(self, changed: Changed, scenario: Values) -> Values:
         values = {**self.setup.base, **scenario}

@@ -14,6 +14,7 @@ from contactlab.schema.effects_report import EffectFinding, EffectsReport
 # Bars end here; a changed label, or a metric that appears, is beyond any tolerance.
 _MOST = 1e3
 _LEAST = 1e-3
+_Layers = alt.LayerChart | alt.FacetChart
 # Petroff's sequence of six colours; each bar has its verdict as text too.
 _COLOURS = {
     "needed": "#e42536",
@@ -37,9 +38,13 @@ def draw(report: EffectsReport, path: Path) -> None:
 def specification(report: EffectsReport) -> alt.TopLevelMixin:
     """Return the chart of a report, as a Vega-Lite specification."""
     rows = [_row(each) for each in report.effects if each.need != "unused"]
-    order = [row["effect"] for row in rows]
+    y = alt.Y("effect:N").sort([row["effect"] for row in rows])
+    colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
     return (
-        alt.hconcat(_changes(rows, order), _costs(rows, order))
+        alt.hconcat(
+            _changes(rows, y.axis(title=None), colour.legend(None)),
+            _costs(rows, y.axis(labels=False, title=None), colour.legend(None)),
+        )
         .properties(title=_title(report))
         .configure(background="white", font="sans-serif")
         .configure_axis(gridColor="#eeeeee", labelFontSize=11, titleFontSize=12, labelLimit=240)
@@ -63,28 +68,20 @@ def _row(finding: EffectFinding) -> dict[str, Any]:
     }
 
 
-def _changes(rows: list[dict[str, Any]], order: list[str]) -> alt.LayerChart | alt.FacetChart:
+def _changes(rows: list[dict[str, Any]], y: alt.Y, colour: alt.Color) -> _Layers:
     x = alt.X("left:Q").scale(type="log", domain=[_LEAST, _MOST])
     x = x.axis(title="largest change when switched, in tolerances", format="~g")
-    y = alt.Y("effect:N").sort(order).axis(title=None)
-    colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
-    colour = colour.legend(None)
     bars = _chart(rows).mark_bar().encode(x, alt.X2("times:Q"), y, colour)
-    words = (
-        _chart(rows)
-        .mark_text(align="left", dx=4, fontSize=11)
-        .encode(alt.X("times:Q"), y, alt.Text("need:N"))
-    )
+    words = _chart(rows).mark_text(align="left", dx=4, fontSize=11)
+    named = words.encode(alt.X("times:Q"), y, alt.Text("need:N"))
     rule = _chart([{"limit": 1}]).mark_rule(strokeDash=[4, 3]).encode(alt.X("limit:Q"))
-    return alt.layer(bars, words, rule).properties(width=320)
+    return alt.layer(bars, named, rule).properties(width=320)
 
 
-def _costs(rows: list[dict[str, Any]], order: list[str]) -> alt.LayerChart | alt.FacetChart:
+def _costs(rows: list[dict[str, Any]], y: alt.Y, colour: alt.Color) -> _Layers:
     timed = [row for row in rows if row["ratio"]]
     x = alt.X("one:Q").scale(zero=False).axis(title="CPU time switched over base", format="~g")
-    y = alt.Y("effect:N").sort(order).axis(labels=False, title=None)
-    colour = alt.Color("need:N").scale(domain=list(_COLOURS), range=list(_COLOURS.values()))
-    bars = _chart(timed).mark_bar().encode(x, alt.X2("ratio:Q"), y, colour.legend(None))
+    bars = _chart(timed).mark_bar().encode(x, alt.X2("ratio:Q"), y, colour)
     spans = _chart(timed).mark_rule().encode(alt.X("low:Q"), alt.X2("high:Q"), y)
     return alt.layer(bars, spans).properties(width=320)
 

@@ -10,7 +10,6 @@ from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.effects_report import MetricChange, Ratio
 from contactlab.studies.effects.effect_toggles import BASE, Changed, ConfigurationRows, Row
-from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Values
 
 _SHARE = 0.01
@@ -70,31 +69,28 @@ class ConfigurationDifference:
         """The largest change, as text."""
         if self.labels:
             return ", ".join(self.labels)
-        worst = next((each for each in self.changes if each.matters), None)
-        if worst is not None:
+        if worst := next((each for each in self.changes if each.matters), None):
             return _change_text(worst)
-        if self.within_spread:
-            first = next(each for each in self.changes if each.metric == self.within_spread[0])
-            return (
-                f"{first.metric} changes by {first.change:.3g} {first.unit}, within the spread "
-                f"of {first.spread:.3g} over seeds"
-            )
+        for each in self.changes:
+            if each.metric in self.within_spread:
+                return (
+                    f"{each.metric} changes by {each.change:.3g} {each.unit}, within the spread "
+                    f"of {each.spread:.3g} over seeds"
+                )
         return "no metric changes by its tolerance"
 
 
 def difference(
-    setup: AblationSetup,
-    scenarios: Sequence[Values],
+    tolerances: Mapping[str, float],
     base: ConfigurationRows,
     other: ConfigurationRows,
     changed: Changed = BASE,
 ) -> ConfigurationDifference:
     """Return the difference that changed effects make, over scenarios and seeds."""
-    names = setup.tolerances or judged_metrics(changed)
-    matched = list(zip(scenarios, base.rows, other.rows, strict=True))
+    matched = list(zip(base.scenarios, base.rows, other.rows, strict=True))
     largest = [
-        max((_change(name, setup.tolerances, *each) for each in matched), key=_weight)
-        for name in names
+        max((_change(name, tolerances, *each) for each in matched), key=_weight)
+        for name in tolerances or judged_metrics(changed)
     ]
     changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
