@@ -58,7 +58,7 @@ def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
         PluginError: one cannot be loaded; nothing of it is left.
     """
     for distribution in sorted(_distributions(), key=lambda each: each.name):
-        _load(_describe(distribution), distribution)
+        _load(distribution)
     for file in files:
         _load_file(file)
     return loaded_plugins()
@@ -77,10 +77,10 @@ def require_plugins(plugins: Iterable[Plugin]) -> None:
 
 
 def _load_installed(name: str) -> Plugin:
-    for distribution in _distributions():
-        if distribution.name == name:
-            return _load(_describe(distribution), distribution)
-    raise PluginError(f"plug-in {name} is not installed here; install it on every node")
+    found = next((each for each in _distributions() if each.name == name), None)
+    if found is None:
+        raise PluginError(f"plug-in {name} is not installed here; install it on every node")
+    return _load(found)
 
 
 def _distributions() -> list[Distribution]:
@@ -116,7 +116,8 @@ def _files(package: str) -> list[tuple[str, Path]]:
     )
 
 
-def _load(plugin: Plugin, distribution: Distribution) -> Plugin:
+def _load(distribution: Distribution) -> Plugin:
+    plugin = _describe(distribution)
     if plugin.name in _loaded:
         return _unchanged(plugin)
     with _adding(plugin.name):

@@ -136,10 +136,15 @@ def schema(
     ] = None,
 ) -> None:
     """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
-    from contactlab.schema.json_schemas import json_schemas, schema_drift
+    from contactlab.schema.json_schemas import json_schemas, schema_drift, write_json_schemas
+    from contactlab.store.atomic_files import write_error
 
     if write is not None:
-        say(f"wrote {', '.join(_written(write))}")
+        try:
+            written = write_json_schemas(write)
+        except OSError as error:
+            raise write_error(write, error) from error
+        say(f"wrote {', '.join(path.name for path in written)}")
     elif check is not None:
         if differing := schema_drift(check):
             raise ExpectationError(
@@ -156,13 +161,3 @@ def schema(
             names = [each.removesuffix(_SUFFIX) for each in known]
             raise SweepFileError(f"no schema '{name}'{did_you_mean(name, names)}")
         print_json(found)
-
-
-def _written(folder: Path) -> list[str]:
-    from contactlab.schema.json_schemas import write_json_schemas
-    from contactlab.store.atomic_files import write_error
-
-    try:
-        return [path.name for path in write_json_schemas(folder)]
-    except OSError as error:
-        raise write_error(folder, error) from error

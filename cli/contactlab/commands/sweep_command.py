@@ -1,7 +1,6 @@
 """`contactlab sweep`: run a declared sweep and write a store of evidence."""
 
-from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -16,7 +15,7 @@ from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 if TYPE_CHECKING:
     from contactlab.plan.grid import Plan
     from contactlab.run.forecast import Forecast
-    from contactlab.run.sweep_request import SweepRequest
+    from contactlab.run.tasks import Executor
     from contactlab.schema.evidence import StoreManifest
 
 
@@ -100,33 +99,24 @@ def sweep(
             f"the sweep has {request.plan.count:,} runs; look at it with --plan, then run it with "
             "--yes"
         )
-    cluster = _on_cluster(request, executor, address, workers)
-    with resumable() as stop, progress_display() as display, cluster as request:
-        manifest = run_sweep(
-            replace(request, allow_code=allow_code), display.begin, display.advance, stop
-        )
+    cluster = _cluster(executor, address, request.workers if address is None else workers)
+    with resumable() as stop, progress_display() as display, cluster as nodes:
+        request = replace(request, cluster=nodes, allow_code=allow_code)
+        manifest = run_sweep(request, display.begin, display.advance, stop)
     for what, why in manifest.sweep.lacking.items():
         say(f"{what} is left empty: {why}")
     print_summary(target, manifest, output)
     _fail_on(manifest)
 
 
-@contextmanager
-def _on_cluster(
-    request: "SweepRequest", executor: ExecutorName, address: str | None, workers: int | None
-) -> Generator["SweepRequest"]:
-    """Yield the request with the cluster that it runs on, if any; the cluster is left at the end.
-
-    Without an address one is started, with the request's number of workers; of a cluster that is
-    joined so many workers are used, or all.
-    """
+def _cluster(
+    executor: ExecutorName, address: str | None, workers: int | None
+) -> "AbstractContextManager[Executor | None]":
     if executor == "local":
-        yield request
-        return
+        return nullcontext()
     from contactlab.run.ray_connection import ray_cluster
 
-    with ray_cluster(address, request.workers if address is None else workers) as cluster:
-        yield replace(request, cluster=cluster)
+    return ray_cluster(address, workers)
 
 
 def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:

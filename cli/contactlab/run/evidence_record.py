@@ -99,7 +99,8 @@ def time_now() -> str:
 def record_of(task: Task, outcome: RunOutcome) -> EvidenceRecord:
     """Return a run's record without cost and times of day: equal runs have equal records."""
     assessment, row, place = outcome.group.assessment, outcome.row, outcome.place
-    metrics = {name: _finite(values[row]) for name, values in assessment.metrics.items()}
+    values = {name: float(each[row]) for name, each in assessment.metrics.items()}
+    metrics = {name: each if math.isfinite(each) else None for name, each in values.items()}
     status, reason = _status(outcome)
     twin = outcome.twin_label
     return _record(
@@ -141,7 +142,9 @@ def _record(
 ) -> EvidenceRecord:
     run, resolved, identity = plan.run, plan.resolved, task.identity
     engine = engine_of(resolved)
-    effects = _effects(plan, engine.ignored(resolved))
+    # What its engine ignores is off.
+    off = {name: EffectState(False, why) for name, why in engine.ignored(resolved).items()}
+    effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
     selected = [each for match, each in task.expected if match.holds(run.values)]
     verdict = judge(selected, [entry.label for entry in labels], metrics)
     return EvidenceRecord(
@@ -194,12 +197,6 @@ def with_cost(task: Task, record: EvidenceRecord, outcome: RunOutcome) -> Eviden
     return record.model_copy(update={"cost": cost, **clock})
 
 
-def _effects(plan: RunPlan, ignored: Mapping[str, str]) -> Mapping[str, EffectState]:
-    """Return the effects of a run, those that its engine ignores being off."""
-    off = {name: EffectState(False, reason) for name, reason in ignored.items()}
-    return {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
-
-
 def _initial(start: InitialStates) -> InitialState:
     applied = start.applied[0]
     return InitialState(
@@ -240,10 +237,6 @@ def _status(outcome: RunOutcome) -> tuple[str, str | None]:
         return "ok", None
     warnings = ", ".join(outcome.rollout.warnings[outcome.place]) or "no warning"
     return "stopped", f"the engine stopped after {outcome.steps} steps: {warnings}"
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 @cache

@@ -38,11 +38,11 @@ from contactlab.store.table_layout import Column, as_ratios
 class RecordedOutcome(NamedTuple):
     """The outcome of a recorded run, as far as later passes need it.
 
-    Tolerances are those of all but errors; `controls` is the hash of what its policy did.
+    They need the metrics with a tolerance that are no errors, and the hash of what its policy did.
     """
 
     status: str
-    tolerances_met: bool | None
+    metrics: Mapping[str, float | None]
     controls: str | None
 
 
@@ -62,14 +62,10 @@ class SweepSession:
     @cached_property
     def outcomes(self) -> dict[str, RecordedOutcome]:
         """The outcome of each run, by its id."""
-        # A row that was in a table before says whether errors, too, were within theirs.
-        tolerances = self.task.sweep.tolerances
-        others = tolerances.keys() - set(ERRORS)
+        names = self.task.sweep.tolerances.keys() - set(ERRORS)
         return {
             row["run_id"]: RecordedOutcome(
-                row["status"],
-                within_tolerances(tolerances, {name: row[name] for name in others}),
-                row.get("controls"),
+                row["status"], {name: row[name] for name in names}, row.get("controls")
             )
             for row in self.store.rows()
         }
@@ -124,10 +120,8 @@ def _resolved(planned: Planned) -> dict[str, ResolvedRun]:
 def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     """Return the columns of a run's accuracy, and whether it still meets every tolerance."""
     row = accuracy.model_dump()
-    errors = within_tolerances(session.task.sweep.tolerances, {name: row[name] for name in ERRORS})
-    others = session.outcomes[run_id].tolerances_met
-    known = [met for met in (errors, others) if met is not None]
-    return {**row, "tolerances_met": all(known) if known else None}
+    metrics = {**session.outcomes[run_id].metrics, **{name: row[name] for name in ERRORS}}
+    return {**row, "tolerances_met": within_tolerances(session.task.sweep.tolerances, metrics)}
 
 
 def _timings(session: SweepSession, rounds: int) -> dict[str, Timing]:

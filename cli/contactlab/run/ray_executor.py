@@ -120,7 +120,7 @@ class InFlight:
         """Return the result of a job; None if it is sent again or was cancelled."""
         sent = self._sent.pop(reference)
         try:
-            return _accepted(ray.get(reference))
+            reply: Result | Exception | str = ray.get(reference)
         except TaskCancelledError:
             return None
         except OutOfMemoryError:
@@ -130,6 +130,11 @@ class InFlight:
         except RayTaskError as error:
             last = str(error).strip().splitlines()[-1]
             raise ClusterError(f"a node of the cluster cannot run jobs: {last}") from error
+        if isinstance(reply, str):
+            raise ClusterError(reply)
+        if isinstance(reply, Exception):
+            raise reply
+        return reply
 
     def _send_again(self, sent: _Sent, reason: str) -> Crashed | None:
         losses = sent.losses + 1
@@ -161,11 +166,3 @@ def published_requirements(task: Task) -> Generator[NodeRequirements]:
         yield NodeRequirements(token, versions, sentinel)
     finally:
         sentinel.unlink(missing_ok=True)
-
-
-def _accepted(reply: Result | Exception | str) -> Result:
-    if isinstance(reply, str):
-        raise ClusterError(reply)
-    if isinstance(reply, Exception):
-        raise reply
-    return reply

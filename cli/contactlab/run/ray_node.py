@@ -54,20 +54,16 @@ def run_job(token: str, shared: Sequence[Any], job: bytes) -> Any:  # noqa: ANN4
 
 def _wrong_version(requirements: NodeRequirements) -> str | None:
     for name, ours in requirements.versions.items():
-        theirs = _installed(name)
+        try:
+            theirs = f"{name} {version(name)}"
+        except PackageNotFoundError:
+            theirs = f"no {name}"
         if theirs != f"{name} {ours}":
             return (
                 f"has {theirs}, but the sweep was started with {name} {ours}; "
                 "install the same versions on every node"
             )
     return None
-
-
-def _installed(name: str) -> str:
-    try:
-        return f"{name} {version(name)}"
-    except PackageNotFoundError:
-        return f"no {name}"
 
 
 def _wrong_store(sentinel: Path | None) -> str | None:
