@@ -41,8 +41,7 @@ def check(
     ] = "auto",
     drive: opt.DriveOption = None,
     limit: Annotated[
-        list[str] | None,
-        opt.option("METRIC=VALUE", "Replace a limit: slip=1e-3; may be repeated."),
+        list[str] | None, opt.option("METRIC=VALUE", "Replace a limit: slip=1e-3; may be repeated.")
     ] = None,
     accept: Annotated[
         Path | None, opt.option("FILE", "File of findings that are accepted, with reasons.")

@@ -46,13 +46,7 @@ from contactlab.schema.evidence import (
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_address import absolute_address
 from contactlab.store.store_writer import open_writer
-from contactlab.store.table_layout import (
-    PLUGINS_COLUMN,
-    REAL,
-    Column,
-    axis_column,
-    struct_column,
-)
+from contactlab.store.table_layout import PLUGINS_COLUMN, REAL, Column, axis_column, struct_column
 
 _LOG = logging.getLogger(__name__)
 
