@@ -2,7 +2,6 @@
 
 import logging
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
 
 from pydantic_core import PydanticSerializationError
 
@@ -43,11 +42,12 @@ from contactlab.schema.evidence import (
     StoreManifest,
     SweepIdentity,
 )
-from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.store_address import absolute_address
 from contactlab.store.store_writer import open_writer
 from contactlab.store.table_layout import PLUGINS_COLUMN, REAL, Column, axis_column, struct_column
 
+# Of a run by itself, where the second is taken to be its own fault; one more in its first job.
+_MOST_CRASHES = 2
 _LOG = logging.getLogger(__name__)
 
 
@@ -137,16 +137,18 @@ def _run_remaining(session: SweepSession) -> None:
 
 
 def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
-    manifest, drive = request.scene.source.manifest, request.scene.drive.drive
+    scene, sweep = request.scene, request.plan.sweep
+    manifest, drive = scene.source.manifest, scene.drive.drive
     timed = bool(manifest and manifest.control) or drive not in ("none", "hold")
     identity = SweepIdentity(
         name=request.name,
         source=request.source,
         overrides=request.overrides,
-        resolved=_resolved(request.plan.sweep),
-        scene=request.scene.name,
-        scene_hash=request.scene.hash,
-        scene_model=request.scene.source.content.model.as_posix(),
+        # Sweeps of versions that knew no drives stay the same.
+        resolved=sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None),
+        scene=scene.name,
+        scene_hash=scene.hash,
+        scene_model=scene.source.content.model.as_posix(),
         engine=engine(),
         metric_versions=metric_versions(),
         runs_asked=len(index),
@@ -167,18 +169,11 @@ def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     return identity
 
 
-def _resolved(sweep: Sweep) -> dict[str, Any]:
-    # Sweeps of versions that knew no drives stay the same.
-    return sweep.model_dump(mode="json", exclude={"drive"} if sweep.drive is None else None)
-
-
 def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:
     """Return what the engines of a sweep leave null in their records, with the reason."""
-    engines = {group.first.engine: engine_of(group.first) for group in index.firsts}
-    fields: dict[str, str] = {}
-    for each in engines.values():
-        fields |= each.null_fields(driven=driven)
-    return fields
+    engines = {group.first.engine: engine_of(group.first) for group in index.firsts}.values()
+    fields = [each.null_fields(driven=driven) for each in engines]
+    return {name: reason for each in fields for name, reason in each.items()}
 
 
 def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
@@ -230,24 +225,20 @@ def run_all_jobs(
     Raises:
         StoppedError: `stop` was set; jobs that crashed are left for the next time.
     """
-    crashed: list[Job] = []
-    for result in results_of(task, jobs, executor, stop):
-        if isinstance(result, Crashed):
-            crashed.append(result.job)
-        else:
-            yield result
-    for last in (False, True):
-        if not crashed:
-            return
-        recorder = Worker(task, None)
-        alone, crashed = [(run,) for job in crashed for run in job], []
-        for result in results_of(task, alone, executor, stop):
+    recorder: Worker | None = None
+    for crashes in range(_MOST_CRASHES + 1):
+        crashed: list[Job] = []
+        for result in results_of(task, jobs, executor, stop):
             if not isinstance(result, Crashed):
                 yield result
-            elif last or result.timed_out:
+            elif crashes == _MOST_CRASHES or (crashes and result.timed_out):
+                recorder = recorder or Worker(task, None)
                 yield [_record_crash(task, recorder, result)]
             else:
                 crashed.append(result.job)
+        if not crashed:
+            return
+        jobs = [(run,) for job in crashed for run in job]
 
 
 def _record_crash(task: Task, recorder: Worker, crash: Crashed) -> Finished:
