@@ -154,10 +154,9 @@ class InitialStates(NamedTuple):
         ranges = np.stack([self.ctrl[0]] * 2, axis=1)
         signals = self.signals[0]
         ends = signals.at(np.array([0.0, end]))
-        times = np.broadcast_to(signals.times, signals.levels.shape)
-        passed = (times >= 0) & (times <= end)
-        low = np.where(passed, signals.levels, np.inf).min(axis=1, initial=np.inf)
-        high = np.where(passed, signals.levels, -np.inf).max(axis=1, initial=-np.inf)
+        passed = (signals.times >= 0) & (signals.times <= end)
+        low = signals.levels.min(axis=1, initial=np.inf, where=passed)
+        high = signals.levels.max(axis=1, initial=-np.inf, where=passed)
         own = signals.places < len(ranges)
         ranges[signals.places[own], 0] = np.minimum(low, ends.min(axis=0))[own]
         ranges[signals.places[own], 1] = np.maximum(high, ends.max(axis=0))[own]
@@ -279,8 +278,9 @@ def at_begin(starts: InitialStates) -> InitialStates:
     """Return initial states with driven inputs set to their values at time 0."""
     if not starts.driven.size:
         return starts
-    first = np.zeros(1, np.intp)
-    inputs = np.concatenate([starts.inputs(run, 0.0, first) for run in range(len(starts.ctrl))])
+    inputs = np.concatenate([starts.ctrl, starts.applied, starts.mocap], axis=1)
+    for row, signals in zip(inputs, starts.signals, strict=True):
+        row[signals.places] = signals.at(np.zeros(1))[0]
     ends = np.cumsum([starts.ctrl.shape[1], starts.applied.shape[1]])
     parts = zip(("ctrl", "applied", "mocap"), np.split(inputs, ends, axis=1), strict=True)
     return starts._replace(**dict(parts))

@@ -86,7 +86,7 @@ class Signals:
 
     def at(self, times: Floats) -> Floats:
         """Return (T, P) the inputs at some times [s]."""
-        if len(self.times) < len(self.places) and self.times.size > 1:
+        if len(self.times) < len(self.places) and self.times.size > 1 and len(times) > 1:
             return _interpolated(times, self.times[0], self.levels)
         lines = zip(np.broadcast_to(self.times, self.levels.shape), self.levels, strict=True)
         return np.array([np.interp(times, *line) for line in lines]).reshape(-1, len(times)).T
@@ -98,10 +98,10 @@ class Signals:
 
     def joined(self, other: "Signals") -> "Signals":
         """Return these signals and others of the same run."""
+        if not (self.places.size and other.places.size):
+            return self if self.places.size else other
         most = max(self.levels.shape[1], other.levels.shape[1])
-        both = [each._padded(most) for each in (self, other) if each.places.size]
-        if len(both) < 2:
-            return both[0] if both else self
+        both = self._padded(most), other._padded(most)
         arrays = [(each.places, each.times, each.levels) for each in both]
         return Signals(*(np.concatenate(parts) for parts in zip(*arrays, strict=True)))
 

@@ -106,25 +106,23 @@ class Driving:
             SceneError: a run is too long for the drive's file, or its steps too long for the noise.
         """
         starts = initial_states(self.rule, [(run.initial, run.seed) for run in runs])
-        driven = [self._driven(starts.pick(place), run) for place, run in enumerate(runs)]
-        return at_begin(InitialStates.joined(driven))
-
-    def _driven(self, start: InitialStates, run: ResolvedRun) -> InitialStates:
-        (posture, room), held = self._posture(run.initial), sorted(self.held)
-        ctrl, act = start.ctrl.copy(), start.act.copy()
-        ctrl[0, held] = posture.ctrl[held]
+        fields, signals = starts._asdict(), list(starts.signals)
+        held = np.array(sorted(self.held), np.intp)
         addresses = np.asarray(self.model.actuator_actadr)[held]
-        act[0, addresses[addresses >= 0]] = posture.act[addresses[addresses >= 0]]
-        signals = self._signals(posture, room, run)
-        if (own := start.signals[0]).places.size:
-            signals = own.joined(signals.without(np.isin(signals.places, own.places)))
-        start = start._replace(ctrl=ctrl, act=act, signals=(signals,))
-        if self.recorded is not None:
-            for coordinate, value in self.recorded.start:
-                getattr(start, coordinate.field)[0, coordinate.index] = value
-        if self.drive == "exercise" and not self.model.nu and not start.qvel.any():
-            start = start._replace(qvel=_free_motion(self.model)[None])
-        return start
+        addresses = addresses[addresses >= 0]
+        for place, run in enumerate(runs):
+            posture, room = self._posture(run.initial)
+            fields["ctrl"][place, held] = posture.ctrl[held]
+            fields["act"][place, addresses] = posture.act[addresses]
+            own, driven = signals[place], self._signals(posture, room, run)
+            if own.places.size:
+                driven = own.joined(driven.without(np.isin(driven.places, own.places)))
+            signals[place] = driven
+        for coordinate, value in self.recorded.start if self.recorded else ():
+            fields[coordinate.field][:, coordinate.index] = value
+        if self.drive == "exercise" and not self.model.nu and not starts.qvel.any():
+            fields["qvel"][:] = _free_motion(self.model)
+        return at_begin(starts._replace(signals=tuple(signals)))
 
     def _posture(self, initial: Mapping[str, float]) -> tuple[Posture, ControlRoom]:
         """Return what holds the start of some initial values, before any seed perturbs it."""
