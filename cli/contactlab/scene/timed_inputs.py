@@ -86,7 +86,7 @@ class Signals:
 
     def at(self, times: Floats) -> Floats:
         """Return (T, P) the inputs at some times [s]."""
-        if len(self.times) < len(self.places) and self.times.size > 1 and len(times) > 1:
+        if len(self.times) < len(self.places) and self.times.size > 1 and len(times) > 2:
             return _interpolated(times, self.times[0], self.levels)
         lines = zip(np.broadcast_to(self.times, self.levels.shape), self.levels, strict=True)
         return np.array([np.interp(times, *line) for line in lines]).reshape(-1, len(times)).T
