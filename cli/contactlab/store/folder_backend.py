@@ -123,11 +123,7 @@ class FolderBackend:
 
     @contextmanager
     def write_session(self) -> Generator["FolderSession"]:
-        """Hold the store's lock, which the system releases when the process ends.
-
-        Raises:
-            OutputError: another sweep holds it.
-        """
+        """Hold the store's lock, which the system releases when the process ends."""
         self.address.mkdir(parents=True, exist_ok=True)
         for name in _OWN:
             for each in (name, name + TEMPORARY_SUFFIX):

@@ -51,14 +51,10 @@ class StringColumn(NamedTuple):
 
 
 class RunColumns:
-    """The table of a store, read column by column on demand.
+    """The table in the folder of a store, read column by column on demand.
 
-    Args:
-        store: the folder that holds it.
-        address: the store's address for error messages, if it is not that folder.
-
-    Raises:
-        StoreError: there is no table, it is damaged, or it lacks a requested column.
+    A StoreError, which names the store's address, says that there is no table, that it is damaged,
+    or that it lacks a requested column.
     """
 
     def __init__(self, store: Path, address: Address | None = None) -> None:

@@ -17,10 +17,7 @@ from contactlab.store.store_files import SCENES, TRACES
 def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
     """Return the backend of a store; make it in the process that uses it.
 
-    Raises:
-        OutputError: the library for object storage is not installed.
-        ContactlabError: of the given class, as are those of reading; the object storage cannot be
-            used.
+    Errors of object storage and of reading are of the given class.
     """
     if isinstance(address, Path):
         return FolderBackend(address, error)
@@ -66,9 +63,6 @@ def local_scene(store: Address, folder: Path) -> Path:
     """Return a local folder with a store's scene, fetched from object storage if need be.
 
     The given one is on the machine that runs the sweep; its name is the scene's hash.
-
-    Raises:
-        OutputError: the store cannot be reached, or has no such scene.
     """
     if folder.is_dir():
         return folder

@@ -72,11 +72,7 @@ def stored_size(folder: Path, name: str, most: int = MOST_BYTES) -> int | None:
 
 
 def check_tree(folder: Path) -> None:
-    """Check that a folder of a store, which may be missing, holds folders and files only.
-
-    Raises:
-        StoreError: it holds, or is, something else: a symbolic link, a pipe, a device.
-    """
+    """Raise a StoreError if a folder of a store is, or holds, anything but folders and files."""
     left = [folder]
     while left:
         path = left.pop()

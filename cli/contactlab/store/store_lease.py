@@ -162,11 +162,7 @@ class StoreLease:
 
 @contextmanager
 def hold_lease(client: "ObjectClient", seconds: float | None = None) -> Generator[StoreLease]:
-    """Hold the lock of a store, once one of another machine was unchanged for so many seconds.
-
-    Raises:
-        OutputError: another sweep holds it, or the server cannot be reached.
-    """
+    """Hold the lock of a store, once one of another machine was unchanged for so many seconds."""
     seconds = LEASE if seconds is None else seconds
     holder = LockHolder.this()
     lease = StoreLease(client, holder, _take(client, holder, seconds), seconds)

@@ -132,13 +132,13 @@ class StoreWriter:
             self._session.flush()
 
     def _manifest(self, provenance: Provenance) -> StoreManifest:
-        scenes = sorted(path for path in (self.path / SCENES).rglob("*") if path.is_file())
-        files = [self.path / IDENTITY, self.path / TABLE, *scenes]
+        files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
+        scenes = hashes_below(self.path / SCENES).items()
         return StoreManifest(
             sweep=self.identity,
             provenance=provenance,
             **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
-            files={file.relative_to(self.path).as_posix(): sha256_of(file) for file in files},
+            files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
             records=rows_digest(self.path / TABLE),
             started=self.started,
             finished=_now(),

@@ -203,8 +203,6 @@ _PARTS = {
 }
 # The columns of lists, with an entry for each label.
 _LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
-# The columns of lists, with an entry for each label.
-_LABELS = {"labels": "label", "label_reasons": "reason", "label_steps": "step"}
 _PLAIN = tuple(
     name
     for name in EvidenceRecord.model_fields

@@ -30,7 +30,7 @@ from mcap.records import (
 from mcap.writer import MCAP0_MAGIC
 from numpy.typing import NDArray
 
-from contactlab.store.mcap.message_encoder import SCRATCH, MessageGroup
+from contactlab.store.mcap.message_encoder import SCRATCH, MessageGroup, span_of
 
 Times = NDArray[np.uint64]
 
@@ -130,17 +130,17 @@ def interleave(groups: Sequence[MessageGroup], channels: int, times: Times) -> M
     """Return the records of all groups in one buffer, valid until the next call."""
     sizes = np.zeros((len(times), channels), np.int64)
     for group in groups:
-        sizes[group.span, group.channel - 1] = group.layout.size
+        sizes[span_of(group.rows), group.channel - 1] = group.layout.size
     ends = np.cumsum(sizes)
     offsets = ends.reshape(sizes.shape) - sizes
     data = SCRATCH.take("stream", int(ends[-1]))
     for group in groups:
-        size = group.layout.size
+        span, size = span_of(group.rows), group.layout.size
         items = group.layout.fill(SCRATCH.take("records", len(group.rows) * size))
         items["channel"] = group.channel
-        items["log_time"] = items["publish_time"] = times[group.span]
+        items["log_time"] = items["publish_time"] = times[span]
         group.fill(items)
-        overlapping(data, size)[offsets[group.span, group.channel - 1]] = items.view(f"V{size}")
+        overlapping(data, size)[offsets[span, group.channel - 1]] = items.view(f"V{size}")
     return MessageStream(data, offsets, sizes, times)
 
 

@@ -124,12 +124,7 @@ def _find_data_damage(data: bytes, summary_start: int) -> str | None:
 
 
 def read_records(data: bytes) -> FileRecords:
-    """Return the records of a file in which `find_damage` finds none.
-
-    Raises:
-        ValueError: a record exceeds the section that it is in.
-        Exception: of many classes; a record's content is not what its kind requires.
-    """
+    """Return the records of a file in which `find_damage` finds none; see `UNREADABLE`."""
     chunks: list[ChunkRecords] = []
     others: list[RawRecord] = []
     footer = len(data) - len(MCAP0_MAGIC) - _FOOTER.size

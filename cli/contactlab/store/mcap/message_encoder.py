@@ -145,13 +145,9 @@ class MessageGroup:
     layout: MessageLayout
     fill: Callable[[Items], None]
 
-    @property
-    def span(self) -> Rows | slice:
-        """The rows; as a slice where they are consecutive, which indexes without a copy."""
-        return _span(self.rows)
 
-
-def _span(rows: Rows) -> Rows | slice:
+def span_of(rows: Rows) -> Rows | slice:
+    """Return rows as a slice where they are consecutive, which indexes without a copy."""
     consecutive = len(rows) > 0 and rows[-1] - rows[0] == len(rows) - 1
     return slice(int(rows[0]), int(rows[-1]) + 1) if consecutive else rows
 
@@ -198,7 +194,7 @@ def contact_groups(
 
         def fill(items: Items, rows: Rows = rows, count: int = count) -> None:
             _fill_net(series, run, rows, timestep, items)
-            _fill_points(slots[_span(rows), :count], items)
+            _fill_points(slots[span_of(rows), :count], items)
 
         yield MessageGroup(channel, rows, contacts_record(count), fill)
 

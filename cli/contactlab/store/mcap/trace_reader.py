@@ -42,11 +42,7 @@ _PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
 
 
 def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
-    """Return the run that a trace file holds; errors name it by the shown path.
-
-    Raises:
-        StoreError: the file is missing, damaged, or not a trace of this version.
-    """
+    """Return the run that a trace file holds; a StoreError names it by the shown path."""
     shown_path = shown_path or path
     try:
         data = path.read_bytes()

@@ -77,14 +77,8 @@ def encode_trace(
 ) -> tuple[bytes, Mapping[str, int]]:
     """Return one run of a trace as an MCAP file, and the number of its messages by topic.
 
-    Args:
-        trace: arrays of a group of runs.
-        run: index of the run in the group.
-        series: net quantities of the trace's pairs, in the same order.
-        extras: the run's record, identity and model.
-
-    Raises:
-        OutputError: the run's time does not strictly increase.
+    The series are the net quantities of the trace's pairs, in the same order. An OutputError says
+    that the run's time does not strictly increase.
     """
     times = _log_times(trace.time[run])
     pairs = tuple(pair.name for pair in trace.pairs)
@@ -155,11 +149,7 @@ class AddedChannel:
 
 
 def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
-    """Write a sound trace file again with further channels; its own messages keep their bytes.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write a sound trace file again with further channels; its own messages keep their bytes."""
     reader = SeekingReader(BytesIO(source.read_bytes()))
     summary = reader.get_summary()
     assert summary is not None, "a sound file has a summary"
