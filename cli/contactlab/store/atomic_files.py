@@ -116,7 +116,7 @@ class GroupCommit:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._wake, self._closing = Event(), Event()
+        self._closing = Event()
         self._is_dirty = False
         self._failure: OSError | None = None
         self._thread = Thread(target=self._run, name="group commit", daemon=True)
@@ -126,12 +126,10 @@ class GroupCommit:
         """Note that something was written."""
         self._raise_failure()
         self._is_dirty = True
-        self._wake.set()
 
     def close(self) -> None:
         """Sync what is not yet, and end."""
         self._closing.set()
-        self._wake.set()
         self._thread.join()
         self._raise_failure()
 
@@ -141,18 +139,14 @@ class GroupCommit:
 
     def _run(self) -> None:
         is_last = False
-        while not is_last:
-            self._wake.wait()
-            self._wake.clear()
-            is_last = self._closing.is_set()
+        while not is_last and self._failure is None:
+            is_last = self._closing.wait(_COMMIT_INTERVAL)
             is_dirty, self._is_dirty = self._is_dirty, False
             try:
                 if is_dirty:
                     sync_filesystem(self._folder)
             except OSError as error:
                 self._failure = error
-                return
-            self._closing.wait(_COMMIT_INTERVAL)
 
 
 def _sync(path: Path) -> None:

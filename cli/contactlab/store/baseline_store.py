@@ -12,7 +12,6 @@ from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_file
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import rows_digest, write_compact_table
-from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, TRACES, check_tree
 from contactlab.store.store_manifest import document_json
@@ -75,11 +74,10 @@ def _copy(store: Store, target: Path) -> None:
     shutil.copytree(store.scene_folder.parent, target / SCENES)
     shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
     write_compact_table(store.file(TABLE), target / TABLE)
-    backend = backend_at(store.address, StoreError)
     for sha256 in {each.controls for each in store.records() if each.controls is not None}:
         file = target / controls_name(sha256)
         file.parent.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(backend.read(controls_name(sha256)) or b"")
+        file.write_bytes(store.backend.read(controls_name(sha256)) or b"")
     files = {name: sha256_of(target / name) for name in store.manifest.files}
     records = rows_digest(target / TABLE)
     if store.manifest.records not in {None, records}:

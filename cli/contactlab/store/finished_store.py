@@ -134,7 +134,8 @@ class Store:
         return store
 
     @cached_property
-    def _backend(self) -> Backend:
+    def backend(self) -> Backend:
+        """The place that it lies in."""
         return backend_at(self.address, StoreError)
 
     def __repr__(self) -> str:
@@ -231,7 +232,7 @@ class Store:
             StoreError: it is missing or damaged, or the policy failed.
         """
         if record.controls is not None:
-            return read_controls(self._backend, record.controls)
+            return read_controls(self.backend, record.controls)
         if isinstance(record.drive, PolicyDrive):
             raise StoreError(
                 f"run {record.run_id} has no recorded controls: {record.status_reason}; "
@@ -270,7 +271,7 @@ class Store:
         Raises:
             StoreError: it is missing or cannot be fetched.
         """
-        with closing(self._backend.trace_files([trace.file])) as files:
+        with closing(self.backend.trace_files([trace.file])) as files:
             path = next(files)
             if path is None:
                 raise StoreError(f"{self.address / trace.file} is missing")

@@ -12,7 +12,6 @@ from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
-from contactlab.store.folder_backend import Backend
 from contactlab.store.mcap.mcap_check import trace_problems
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
@@ -21,7 +20,6 @@ from contactlab.store.runs_table import (
     read_table,
     rows_digest,
 )
-from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, stored_file
 from contactlab.store.store_manifest import parse_identity
@@ -43,13 +41,12 @@ def verify(address: Address, *, thorough: bool = True) -> list[str]:
     Raises:
         StoreError: it cannot be opened at all.
     """
-    store = Store.unchecked(address)
-    backend = backend_at(address, StoreError)
-    return list(islice(_problems(store, backend, thorough=thorough), MOST_PROBLEMS))
+    problems = _problems(Store.unchecked(address), thorough=thorough)
+    return list(islice(problems, MOST_PROBLEMS))
 
 
-def _problems(store: Store, backend: Backend, *, thorough: bool) -> Iterator[str]:
-    changed = list(_check_files(store, backend))
+def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
+    changed = list(_check_files(store))
     yield from changed
     yield from _check_identity(store)
     model = None
@@ -59,8 +56,8 @@ def _problems(store: Store, backend: Backend, *, thorough: bool) -> Iterator[str
         yield from _check_columns(store)
         if thorough:
             yield from _check_sweep(store)
-            yield from _check_records(store, backend, model)
-            yield from _check_controls(store, backend)
+            yield from _check_records(store, model)
+            yield from _check_controls(store)
         else:
             yield from damaged_traces(store)
     except (StoreError, LookupError, ValueError, OSError) as error:
@@ -84,17 +81,17 @@ def damaged_traces(store: Store) -> Iterator[str]:
     """Yield which traces are missing or changed: all by their size, the first also by content."""
     if store.manifest.traces_left_out:
         return
-    backend, left = backend_at(store.address, StoreError), _READ_BYTES
+    left = _READ_BYTES
     names = ("trace_file", "trace_bytes", "trace_sha256")
     table = read_table(store.path / TABLE, list(names))
     table = table.filter(table["trace_file"].is_valid())
     columns = (table[name].to_pylist() for name in names)
     for file, expected, sha256 in zip(*columns, strict=True):
         left -= expected or 0
-        size = backend.trace_size(file)
+        size = store.backend.trace_size(file)
         if size is None:
             yield f"{file}: missing"
-        elif size != expected or (left >= 0 and not backend.holds_trace(file, size, sha256)):
+        elif size != expected or (left >= 0 and not store.backend.holds_trace(file, size, sha256)):
             yield f"{file}: changed since it was written"
 
 
@@ -108,7 +105,7 @@ def trace_warning(store: Store) -> tuple[str, ...]:
     return (f"{named}{more} (see `contactlab verify {store.address}`)",)
 
 
-def _check_files(store: Store, backend: Backend) -> Iterator[str]:
+def _check_files(store: Store) -> Iterator[str]:
     files = store.manifest.files
     for name, expected in files.items():
         try:
@@ -124,7 +121,7 @@ def _check_files(store: Store, backend: Backend) -> Iterator[str]:
     for name in (IDENTITY, TABLE, *(path.relative_to(store.path).as_posix() for path in scene)):
         if name not in files:
             yield f"{name}: {MANIFEST} does not name it"
-    for name in backend.leftovers():
+    for name in store.backend.leftovers():
         yield f"{name}: left over from an interrupted write"
 
 
@@ -178,24 +175,24 @@ def _model(store: Store) -> bytes | None:
     return path.read_bytes() if path.is_file() else None
 
 
-def _check_controls(store: Store, backend: Backend) -> Iterator[str]:
+def _check_controls(store: Store) -> Iterator[str]:
     """Yield which recorded controls are missing or changed."""
     if "controls" not in store.columns.schema.names:
         return
     table = read_table(store.path / TABLE, ["controls"])
     for sha256 in table["controls"].unique().drop_null().to_pylist():
         try:
-            read_controls(backend, sha256)
+            read_controls(store.backend, sha256)
         except StoreError as error:
             yield str(error)
 
 
-def _check_records(store: Store, backend: Backend, model: bytes | None) -> Iterator[str]:
+def _check_records(store: Store, model: bytes | None) -> Iterator[str]:
     """Yield what is wrong with records and traces, a batch of rows at a time."""
     problems: list[str] = []
     named: set[str] = set()
     records, ahead = tee(_traced_records(store, problems))
-    files = backend.trace_files(record.trace.file for record in ahead if record.trace)
+    files = store.backend.trace_files(record.trace.file for record in ahead if record.trace)
     for record, path in zip(records, files, strict=True):
         assert record.trace is not None
         named.add(record.trace.file)
@@ -204,7 +201,7 @@ def _check_records(store: Store, backend: Backend, model: bytes | None) -> Itera
         yield from problems
         problems.clear()
     yield from problems
-    for name in backend.trace_names():
+    for name in store.backend.trace_names():
         if name not in named:
             yield f"{name}: belongs to no run"
     if store.manifest.records not in {None, rows_digest(store.path / TABLE)}:

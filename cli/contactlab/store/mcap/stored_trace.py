@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,28 +12,6 @@ from contactlab.errors import StoreError, did_you_mean
 
 ACTIVATIONS = "activations"
 """Entry of a trace's metadata: actuator activations, which are hashed but not in the trace."""
-_PAIR_UNITS = {
-    "contacts": "1",
-    "found": "1",
-    "normal": "N",
-    "tangential": "N",
-    "usage": "1",
-    "slip": "m/s",
-    "distance": "m",
-}
-_UNITS = {
-    "time": "s",
-    "qpos": "m, rad",
-    "qvel": "m/s, rad/s",
-    "kinetic": "J",
-    "potential": "J",
-    "contacts": "1",
-    "least_distance": "m",
-    "iterations": "1",
-    "iterations_most": "1",
-    "momentum": "kg m/s",
-    "angular_momentum": "kg m^2/s",
-}
 
 
 @dataclass(frozen=True)
@@ -66,10 +45,16 @@ class StoredPair:
     distance: Floats
     points: Floats
 
-    @property
-    def units(self) -> Mapping[str, str]:
-        """The unit of each array of measured values."""
-        return _PAIR_UNITS
+    units: ClassVar[Mapping[str, str]] = {
+        "contacts": "1",
+        "found": "1",
+        "normal": "N",
+        "tangential": "N",
+        "usage": "1",
+        "slip": "m/s",
+        "distance": "m",
+    }
+    """The unit of each array of measured values."""
 
     @property
     def point_steps(self) -> Integers:
@@ -105,10 +90,20 @@ class StoredTrace:
     metadata: Mapping[str, str]
     model_xml: bytes
 
-    @property
-    def units(self) -> Mapping[str, str]:
-        """The unit of each array; for coordinates, of slide and of hinge joints."""
-        return _UNITS
+    units: ClassVar[Mapping[str, str]] = {
+        "time": "s",
+        "qpos": "m, rad",
+        "qvel": "m/s, rad/s",
+        "kinetic": "J",
+        "potential": "J",
+        "contacts": "1",
+        "least_distance": "m",
+        "iterations": "1",
+        "iterations_most": "1",
+        "momentum": "kg m/s",
+        "angular_momentum": "kg m^2/s",
+    }
+    """The unit of each array; for coordinates, of slide and of hinge joints."""
 
     def pair(self, name: str) -> StoredPair:
         """Return a pair by its name.
