@@ -4,25 +4,14 @@ Source: MuJoCo's XML reference (option, flag, geom, pair).
 """
 
 from collections.abc import Iterable, Mapping
-from types import MappingProxyType
-from typing import Literal
 from xml.sax.saxutils import quoteattr
 
-Form = Literal["number", "integer", "vector", "word"]
-
-_FORMS: Mapping[Form, tuple[str, ...]] = {
-    "number": (
-        *("timestep", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance"),
-        *("impratio", "density", "viscosity"),
-    ),
-    "integer": ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"),
-    "vector": ("gravity", "wind"),
-    "word": ("integrator", "cone", "solver", "jacobian"),
-}
-OPTIONS: Mapping[str, Form] = MappingProxyType(
-    {name: form for form, names in _FORMS.items() for name in names}
+OPTIONS = (
+    *("timestep", "tolerance", "ls_tolerance", "noslip_tolerance", "ccd_tolerance", "impratio"),
+    *("density", "viscosity", "iterations", "ls_iterations", "noslip_iterations"),
+    *("ccd_iterations", "gravity", "wind", "integrator", "cone", "solver", "jacobian"),
 )
-"""Attributes of <option>, with the form of their values."""
+"""Attributes of <option>."""
 
 CONTACT = ("solref", "solimp", "friction", "condim", "margin", "gap")
 """Attributes of both <geom> and <pair>."""

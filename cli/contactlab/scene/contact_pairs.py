@@ -32,7 +32,7 @@ class MonitoredPair:
 
     Attributes:
         name: `side-side`, unique in the model.
-        sides: the two names.
+        sides: the names of both geoms or bodies.
         bodies: whether the sides are bodies.
         geoms: ids of the geoms on each side.
         slots: how many of its contacts are recorded each step.

@@ -7,12 +7,13 @@ the same name.
 from collections.abc import Mapping, Sequence
 
 import mujoco
+import numpy as np
 
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.parameters import WORDS
-from contactlab.scene.setting_values import Settings, as_vector
+from contactlab.scene.setting_values import Settings
 
 # Recording needs these: sensors carry the evidence, an automatic reset would hide a divergence, and
 # the energy flag makes the kinetic energy sensor lag a step.
@@ -50,14 +51,10 @@ def non_default(states: Mapping[str, bool]) -> dict[str, bool]:
 def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
     """Set the given flags, and those that recording needs."""
     for name, state in {**states, **_FIXED}.items():
-        if name in _DISABLE:
-            model.opt.disableflags = _with(int(model.opt.disableflags), _DISABLE[name], not state)
-        else:
-            model.opt.enableflags = _with(int(model.opt.enableflags), _ENABLE[name], state)
-
-
-def _with(flags: int, bit: int, state: bool) -> int:
-    return flags | bit if state else flags & ~bit
+        disable = name in _DISABLE
+        field, bit = ("disableflags", _DISABLE[name]) if disable else ("enableflags", _ENABLE[name])
+        others = int(getattr(model.opt, field)) & ~bit
+        setattr(model.opt, field, others | bit if state != disable else others)
 
 
 MODEL_ENGINE = "mujoco"
@@ -85,23 +82,11 @@ def base_settings(
 def read_option(model: mujoco.MjModel, name: str) -> object:
     """Return an attribute of <option> as a setting: a number, a word or a tuple of numbers."""
     value = getattr(model.opt, name)
-    match OPTIONS[name]:
-        case "number":
-            return float(value)
-        case "integer":
-            return int(value)
-        case "vector":
-            return tuple(float(part) for part in value)
-        case "word":
-            return WORDS[name][value]
+    if name in WORDS:
+        return WORDS[name][value]
+    return tuple(value.tolist()) if isinstance(value, np.ndarray) else value
 
 
 def write_option(model: mujoco.MjModel, name: str, value: object) -> None:
     """Write a setting into a model's options, in place."""
-    match OPTIONS[name]:
-        case "number" | "integer":
-            setattr(model.opt, name, value)
-        case "vector":
-            getattr(model.opt, name)[:] = as_vector(value)
-        case "word":
-            setattr(model.opt, name, WORDS[name].index(str(value)))
+    setattr(model.opt, name, WORDS[name].index(str(value)) if name in WORDS else value)

@@ -11,7 +11,6 @@ from typing import Any
 
 import mujoco
 
-from contactlab.scene.setting_values import switch
 from contactlab.schema.vocabulary import AxisSpec
 
 VERSION: str = mujoco.__version__
@@ -38,6 +37,10 @@ NEW_FEATURES = (
     NewFeature("integrator", "discrete", "3.13.0"),
     NewFeature("speculative", True, "4.0.0"),
 )
+
+
+# As a switch takes them.
+_STATES: dict[str | bool, tuple[str, ...]] = {True: ("true", "on"), False: ("false", "off")}
 
 
 def enum_members(enum: Any, prefix: str) -> dict[str, int]:  # noqa: ANN401 - a pybind11 enum
@@ -94,20 +97,12 @@ def in_this_version(axis: AxisSpec, *, lenient: bool) -> AxisSpec:
 
 def _lacking(axis: str, value: object) -> NewFeature | None:
     known = (each for each in _unsupported() if each.axis == axis)
-    return next((each for each in known if _same(each.value, value)), None)
+    word = str(value).lower()
+    return next((each for each in known if word in _STATES.get(each.value, (each.value,))), None)
 
 
 def _unsupported() -> list[NewFeature]:
     return [each for each in NEW_FEATURES if not _reaches(each.version)]
-
-
-def _same(own: str | bool, value: object) -> bool:
-    if isinstance(own, str):
-        return isinstance(value, str) and value.lower() == own
-    try:
-        return switch(value) == own
-    except ValueError:
-        return False
 
 
 def _reaches(version: str) -> bool:

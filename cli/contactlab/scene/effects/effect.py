@@ -20,12 +20,10 @@ Kind = Literal["physical", "numerical", "recording"]
 
 @dataclass(frozen=True)
 class EffectRequest:
-    """The effects that a run requests.
+    """The effects that a run requests, those that the sweep or the scene switches by name.
 
-    Attributes:
-        requested: effects that the sweep or the scene switches by name.
-        changed: settings that the sweep sets; no effect is left out that would overwrite them.
-        auto: whether to leave out what provably changes nothing.
+    No effect is left out that would overwrite a changed setting; if auto, others are that provably
+    change nothing.
     """
 
     requested: Mapping[str, bool]
@@ -152,10 +150,8 @@ def by_options(
 ) -> Switch:
     """Return the switch of an effect that is a matter of options.
 
-    Args:
-        off: settings that turn it off.
-        on: settings that turn it on where it is off; empty if none does by itself.
-        is_on: returns whether settings have it; if left out, all but those that turn it off have.
+    Settings turn it off and, where they are not empty, on. If `is_on` is left out, all settings
+    have it but those that turn it off.
     """
     values = {True: on, False: off}
     has = is_on or (lambda settings: any(settings[name] != off[name] for name in off))
@@ -175,12 +171,9 @@ def by_options(
 def by_compiling(
     compiled: Callable[[RunState], bool], removal: str | None = None, *fields: str
 ) -> Switch:
-    """Return the switch of what is compiled or not.
+    """Return the switch of what is compiled or not, and how to remove it by hand.
 
-    Args:
-        compiled: returns whether a run's model has it.
-        removal: how to remove it by hand.
-        *fields: fields of the model that are zero without it, where it is compiled nevertheless.
+    Where it is compiled nevertheless, some fields of the model are zero without it.
     """
 
     def write(model: mujoco.MjModel, on: bool) -> None:
