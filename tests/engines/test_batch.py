@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab import resources
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 

@@ -8,7 +8,7 @@ import pytest
 
 from contactlab.mjcf import CONTACT, FLAGS, OPTIONS
 from contactlab.pareto.configuration_export import MjcfLines, mjcf_lines
-from contactlab.scene.model_options import FLAGS as SWITCHES
+from contactlab.scene.model_edits import FLAGS as SWITCHES
 from contactlab.schema.evidence import EvidenceRecord
 
 SETTINGS: dict[str, Any] = {

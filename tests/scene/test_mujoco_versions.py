@@ -10,7 +10,7 @@ from contactlab.errors import SweepFileError
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene import mujoco_versions
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import NEW_FEATURES, NewFeature, why_unsupported
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene

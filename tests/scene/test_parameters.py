@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
 from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.mjcf import FLAGS as MJCF_FLAGS
-from contactlab.scene.model_options import FLAGS, non_default, read_flags, write_flags
+from contactlab.scene.model_edits import FLAGS, non_default, read_flags, write_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 

@@ -10,8 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.model_edits import is_as_written
-from contactlab.scene.model_options import non_default
+from contactlab.scene.model_edits import is_as_written, non_default
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun, other_effects
 from contactlab.scene.row_resolution import RowResolver

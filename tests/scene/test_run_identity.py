@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from contactlab import resources
-from contactlab.scene import model_options
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene import model_edits
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 
@@ -111,9 +111,9 @@ def test_switches_that_an_older_engine_lacks_do_not_count(monkeypatch: pytest.Mo
     here = [run_id(BALL, {"island": False}), run_id(BALL, {})]
     for table in ("_DISABLE", "_ENABLE"):
         kept = {
-            name: bit for name, bit in getattr(model_options, table).items() if name not in newest
+            name: bit for name, bit in getattr(model_edits, table).items() if name not in newest
         }
-        monkeypatch.setattr(model_options, table, kept)
+        monkeypatch.setattr(model_edits, table, kept)
     older = Scene.open("ball_drop")
     assert not newest & older.base({}).flags.keys()
     assert [run_id(older, {"island": False}), run_id(older, {})] == here

@@ -23,7 +23,7 @@ from contactlab.engines.mujoco_batch import STATE, roll_out
 from contactlab.engines.self_checks import run_checks
 from contactlab.engines.single_run import count_work, integrate_to, time_segments, time_steps
 from contactlab.scene.initial_states import InitialStates, apply_inputs
-from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.model_edits import MODEL_ENGINE
 
 _STEPS_OF_SAMPLE = 250
 """Steps for each sample, which takes as long as three or four of them."""

@@ -34,7 +34,7 @@ from contactlab.plugins import loaded_plugins
 from contactlab.run.planned_runs import stored_sweep_scene
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import QPOS0, InitialStates
-from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene

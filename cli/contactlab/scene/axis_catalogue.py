@@ -11,8 +11,7 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
-from contactlab.scene.model_edits import field_axis
-from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.model_edits import MODEL_ENGINE, field_axis
 from contactlab.scene.mujoco_versions import (
     in_this_version,
     missing_flags,

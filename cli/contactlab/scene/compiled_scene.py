@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import CONTACT
+from contactlab.mjcf import CONTACT, OPTIONS
 from contactlab.scene.compile_model import SensorLayout, add_sensors, compile_model, find_layout
 from contactlab.scene.contact_pairs import (
     MonitoredPair,
@@ -19,6 +19,7 @@ from contactlab.scene.contact_pairs import (
 from contactlab.scene.drive.hold import Servos
 from contactlab.scene.effects.effect import EffectRequest, EffectState
 from contactlab.scene.effects.effect_table import (
+    EFFECTS,
     choose,
     is_straight,
     leave_out,
@@ -33,13 +34,19 @@ from contactlab.scene.initial_states import (
     place_mocap,
 )
 from contactlab.scene.model_edits import (
+    FLAGS,
     EditTargets,
-    apply_settings,
+    base_settings,
+    find_field,
     find_targets,
     nonuniform_settings,
+    read_flags,
+    write_contact,
+    write_flags,
+    write_mass,
+    write_option,
 )
 from contactlab.scene.model_names import find_id
-from contactlab.scene.model_options import base_settings, read_flags
 from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.scene.timed_inputs import HoldSpec, find_hold
@@ -99,7 +106,7 @@ class CompiledScene:
         if servos is not None:
             servos.write(model)
         place_mocap(model, str({**self.settings, **edits}.get("keyframe", QPOS0)))
-        apply_settings(model, edits, self.targets)
+        _apply(edits, model, self.targets)
         effects: dict[str, EffectState] = {}
         if effect_request is not None:
             straight = start is not None and is_straight(model, start)
@@ -168,6 +175,29 @@ def compile_scene(
         holding=holding,
         facts=ModelFacts(model, energy=energy),
     )
+
+
+def _apply(changed: Mapping[str, object], model: mujoco.MjModel, targets: EditTargets) -> None:
+    """Write the changed settings into a model, in place."""
+    write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
+    inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
+    for name, value in changed.items():
+        if name in OPTIONS:
+            write_option(model, name, value)
+        elif name in CONTACT:
+            write_contact(model, name, value, targets)
+            derived |= name in ("margin", "gap")
+        elif name == "mass":
+            write_mass(model, as_number(value), targets)
+            derived = True
+        elif name in EFFECTS and name not in FLAGS:
+            EFFECTS[name].switch.write(model, bool(value))
+        elif found := find_field(model, name):
+            array, index = found
+            array[index] = value
+            derived |= not inputs or name.partition("[")[0] in inputs
+    if derived:
+        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def full_structure(

@@ -1,4 +1,8 @@
-"""Write resolved settings, and any MjModel field by name, into a compiled model."""
+"""A model's options, flags, contact parameters and fields, read as settings and written from them.
+
+Flags are MuJoCo's disable and enable bits, whichever this version has; each is an effect of
+the same name.
+"""
 
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -10,12 +14,11 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import CONTACT, OPTIONS
-from contactlab.scene.contact_pairs import MonitoredPair, explicit_pair
-from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, explicit_pair
 from contactlab.scene.model_names import find_id
-from contactlab.scene.model_options import FLAGS, write_flags, write_option
-from contactlab.scene.parameters import PARAMETERS
-from contactlab.scene.setting_values import Settings, as_number, integer, number
+from contactlab.scene.mujoco_versions import enum_members
+from contactlab.scene.parameters import PARAMETERS, WORDS
+from contactlab.scene.setting_values import Settings, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")
@@ -38,7 +41,7 @@ _STRUCTURE = (
 )
 # MuJoCo derives these from other fields, and would overwrite them.
 _DERIVED = "weight0|subtreemass|M0|length0|acc0|lengthrange|dof_length|body_margin"
-_FIXED = re.compile(f"({_STRUCTURE}|{_DERIVED})$")
+_UNSWEPT = re.compile(f"({_STRUCTURE}|{_DERIVED})$")
 
 
 def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
@@ -47,7 +50,7 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     Raises:
         ValueError: it has that form, but names no such field, object or index.
     """
-    if (found := _find(model, name)) is None:
+    if (found := find_field(model, name)) is None:
         return None
     array, index = found
     width = int(np.size(array[index]))
@@ -67,13 +70,13 @@ def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
 
 def is_as_written(model: mujoco.MjModel, name: str, value: object) -> bool:
     """Return whether a setting is a model field that has this value already."""
-    if (found := _find(model, name)) is None:
+    if (found := find_field(model, name)) is None:
         return False
     array, index = found
     return bool(np.all(array[index] == np.asarray(value, array.dtype)))
 
 
-def _find(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]] | None:
+def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]] | None:
     """Return a field's array and the index of the named object's row or element, if it is one."""
     parts = _NAME.fullmatch(name)
     if parts is None:
@@ -81,11 +84,11 @@ def _find(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int, ...]
     field, item, place = parts["field"], parts["object"], parts["place"]
     kind = _KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
-    if kind is None or not isinstance(array, np.ndarray) or _FIXED.search(field):
+    if kind is None or not isinstance(array, np.ndarray) or _UNSWEPT.search(field):
         known = [
             each
             for each in dir(model)
-            if each.partition("_")[0] in _KINDS and not _FIXED.search(each)
+            if each.partition("_")[0] in _KINDS and not _UNSWEPT.search(each)
         ]
         raise ValueError(
             f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
@@ -142,31 +145,6 @@ def find_targets(
     return EditTargets(tuple(sorted(geoms)), tuple(sorted(explicit)), subject)
 
 
-def apply_settings(
-    model: mujoco.MjModel, changed: Mapping[str, object], targets: EditTargets
-) -> None:
-    """Write the changed settings into a model, in place."""
-    write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
-    inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
-    for name, value in changed.items():
-        if name in OPTIONS:
-            write_option(model, name, value)
-        elif name in CONTACT:
-            _write_contact(model, name, value, targets)
-            derived |= name in ("margin", "gap")
-        elif name == "mass":
-            _write_mass(model, as_number(value), targets)
-            derived = True
-        elif name in EFFECTS and name not in FLAGS:
-            EFFECTS[name].switch.write(model, bool(value))
-        elif found := _find(model, name):
-            array, index = found
-            array[index] = value
-            derived |= not inputs or name.partition("[")[0] in inputs
-    if derived:
-        mujoco.mj_setConst(model, mujoco.MjData(model))
-
-
 def nonuniform_settings(
     model: mujoco.MjModel, settings: Settings, targets: EditTargets
 ) -> frozenset[str]:
@@ -195,15 +173,93 @@ def _rows(name: str, value: object) -> dict[str, np.ndarray]:
     return {f"geom_{name}": half, f"pair_{name}": row}
 
 
-def _write_contact(model: mujoco.MjModel, name: str, value: object, targets: EditTargets) -> None:
+def write_contact(model: mujoco.MjModel, name: str, value: object, targets: EditTargets) -> None:
+    """Write a contact setting into a model, in place."""
     for field, row in _rows(name, value).items():
         getattr(model, field)[targets.rows(field)] = row
 
 
-def _write_mass(model: mujoco.MjModel, mass: float, targets: EditTargets) -> None:
+def write_mass(model: mujoco.MjModel, mass: float, targets: EditTargets) -> None:
     """Scale the subject's mass and inertia alike, as another density would."""
     if targets.subject is None:
         raise SceneError("`mass` needs a subject; name a body in the scene's `subject`")
     ratio = mass / float(model.body_mass[targets.subject])
     model.body_mass[targets.subject] = mass
     model.body_inertia[targets.subject] *= ratio
+
+
+# Recording needs these: sensors carry the evidence, an automatic reset would hide a divergence, and
+# the energy flag makes the kinetic energy sensor lag a step.
+_FIXED = {"sensor": True, "autoreset": False, "energy": False, "fwdinv": False}
+# Override replaces the contact parameters of every geom, and so those of a sweep.
+_UNSUPPORTED = {"ipc", "override"}
+_DISABLE, _ENABLE = (
+    {name.lower(): bit for name, bit in enum_members(enum, prefix).items()}
+    for enum, prefix in ((mujoco.mjtDisableBit, "mjDSBL_"), (mujoco.mjtEnableBit, "mjENBL_"))
+)
+FLAGS = tuple(sorted((_DISABLE.keys() | _ENABLE.keys()) - _FIXED.keys() - _UNSUPPORTED))
+
+
+def read_flags(model: mujoco.MjModel) -> dict[str, bool]:
+    """Return every flag of a model; True means that its effect is on."""
+    return {name: read_flag(model, name) for name in sorted(_DISABLE | _ENABLE)} | _FIXED
+
+
+def read_flag(model: mujoco.MjModel, name: str) -> bool:
+    """Return one flag of a model; True means that its effect is on."""
+    if name in _DISABLE:
+        return not int(model.opt.disableflags) & _DISABLE[name]
+    return bool(int(model.opt.enableflags) & _ENABLE[name])
+
+
+def non_default(states: Mapping[str, bool]) -> dict[str, bool]:
+    """Return the flags that differ from MuJoCo's defaults.
+
+    A version that lacks a flag behaves as with its default, so the result is the same for every
+    version.
+    """
+    return {name: state for name, state in states.items() if state != (name in _DISABLE)}
+
+
+def write_flags(model: mujoco.MjModel, states: Mapping[str, bool]) -> None:
+    """Set the given flags, and those that recording needs."""
+    for name, state in {**states, **_FIXED}.items():
+        disable = name in _DISABLE
+        field, bit = ("disableflags", _DISABLE[name]) if disable else ("enableflags", _ENABLE[name])
+        others = int(getattr(model.opt, field)) & ~bit
+        setattr(model.opt, field, others | bit if state != disable else others)
+
+
+MODEL_ENGINE = "mujoco"
+"""The engine that models are written for, and that runs a sweep that names none."""
+
+
+def base_settings(
+    model: mujoco.MjModel, pairs: Sequence[MonitoredPair], subject: int | None
+) -> Settings:
+    """Return every setting of a compiled model: what a run has before its sweep changes any.
+
+    Contact settings are those of the first monitored pair, since a sweep sets them for all pairs;
+    `mass` is the subject's, if there is one.
+    """
+    settings = Settings(engine=MODEL_ENGINE)
+    settings |= {name: read_option(model, name) for name in OPTIONS}
+    if pairs:
+        first = effective_parameters(model, pairs[0])
+        settings |= {name: getattr(first, name) for name in CONTACT}
+    if subject is not None:
+        settings["mass"] = float(model.body_mass[subject])
+    return settings
+
+
+def read_option(model: mujoco.MjModel, name: str) -> object:
+    """Return an attribute of <option> as a setting: a number, a word or a tuple of numbers."""
+    value = getattr(model.opt, name)
+    if name in WORDS:
+        return WORDS[name][value]
+    return tuple(value.tolist()) if isinstance(value, np.ndarray) else value
+
+
+def write_option(model: mujoco.MjModel, name: str, value: object) -> None:
+    """Write a setting into a model's options, in place."""
+    setattr(model.opt, name, WORDS[name].index(str(value)) if name in WORDS else value)

@@ -16,9 +16,8 @@ from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
 from contactlab.scene.initial_states import QPOS0, keyframe_names
-from contactlab.scene.model_edits import is_as_written
+from contactlab.scene.model_edits import FLAGS, is_as_written, non_default
 from contactlab.scene.model_names import is_address
-from contactlab.scene.model_options import FLAGS, non_default
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.schema.drive import Drive, drive_identity

@@ -40,7 +40,7 @@ from contactlab.scene.initial_states import (
     joint_directions,
     nudged_states,
 )
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolution import ResolvedRun, RunIdentity, settings_of, write_axis

@@ -11,7 +11,7 @@ from contactlab.engines import Buffers, roll_out
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.scene import Scene
 

@@ -10,7 +10,7 @@ import pytest
 from contactlab.errors import SceneError
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect_table import EFFECTS
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import NEW_FEATURES
 from contactlab.scene.scene import Scene
 from contactlab.schema.sweep_schema import Sweep, effects_base, switches

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import pytest
 
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.schema.effects_report import EffectFinding, EffectsReport
 
 Ablate = Callable[..., EffectsReport]

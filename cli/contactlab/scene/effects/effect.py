@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.effects.proofs import Proof, RunState, most_condim, never
-from contactlab.scene.model_options import read_flag, read_option, write_flags, write_option
+from contactlab.scene.model_edits import read_flag, read_option, write_flags, write_option
 from contactlab.scene.setting_values import Settings
 from contactlab.schema.coverage import Feature
 

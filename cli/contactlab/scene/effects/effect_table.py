@@ -24,7 +24,7 @@ from contactlab.scene.effects.effect import (
 )
 from contactlab.scene.effects.proofs import ModelFacts, RunState, acts, where, zero
 from contactlab.scene.initial_states import InitialStates
-from contactlab.scene.model_options import FLAGS
+from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.setting_values import as_number
 
 EFFECTS: Registry[Effect] = Registry("effect")

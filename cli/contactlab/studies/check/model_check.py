@@ -13,7 +13,7 @@ from contactlab.run.evidence_record import engine, provenance
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.mechanism import actuated_limbs
-from contactlab.scene.model_options import MODEL_ENGINE
+from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
