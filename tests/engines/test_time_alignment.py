@@ -161,7 +161,7 @@ def test_the_least_distance_is_not_that_of_the_strongest_contact(
     floor = "<geom type='plane' size='2 2 1' priority='-1'/>"
     rolled = roll(make_scene(f"<mujoco><worldbody>{floor}{balls}</worldbody></mujoco>"), [{}], 1)
     trace = traced(rolled)
-    light, heavy = (pair.force[0, 0, 0, 0] for pair in trace.pairs[:2])
+    light, heavy = (pair.slots[0, 0, 0, FORCE.start] for pair in trace.pairs[:2])
     assert heavy > 100 * light
     assert trace.least_distance[0, 0] == pytest.approx(-0.02, abs=1e-15)
 

@@ -67,11 +67,17 @@ def damping_ratio_of(restitution: ArrayLike) -> Floats:
     if not np.all((wanted > 0) & (wanted <= 1)):
         raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")
     # e < 1 / zeta^2 everywhere, so the root lies below 1 / sqrt(e).
-    low, high = np.zeros_like(wanted), 1 / np.sqrt(wanted)
+    return _bisected(
+        np.zeros_like(wanted), 1 / np.sqrt(wanted), lambda zeta: restitution_of(zeta) > wanted
+    )
+
+
+def _bisected(low: Floats, high: Floats, is_below: Callable[[Floats], NDArray[np.bool_]]) -> Floats:
+    """Return where values between two bounds are no longer below what is sought."""
     for _ in range(_BISECTIONS):
         middle = (low + high) / 2
-        bouncy = restitution_of(middle) > wanted
-        low, high = np.where(bouncy, middle, low), np.where(bouncy, high, middle)
+        below = is_below(middle)
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
     return (low + high) / 2
 
 
@@ -104,11 +110,7 @@ def rest_penetration(
 
     # d grows with r, so that the right side falls, from its value at the surface to the last one.
     low, high = carried(np.full_like(scale, np.inf)), carried(np.zeros_like(scale))
-    for _ in range(_BISECTIONS):
-        middle = (low + high) / 2
-        shallow = carried(middle) > middle
-        low, high = np.where(shallow, middle, low), np.where(shallow, high, middle)
-    return (low + high) / 2
+    return _bisected(low, high, lambda depth: carried(depth) > depth)
 
 
 def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:

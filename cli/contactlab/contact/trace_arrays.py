@@ -65,16 +65,6 @@ class PairTrace:
         """(n, N, S) whether a slot holds a contact."""
         return self.slots[..., FOUND] > 0
 
-    @property
-    def force(self) -> Floats:
-        """(n, N, S, 3) contact force on the second side [N], contact frame, normal first."""
-        return self.slots[..., FORCE]
-
-    @property
-    def velocity(self) -> Floats:
-        """(n, N, S, 3) velocity of the second side relative to the first [m/s], contact frame."""
-        return self.slots[..., LINEAR_VELOCITY]
-
 
 @dataclass(frozen=True)
 class HeldPose:

@@ -145,14 +145,18 @@ def energy_budget(context: Context) -> Floats:
     return kinetic(context)[:, 0] + heights[:, 0] - heights.min(axis=1)
 
 
+def free_mass(context: Context) -> Floats:
+    """Return (n,) the mass of all free bodies [kg]."""
+    return sum((body.mass for body in context.setup.free_bodies), np.zeros(context.trace.runs))
+
+
 @cached
 def least_energy(context: Context) -> Floats:
     """Return (n,) the energy [J] below which changes of energy mean nothing in this scene.
 
     It lifts every free body by 1 mm, or sets it moving at 1 cm/s.
     """
-    mass = sum((body.mass for body in context.setup.free_bodies), np.zeros(context.trace.runs))
-    return np.maximum(mass * (gravity(context) * 1e-3 + 0.5 * 1e-4), 1e-12)
+    return np.maximum(free_mass(context) * (gravity(context) * 1e-3 + 0.5 * 1e-4), 1e-12)
 
 
 @cached

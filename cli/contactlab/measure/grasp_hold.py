@@ -27,6 +27,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.penetration import mean_depths
 
 _EXPLOITED = Threshold(
     "exploited",
@@ -82,14 +83,7 @@ def hold_penetration(context: Context) -> Floats:
     Bands for grasps: under 1 mm plausible, from 1 to 3 mm a compromise, over 3 mm exploited, over
     5 mm broken.
     """
-    inside = hold_window(context)
-    return worst_pair(
-        context,
-        [
-            (depth * inside).sum(axis=1) / (touching & inside).sum(axis=1)
-            for touching, depth in contact_depths(context)
-        ],
-    )
+    return worst_pair(context, mean_depths(context, hold_window(context)))
 
 
 @metric("m", "lower", 1e-9, equivalence=True)
@@ -144,12 +138,11 @@ def hold_offset(context: Context) -> Floats:
 def hold_contact(context: Context) -> Floats:
     """Share of the steps of the hold window in which a monitored pair bears force."""
     inside = hold_window(context)
-    bears = [(series.normal > 0) & inside for series in context.series]
-    if not bears:
+    if not context.series:
         return context.undefined()
-    return np.logical_or.reduce(bears).sum(axis=1) / np.where(
-        inside.any(axis=1), inside.sum(axis=1), np.nan
-    )
+    bears = np.logical_or.reduce([series.normal > 0 for series in context.series])
+    steps = inside.sum(axis=1)
+    return (bears & inside).sum(axis=1) / np.where(steps > 0, steps, np.nan)
 
 
 @label(52, (_EXPLOITED,))

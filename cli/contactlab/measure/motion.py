@@ -11,6 +11,7 @@ from contactlab.measure.context import (
     energy,
     energy_budget,
     first_step,
+    free_mass,
     kinetic,
     least_energy,
     peak_kinetic,
@@ -259,8 +260,9 @@ def _speed_bound(context: Context, mass: Floats) -> Floats:
 
 def _momentum_scale(context: Context) -> Floats:
     """Return (n,) a bound [kg m/s] on the momentum that the peak kinetic energy allows."""
-    mass = sum((body.mass for body in context.setup.free_bodies), np.zeros(context.trace.runs))
-    return np.sqrt(2 * mass * np.maximum(peak_kinetic(context), least_energy(context)))
+    return np.sqrt(
+        2 * free_mass(context) * np.maximum(peak_kinetic(context), least_energy(context))
+    )
 
 
 def _largest_change(vectors: Floats) -> Floats:

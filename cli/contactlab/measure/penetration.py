@@ -62,10 +62,15 @@ def penetration_mean(context: Context) -> Floats:
     The worst pair counts. Bands for grasps: under 1 mm plausible, over 3 mm exploited, over 5 mm
     broken.
     """
-    depths = contact_depths(context)
-    return worst_pair(
-        context, [depth.sum(axis=1) / touching.sum(axis=1) for touching, depth in depths]
-    )
+    return worst_pair(context, mean_depths(context, np.ones_like(context.trace.contacts, np.bool_)))
+
+
+def mean_depths(context: Context, inside: NDArray[np.bool_]) -> list[Floats]:
+    """Return for each pair (n,) its mean depth [m] over those steps (n, N) in which it touches."""
+    return [
+        (depth * inside).sum(axis=1) / (touching & inside).sum(axis=1)
+        for touching, depth in contact_depths(context)
+    ]
 
 
 @cached

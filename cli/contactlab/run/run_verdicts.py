@@ -7,7 +7,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import ANGULAR_VELOCITY, PairTrace, Trace
+from contactlab.contact.trace_arrays import (
+    ANGULAR_VELOCITY,
+    FORCE,
+    LINEAR_VELOCITY,
+    PairTrace,
+    Trace,
+)
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import NOT_IN_MODEL
 from contactlab.schema.sweep_schema import Expectation
@@ -96,7 +102,7 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     word, unit, least, measure = _MOTIONS[name]
     moving: list[tuple[int, str, float]] = []
     for pair in trace.pairs:
-        bearing = pair.touching[run] & (pair.force[run, ..., 0] > 0)
+        bearing = pair.touching[run] & (pair.slots[run, ..., FORCE.start] > 0)
         speed = np.where(bearing, measure(pair, run), 0.0).max(axis=-1, initial=0.0)
         steps = np.flatnonzero(speed > least)
         moving += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
@@ -107,7 +113,7 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
 
 
 def _sliding(pair: PairTrace, run: int) -> NDArray[np.float64]:
-    return np.linalg.norm(pair.velocity[run, ..., 1:], axis=-1)
+    return np.linalg.norm(pair.slots[run, ..., LINEAR_VELOCITY][..., 1:], axis=-1)
 
 
 def _spinning(pair: PairTrace, run: int) -> NDArray[np.float64]:
