@@ -1,6 +1,6 @@
 """Print what contactlab says of models that nobody here wrote, beside what is true of them.
 
-    python -m tests.verdicts [corpus|public] [--only PATTERN] [--held-back]
+    python -m tests.verdicts [corpus|public|all] [--only PATTERN] [--held-back]
 
 The first table has the failing models of the corpus and their healthy twins; the second the models
 of public wheels under three drives. The same is written as JSON.
@@ -140,26 +140,27 @@ def print_totals(rows: Sequence[Row]) -> None:
             )
 
 
-def main() -> None:
+def main(arguments: Sequence[str] | None = None) -> None:
     """Print the tables."""
     parser = argparse.ArgumentParser("python -m tests.verdicts", description=__doc__)
-    parser.add_argument("tables", nargs="*", choices=["corpus", "public"], metavar="corpus|public")
+    parser.add_argument("table", nargs="?", choices=["corpus", "public", "all"], default="all")
     parser.add_argument("--only", default="", metavar="PATTERN", help="names or kinds with this")
     parser.add_argument("--held-back", action="store_true", help="also what rules may not know")
     parser.add_argument("--jobs", type=int, default=os.cpu_count(), help="models side by side")
     parser.add_argument("--seconds", type=float, default=600, help="time limit for each model")
     parser.add_argument("--json", type=Path, default=Path("results/verdicts.json"))
-    options = parser.parse_args()
+    options = parser.parse_args(arguments)
+    options.json.parent.mkdir(parents=True, exist_ok=True)
     rows: list[Row] = []
     with tempfile.TemporaryDirectory() as folder:
         for name, judge_all in {"corpus": corpus_rows, "public": public_rows}.items():
-            if name in (options.tables or ("corpus", "public")):
+            if options.table in {name, "all"}:
                 some = judge_all(options, Path(folder))
+                rows += some
+                text = json.dumps([asdict(row) for row in rows], indent=1)
+                options.json.write_text(text, encoding="utf-8")
                 print_rows(f"{name}: what each run is labelled", some)
                 print_totals(some)
-                rows += some
-    options.json.parent.mkdir(parents=True, exist_ok=True)
-    options.json.write_text(json.dumps([asdict(row) for row in rows], indent=1), encoding="utf-8")
 
 
 if __name__ == "__main__":
@@ -167,3 +168,5 @@ if __name__ == "__main__":
         main()
     except KeyboardInterrupt:
         sys.exit(128 + signal.SIGINT)
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -8,8 +8,9 @@ import hashlib
 import importlib.util
 import os
 import shutil
+import sys
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,8 +45,8 @@ class PublicModel:
 
 def public_models(folder: Path, pattern: str) -> list[PublicModel]:
     """Return the models whose name has a pattern; those that are put together go into a folder."""
-    models = [*_found(), *_with_grippers(folder)]
-    return [model for model in models if pattern in model.name]
+    found = [model for model in _found() if pattern in model.name]
+    return [*found, *_with_grippers(folder, pattern)]
 
 
 def moves(path: Path) -> bool:
@@ -77,23 +78,35 @@ def _found() -> Iterator[PublicModel]:
                 yield PublicModel(f"{package}/{path.relative_to(place)}", path)
 
 
-def _with_grippers(folder: Path) -> Iterator[PublicModel]:
+def _with_grippers(folder: Path, pattern: str) -> Iterator[PublicModel]:
     robosuite = _place("robosuite")
     if robosuite is None:
         return
     for arm, hands in _HANDS.items():
-        place = folder / f"{arm}_with_gripper"
-        place.mkdir()
-        robot = _spec(robosuite.parent / _ARMS / arm / "robot.xml", place / "arm")
-        for body, hand in hands.items():
-            gripper = _spec(robosuite.parent / _GRIPPERS / f"{hand}.xml", place / body)
-            robot.attach(gripper, f"{body}_", frame=robot.body(body).add_frame())
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # Gravity of robot and gripper may differ.
-            robot.compile()
-            path = place / "robot.xml"
-            path.write_text(robot.to_xml(), encoding="utf-8")
-        yield PublicModel(f"robosuite/{place.name}", path)
+        name = f"robosuite/{arm}_with_gripper"
+        if pattern not in name:
+            continue
+        try:
+            path = _joined(robosuite.parent, arm, hands, folder / f"{arm}_with_gripper")
+        except (KeyError, OSError, ValueError) as error:
+            print(f"{arm} and its gripper cannot be joined: {error}", file=sys.stderr)  # noqa: T201
+        else:
+            yield PublicModel(name, path)
+
+
+def _joined(wheels: Path, arm: str, hands: Mapping[str, str], place: Path) -> Path:
+    """Write an arm that holds its grippers, and return its file."""
+    place.mkdir()
+    robot = _spec(wheels / _ARMS / arm / "robot.xml", place / "arm")
+    for body, hand in hands.items():
+        gripper = _spec(wheels / _GRIPPERS / f"{hand}.xml", place / body)
+        robot.attach(gripper, f"{body}_", frame=robot.body(body).add_frame())
+    path = place / "robot.xml"
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # Gravity of robot and gripper may differ.
+        robot.compile()
+        path.write_text(robot.to_xml(), encoding="utf-8")
+    return path
 
 
 def _spec(path: Path, folder: Path) -> mujoco.MjSpec:
