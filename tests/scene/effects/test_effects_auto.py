@@ -158,6 +158,23 @@ def test_what_acts_is_kept(prepared: Prepare, make_scene: MakeScene, name: str) 
         assert not prepared(make_scene(_pendulum(), "")).effects[name].on
 
 
+@pytest.mark.skipif(
+    not hasattr(mujoco.MjModel, "tendon_dampingpoly"), reason="this engine's damping is linear"
+)
+@pytest.mark.parametrize(
+    "more",
+    [
+        _TENDON.format("damping='0 3'"),
+        "<actuator><motor joint='j' damping='0 3'/></actuator>",
+    ],
+    ids=["tendon", "actuator"],
+)
+def test_damping_without_a_linear_part_is_kept(
+    prepared: Prepare, make_scene: MakeScene, more: str
+) -> None:
+    assert prepared(make_scene(_pendulum(more=more), "")).effects["damper"].on
+
+
 def test_air_stays_though_springs_and_damping_are_left_out(
     prepared: Prepare, make_scene: MakeScene
 ) -> None:
