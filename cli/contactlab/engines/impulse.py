@@ -8,6 +8,7 @@ that step's row.
 
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -52,35 +53,21 @@ _NEEDS = (
 
 @dataclass(frozen=True)
 class _PointMass:
-    """The point mass of a model and the plane below it.
+    """The point mass of a model and the plane below it, in SI units."""
 
-    Attributes:
-        axes: (3, nv) velocity of the body for each unit joint velocity.
-        origin: (3,) position of the sphere at zero coordinates [m].
-        mass: [kg].
-        radius: of the sphere [m].
-        point: (3,) a point of the plane [m].
-        normal: (3,) of the plane.
-        gravity: (3,) [m/s^2].
-        timestep: [s].
-        restitution: ratio of rebound to approach speed.
-        friction: sliding friction.
-    """
-
-    axes: Floats
-    origin: Floats
+    axes: Floats  # (3, nv) velocity of the body for each unit joint velocity
+    origin: Floats  # (3,) position of the sphere at zero coordinates
     mass: float
     radius: float
-    point: Floats
-    normal: Floats
-    gravity: Floats
+    point: Floats  # (3,) of the plane
+    normal: Floats  # (3,) of the plane
+    gravity: Floats  # (3,)
     timestep: float
-    restitution: float
+    restitution: float  # ratio of rebound to approach speed
     friction: float
 
 
-@dataclass(frozen=True)
-class _Step:
+class _Step(NamedTuple):
     """Position [m] and velocity [m/s] at the end of a step, and the impulse within it [N s]."""
 
     position: Floats

@@ -162,5 +162,5 @@ def _loads(
         np.maximum.at(loads, which, np.abs(data.efc_force[rows]))
         np.add.at(gaps[sample], which, data.efc_pos[rows] ** 2)
     gaps = np.sqrt(gaps)
-    late = gaps[steps >= 0.75 * (len(states) - 1)]
+    late = gaps[steps >= min(0.75 * (len(states) - 1), steps[-1])]
     return loads, np.stack([gaps.max(axis=0), np.median(late, axis=0)], axis=1)

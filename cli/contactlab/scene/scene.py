@@ -278,7 +278,7 @@ class Scene:
         key = self._start_key(run), run.drive
         if key not in self._driving:
             model = self.base(run.structure).model
-            self._driving[key] = Driving.of(model, run.drive, self._rule(run), self._table)
+            self._driving[key] = Driving(model, run.drive, self._rule(run), self._table)
         return self._driving[key]
 
     def _rule(self, run: ResolvedRun) -> InitialStateRule:

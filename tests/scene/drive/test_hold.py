@@ -149,7 +149,7 @@ def test_antagonists_share_a_load_within_their_bounds(tmp_path: Path) -> None:
     pulls = '<motor joint="upper" gear="{gear}" ctrlrange="0 1" ctrllimited="true"/>'
     actuators = pulls.format(gear=20) + pulls.format(gear=-20)
     model = arm(tmp_path, actuators).base({}).model
-    servos = find_servos(model, model.qpos0).of(())
+    servos = find_servos(model, model.qpos0).of(np.empty(0, np.intp))
     posture = hold_posture(model, servos, model.qpos0, np.full(2, np.nan))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -22,7 +22,6 @@ actuators then exert balance there, and take the place of those above.
 """
 
 import copy
-from collections.abc import Collection
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -65,9 +64,9 @@ class Servos:
     damping: Floats
     forces: Floats
 
-    def of(self, actuators: Collection[int]) -> "Servos":
+    def of(self, actuators: NDArray[np.intp]) -> "Servos":
         """Return those of some actuators."""
-        kept = np.isin(self.actuators, list(actuators))
+        kept = np.isin(self.actuators, actuators)
         gains = self.stiffness[kept], self.damping[kept]
         return Servos(self.actuators[kept], *gains, self.forces[kept])
 

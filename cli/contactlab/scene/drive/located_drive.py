@@ -4,8 +4,9 @@ import hashlib
 import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import reduce
+from operator import getitem
 from pathlib import Path
-from typing import Any
 
 from pydantic import ValidationError
 
@@ -136,10 +137,7 @@ def with_values(drive: Drive, values: Mapping[str, object]) -> Drive:
     data = drive.model_dump()
     for name, value in values.items():
         _, *above, last = name.split(".")
-        place: dict[str, Any] = data
-        for key in above:
-            place = place[key]
-        place[last] = value
+        reduce(getitem, above, data)[last] = value
     try:
         return type(drive).model_validate(data)
     except ValidationError as error:
