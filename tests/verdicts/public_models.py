@@ -58,11 +58,15 @@ def moves(path: Path) -> bool:
 
 
 def _place(package: str) -> Path | None:
-    unpacked = Path(os.environ.get("ROBOT_WHEELS", "/tmp/robot_wheels/site")) / package  # noqa: S108
-    if unpacked.is_dir():
-        return unpacked
+    folder = os.environ.get("ROBOT_WHEELS")
+    if folder and (Path(folder) / package).is_dir():
+        return Path(folder) / package
     spec = importlib.util.find_spec(package)
     return Path(next(iter(spec.submodule_search_locations or ()))) if spec else None
+
+
+def _say(text: str) -> None:
+    print(text, file=sys.stderr)  # noqa: T201
 
 
 def _found() -> Iterator[PublicModel]:
@@ -70,6 +74,7 @@ def _found() -> Iterator[PublicModel]:
     for package in PACKAGES:
         place = _place(package)
         if place is None:
+            _say(f"{package} is left out: not installed, nor in the folder ROBOT_WHEELS")
             continue
         for path in sorted(place.rglob("*.xml")):
             digest = hashlib.sha256(path.read_bytes()).hexdigest()
@@ -89,7 +94,7 @@ def _with_grippers(folder: Path, pattern: str) -> Iterator[PublicModel]:
         try:
             path = _joined(robosuite.parent, arm, hands, folder / f"{arm}_with_gripper")
         except (KeyError, OSError, ValueError) as error:
-            print(f"{arm} and its gripper cannot be joined: {error}", file=sys.stderr)  # noqa: T201
+            _say(f"{arm} and its gripper cannot be joined: {error}")
         else:
             yield PublicModel(name, path)
 
