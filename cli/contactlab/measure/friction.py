@@ -116,7 +116,7 @@ def unexpected_stick(runs: MeasuredRuns) -> Found:
 
 def _unexpected(runs: MeasuredRuns, wanted: SlipMode, met: SlipMode) -> Found:
     setup = runs.context.setup
-    for place, (when, mode) in enumerate((("first", setup.first_mode), ("last", setup.last_mode))):
+    for when, place, mode in (("first", 0, setup.first_mode), ("last", -1, setup.last_mode)):
         for series in runs.context.series if mode == wanted else ():
             for run, lasting in _lasting_modes(series.mode, runs).items():
                 value, step = lasting[place]
@@ -127,10 +127,8 @@ def _unexpected(runs: MeasuredRuns, wanted: SlipMode, met: SlipMode) -> Found:
                     )
 
 
-def _lasting_modes(
-    mode: Modes, runs: MeasuredRuns
-) -> dict[int, tuple[tuple[int, int], tuple[int, int]]]:
-    """Return by run the first and the last mode that lasts, each with its first step."""
+def _lasting_modes(mode: Modes, runs: MeasuredRuns) -> dict[int, list[tuple[int, int]]]:
+    """Return by run the modes that last, in order, each with its first step."""
     shortest = np.ceil(runs.limits["mode_hold"] / runs.context.trace.timestep - 1e-6)
     lasting = sorted(
         (run, start, value)
@@ -139,8 +137,7 @@ def _lasting_modes(
         for run, start, stop in np.stack([found.run, found.start, found.stop], axis=1).tolist()
         if stop - start >= shortest[run]
     )
-    ends: dict[int, tuple[tuple[int, int], tuple[int, int]]] = {}
+    modes: dict[int, list[tuple[int, int]]] = {}
     for run, start, value in lasting:
-        opening = ends[run][0] if run in ends else (value, start)
-        ends[run] = opening, (value, start)
-    return ends
+        modes.setdefault(run, []).append((value, start))
+    return modes
