@@ -10,6 +10,7 @@ from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from statistics import median
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -67,8 +68,7 @@ def timing_seconds(request: TimingRequest, steps: Sequence[int], per_step: float
     return request.rounds * (sum(seconds) + len(seconds) * STEP_SECONDS)
 
 
-@dataclass(frozen=True)
-class _Portion:
+class _Portion(NamedTuple):
     """How many steps of each segment of a run are timed in a round, how often, and one by one."""
 
     most: int
@@ -159,13 +159,9 @@ def _portion(engine: TimesSteps, segments: Segments) -> _Portion:
     seconds, steps = engine.time_segments(segments, _WARM_STEPS, 1)
     cost = max(seconds / steps, 1e-7)
     most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.places))))
-    once = cost * sum(segments.lengths(most))
+    repeats = math.ceil(MIN_SECONDS / (cost * sum(segments.lengths(most))))
     single = min(_MAX_SINGLE_STEPS, STEP_SECONDS / cost) / len(segments.places)
-    return _Portion(
-        most=most,
-        repeats=min(_MAX_REPEATS, max(1, math.ceil(MIN_SECONDS / once))),
-        single=max(1, math.ceil(single)),
-    )
+    return _Portion(most, min(_MAX_REPEATS, max(1, repeats)), max(1, math.ceil(single)))
 
 
 @contextmanager

@@ -1,7 +1,7 @@
 """Methods, all knobs but the timestep: the order of convergence of each, and its floor."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,8 +21,7 @@ FLAT = 1.5
 FLAT_SPAN = 4.0
 
 
-@dataclass(frozen=True)
-class TimestepErrors:
+class TimestepErrors(NamedTuple):
     """The errors of one method at n timesteps, the finest first.
 
     Attributes:
@@ -114,15 +113,19 @@ def methods(evaluated: Sequence[Evaluated], *, is_modelling: bool) -> list[Metho
     for each in evaluated:
         members.setdefault(method_key(each.values), []).append(each)
     differing = varying([dict(key) for key in members])
-    floors = {
-        key: find_floor(_steps(each)) if is_modelling else None for key, each in members.items()
-    }
-    known = _least_floors(floors)
+    floors: dict[MethodKey, Floor | None] = dict.fromkeys(members)
+    # Methods that differ by integrator or solver alone converge to the same solution, and have
+    # the least floor of any of them.
+    least: dict[MethodKey, float] = {}
+    for key, each in members.items() if is_modelling else ():
+        floors[key] = floor = find_floor(_steps(each))
+        if floor is not None:
+            least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))
     return [
         Method(
             name=method_name(dict(key), differing),
             configuration=dict(key),
-            order=_order(each, known[key]),
+            order=_order(each, least.get(_physics(key), 0.0)),
             floor=floors[key],
         )
         for key, each in members.items()
@@ -163,18 +166,6 @@ def _order(members: Sequence[Evaluated], floor: float) -> Order:
     return order(_steps(members), floor)
 
 
-def _least_floors(floors: Mapping[MethodKey, Floor | None]) -> dict[MethodKey, float]:
-    """Return the least floor of all methods with the same physics; 0 where there is none.
-
-    Methods that differ by integrator or solver alone converge to the same solution.
-    """
-    least: dict[MethodKey, float] = {}
-    for key, floor in floors.items():
-        if floor is not None:
-            least[_physics(key)] = min(floor.error, least.get(_physics(key), np.inf))
-    return {key: least.get(_physics(key), 0.0) for key in floors}
-
-
 def _physics(key: MethodKey) -> MethodKey:
     return tuple(pair for pair in key if pair[0] not in _NUMERICS)
 
@@ -191,5 +182,4 @@ def _steps(members: Sequence[Evaluated]) -> TimestepErrors:
         and not voided & each.failures.keys()
         and not each.summary.solref_clamped
     )
-    table = np.array(points, dtype=np.float64).reshape(-1, 3)
-    return TimestepErrors(timestep=table[:, 0], error=table[:, 1], uncertainty=table[:, 2])
+    return TimestepErrors(*np.array(points, dtype=np.float64).reshape(-1, 3).T)

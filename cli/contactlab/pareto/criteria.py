@@ -98,19 +98,12 @@ def chosen_error(names: Sequence[str] | Mapping[str, float]) -> str | None:
 
 def time_measure(store: Store) -> TimeMeasure:
     """Return the time of the timing pass or, without one, of the recorded runs."""
-    timed = _is_measured(store, TIMED)
-    return TimeMeasure(
-        name=TIMED if timed else RECORDED,
-        source="timing" if timed else "recording",
-        spread=_spread(store) if timed else None,
-    )
-
-
-def _spread(store: Store) -> float | None:
-    """Return the median over runs of: median over minimum of a run's rounds, less 1."""
+    if not _is_measured(store, TIMED):
+        return TimeMeasure(name=RECORDED, source="recording", spread=None)
     middle, least = (store.columns.numbers(name).values for name in (TIMED, "time_min"))
     timed = np.isfinite(middle) & (least > 0)
-    return float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
+    spread = float(np.median(middle[timed] / least[timed] - 1)) if timed.any() else None
+    return TimeMeasure(name=TIMED, source="timing", spread=spread)
 
 
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:

@@ -5,7 +5,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
@@ -34,12 +34,10 @@ class StabilityRequest:
     drive: Drive | None = None
 
 
-@dataclass(frozen=True)
-class StabilityCase:
-    """One hard case: a sweep with expectations.
+class StabilityCase(NamedTuple):
+    """One hard case: a sweep file, or the text of a generic one, with expectations.
 
     Attributes:
-        source: the sweep file, or the text of a generic one.
         folder: where relative paths of its scene start.
         origin: what was named: a case, a model, a folder or a robot.
     """
@@ -66,7 +64,7 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
         session.claim(case.name, case.origin)
     results: list[StabilityResult] = []
     for number, case in enumerate(cases, 1):
-        result = run_case(case, session, request.drive)
+        result = _run_case(case, session, request.drive)
         session.notify(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
         results += [result] if result.runs else []
     return StabilityReport(tuple(results))
@@ -83,8 +81,7 @@ def is_model(name: str) -> bool:
     return isinstance(find_cases([name])[0].source, str)
 
 
-def run_case(case: StabilityCase, session: Session, drive: Drive | None = None) -> StabilityResult:
-    """Run one case; see `run`."""
+def _run_case(case: StabilityCase, session: Session, drive: Drive | None) -> StabilityResult:
     started = time.monotonic()
     store = session.folder / case.name
     sweep = read_request(
@@ -106,11 +103,10 @@ def run_case(case: StabilityCase, session: Session, drive: Drive | None = None) 
 def _case(name: str, known: dict[str, Path]) -> StabilityCase:
     if name in known:
         return StabilityCase(name, known[name], known[name].parent, name)
-    if is_menagerie(name):
-        return StabilityCase(menagerie_name(name), _GENERIC.format(scene=name), Path(), name)
-    path = Path(name)
-    if path.suffix in MODEL_SUFFIXES or path.is_dir():
-        return StabilityCase(path.stem, _GENERIC.format(scene=path.resolve()), Path(), name)
+    path, robot = Path(name), is_menagerie(name)
+    if robot or path.suffix in MODEL_SUFFIXES or path.is_dir():
+        text = _GENERIC.format(scene=name if robot else path.resolve())
+        return StabilityCase(menagerie_name(name) if robot else path.stem, text, Path(), name)
     raise SweepFileError(
         f"no case '{name}'{did_you_mean(name, known)}; there are {', '.join(known)}, "
         "and any model file, folder of a scene or menagerie:ROBOT"

@@ -5,6 +5,7 @@ The analysis of a stored sweep stands by itself in `contactlab.pareto`, without 
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from contactlab import resources
@@ -62,20 +63,17 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
 
 def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:
     source, name, folder = _source(request.source)
-    store = request.store or session.folder / name
-
-    def read(*settings: str) -> SweepRequest:
-        return read_request(
-            source,
-            name,
-            store,
-            folder=folder,
-            workers=session.workers,
-            overrides=Overrides(assign=settings),
-            drive=request.drive,
-        )
-
-    return read(*_added(read().plan.sweep, request.criteria))
+    read = partial(
+        read_request,
+        source,
+        name,
+        request.store or session.folder / name,
+        folder=folder,
+        workers=session.workers,
+        drive=request.drive,
+    )
+    added = _added(read().plan.sweep, request.criteria)
+    return read(overrides=Overrides(assign=tuple(added)))
 
 
 def _source(reference: str) -> tuple[Path | str, str, Path]:

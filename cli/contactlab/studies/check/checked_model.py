@@ -9,7 +9,6 @@ from contactlab.errors import SweepFileError
 from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
-from contactlab.scene.initial_states import QPOS0
 from contactlab.scene.resolution import ResolvedRun, steps_of
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
@@ -98,12 +97,6 @@ class CheckedModel:
             return float(model.body_mass[subject])
         free = make_setup(self.base, None, [self.resolved], [model], {}).free_bodies
         return max((float(body.mass[0]) for body in free), default=1.0)
-
-    @property
-    def keyframe(self) -> str | None:
-        """The keyframe that it starts from; None for the scene's initial state."""
-        start = self.resolved.keyframe
-        return None if start == QPOS0 else start
 
     @property
     def settings(self) -> Settings:

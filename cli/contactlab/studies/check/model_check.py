@@ -12,6 +12,7 @@ from contactlab.errors import SceneError, SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.initial_states import QPOS0
 from contactlab.scene.mechanism import actuated_limbs
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.parameters import PARAMETERS
@@ -107,7 +108,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         scene=checked.scene.name,
         scene_hash=checked.scene.hash,
         overrides=tuple(request.assign),
-        keyframe=checked.keyframe,
+        keyframe=None if checked.resolved.keyframe == QPOS0 else checked.resolved.keyframe,
         drive=checked.scene.drive.drive,
         kind=checked.kind,
         kind_reason=checked.kind_reason,

@@ -47,6 +47,7 @@ _MOVES_FREELY = {"timestep", "integrator", "gravity"}
 """Settings on which free motion depends, where contacts are off."""
 
 _ROUNDS = 5
+_Found = tuple[Values, tuple[str, ...]]
 
 
 @dataclass
@@ -62,9 +63,7 @@ class _Search:
     checks: Mapping[CheckName, Check]
     model: CheckedModel
     results: dict[CheckName, CheckResult]
-    found: list[tuple[Values, tuple[str, ...]]] = field(
-        default_factory=list[tuple[Values, tuple[str, ...]]]
-    )
+    found: list[_Found] = field(default_factory=list[_Found])
     notes: list[str] = field(default_factory=list[str])
     trials: int = 0
 
@@ -112,7 +111,11 @@ class _Search:
         results[finding.check] = self.checks[finding.check](changed)
         if finding.name in (failing := _failing(results)):
             return failing[finding.name].message
-        results |= self._others(changed, proposal, finding.check)
+        for name, check in self.checks.items():
+            still = name == "free_motion" and not _MOVES_FREELY & proposal.keys()
+            if name != finding.check:
+                same = name == "repeat" or still
+                results[name] = self.results[name] if same else check(changed)
         failing, before = _failing(results), self.failing
         lost = [
             name
@@ -124,16 +127,6 @@ class _Search:
         self.results = results
         self._keep(settings, proposal, tuple(name for name in before if name not in failing))
         return None
-
-    def _others(
-        self, checked: CheckedModel, proposal: Values, but: CheckName
-    ) -> Iterator[tuple[CheckName, CheckResult]]:
-        """Yield the results of all other checks, those as they were that nothing changes."""
-        for name, check in self.checks.items():
-            moves = name != "free_motion" or _MOVES_FREELY & proposal.keys()
-            if name != but:
-                same = name == "repeat" or not moves
-                yield name, self.results[name] if same else check(checked)
 
     def _keep(self, settings: Values, proposal: Values, mended: tuple[str, ...]) -> None:
         """Add a change; earlier ones that concern the same setting become part of it."""
