@@ -16,12 +16,9 @@ _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"
 
 @dataclass(frozen=True)
 class JUnitCase:
-    """A check as a test case.
+    """A check as a test case, with its verdict in a word, and lines of details if it fails.
 
-    Attributes:
-        place: parts of its class name, after the program's; empty ones are left out.
-        verdict: its result in a word.
-        details: lines about it, shown if it does not pass.
+    The place has the parts of its class name, after the program's; empty ones are left out.
     """
 
     check: JudgedCheck

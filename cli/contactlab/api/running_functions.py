@@ -221,19 +221,16 @@ def _session(
     load_plugins([Path(each) for each in plugins])
     done = total = 0
 
-    def advance(runs: int) -> None:
-        nonlocal done
-        done += runs
-        if progress is not None:
-            progress(done, total)
-
     def begin(runs: int, stored: int) -> None:
-        nonlocal total
-        total = runs
-        advance(stored - done)
+        nonlocal done, total
+        done, total = stored, runs
+        add(())
 
     def add(finished: Sequence[object]) -> None:
-        advance(len(finished))
+        nonlocal done
+        done += len(finished)
+        if progress is not None:
+            progress(done, total)
 
     return Session(Path(folder), worker_count(workers), begin, add, allow_code=allow_code)
 

@@ -73,10 +73,6 @@ class PreparedReplay:
         """Its model."""
         return self.runs.prepared[0]
 
-    def roll_out(self) -> Rollout:
-        """Simulate it by the engine that computed it; raise EngineError if that is not here."""
-        return find_engine(self.record.engine.name).roll_out(self.runs, Buffers())
-
 
 def prepare_replay(store: Store, run: str) -> PreparedReplay:
     """Return a stored run's model and initial state, made from the store's own files.
@@ -138,7 +134,8 @@ def replay(store: Store, run: str) -> ReplayResult:
     """Simulate a stored run again; return whether it is equal, or where it first differs."""
     silence_mujoco()
     start = prepare_replay(store, run)
-    record, rollout = start.record, start.roll_out()
+    record = start.record
+    rollout = find_engine(record.engine.name).roll_out(start.runs, Buffers())
     new_hash = trajectory_hash(rollout, 0)
     equal = new_hash == record.trajectory_hash
     step, difference = (None, None) if equal else _first_difference(store, record, rollout)
