@@ -66,6 +66,14 @@ class PairTrace:
         return self.slots[..., FOUND] > 0
 
 
+class Passage(NamedTuple):
+    """One geom passed through another, and was through after a step."""
+
+    mover: str
+    wall: str
+    step: int
+
+
 @dataclass(frozen=True)
 class HeldPose:
     """Pose of a scene's subject relative to the body that holds it, for n runs of N steps.
@@ -117,6 +125,7 @@ class Trace:
             gravity and springs; NaN where not known.
         surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
             first and the last step in which they did.
+        passages: for each run, what passed through what; empty where nobody looked.
     """
 
     timestep: Floats
@@ -142,6 +151,7 @@ class Trace:
     equality_gaps: Floats | None = None
     work: Floats | None = None
     surplus: Floats | None = None
+    passages: tuple[tuple[Passage, ...], ...] = ()
 
     @property
     def runs(self) -> int:
@@ -175,6 +185,7 @@ class Trace:
                 for pair in self.pairs
             ),
             warnings=tuple(self.warnings[run] for run in runs),
+            passages=tuple(self.passages[run] for run in runs if self.passages),
             held=held and HeldPose(held.position[index, :steps], held.rotation[index, :steps]),
             **{
                 name: None if each is None else each[index, : ends[name]]

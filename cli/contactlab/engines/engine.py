@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats, RecordedControls, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, Passage, RecordedControls, SelfChecks, Trace
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.resolution import ResolvedRun
@@ -76,6 +76,7 @@ class Rollout:
             gravity and springs; NaN where not known; None likewise.
         surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
             first and the last step in which they did; None likewise.
+        passages: for each run, what passed through what; empty where nobody looked.
     """
 
     state: Floats
@@ -91,6 +92,7 @@ class Rollout:
     equality_gaps: Floats | None = None
     work: Floats | None = None
     surplus: Floats | None = None
+    passages: tuple[tuple[Passage, ...], ...] = ()
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":

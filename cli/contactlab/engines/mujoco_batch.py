@@ -19,6 +19,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.older_mujoco import SimulationError
+from contactlab.engines.passages import Passages
 from contactlab.engines.step_work import Books
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import has_batch
@@ -94,7 +95,8 @@ def roll_out(
     record_starts(models[0], starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
-    books = Books(models, steps)
+    books, passages = Books(models, steps), Passages(models[0], count, steps)
+    velocities = slice(1 + models[0].nq, 1 + models[0].nq + models[0].nv)
     for run in range(count):
         if run and not proceed():
             count = run
@@ -104,6 +106,7 @@ def roll_out(
             "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
             **books.forces,
+            **passages.poses,
         }
         inputs = driven(models[run], starts, run, steps)
         watch()
@@ -115,7 +118,9 @@ def roll_out(
         cost[run] = time.thread_time() - start
         if not errors[run]:
             books.enter(run, models[run], starts, arrays.state[run])
+            passages.enter(run, models[run], arrays.state[run, :, velocities])
     rollout = recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
+    rollout = replace(rollout, passages=tuple(passages.found[:count]))
     if books.work is None or books.surplus is None:
         return rollout
     return replace(rollout, work=books.work[:count], surplus=books.surplus[:count])

@@ -136,10 +136,16 @@ def distance_min(context: Context) -> Floats:
 def tunneling(runs: MeasuredRuns) -> Found:
     """A body passed through another.
 
-    It crossed the mid-plane of a surface that should stop it, or two bodies overlapped beyond the
-    middle of the thinner one.
+    It crossed the mid-plane of a surface that should stop it, its centre went through a geom within
+    a few steps, or two bodies overlapped beyond the middle of the thinner one.
     """
-    yield from sorted([*_crossed(runs.context), *_pierced(runs)], key=lambda each: each[1].step)
+    passed = [
+        (run, Finding(f"{each.mover} passed through {each.wall}", each.step))
+        for run, passages in enumerate(runs.context.trace.passages)
+        for each in passages
+    ]
+    found = [*_crossed(runs.context), *_pierced(runs), *passed]
+    yield from sorted(found, key=lambda each: each[1].step)
 
 
 @label(56, (_GROWTH,), name="penetration_growth")

@@ -67,7 +67,7 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     The runs start at qpos0 and at the keyframe: what touches depends on the posture, such as
     whether fingers are open or closed.
     """
-    pairs = [each for each in combinations(range(model.ngeom), 2) if _may_touch(model, *each)]
+    pairs = [each for each in combinations(range(model.ngeom), 2) if may_touch(model, *each)]
     if len(pairs) > MAX_PAIRS:
         pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
     return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
@@ -119,10 +119,23 @@ def _default_slots(first: int, second: int) -> int:
 
 def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int]]:
     """Return the geoms of a pair, one of each side, that MuJoCo's collision filters let touch."""
-    return [geoms for geoms in product(*pair.geoms) if _may_touch(model, *geoms)]
+    return [geoms for geoms in product(*pair.geoms) if may_touch(model, *geoms)]
 
 
-def _may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
+def half_extent(model: mujoco.MjModel, geom: int) -> float:
+    """Return half the smallest extent of a geom [m]; infinite for what has no other side."""
+    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
+    if kind in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD):
+        return np.inf
+    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE):
+        return float(size[0])
+    if kind == _GEOM.mjGEOM_CYLINDER:
+        return float(size[:2].min())
+    return float(model.geom_aabb[geom, 3:].min())
+
+
+def may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
+    """Return whether MuJoCo's collision filters let two geoms touch."""
     if explicit_pair(model, first, second) is not None:
         return True
     bits = (model.geom_contype[first] & model.geom_conaffinity[second]) | (

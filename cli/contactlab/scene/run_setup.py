@@ -15,7 +15,7 @@ from contactlab.contact.trace_setup import (
     Setup,
 )
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import MonitoredPair, colliding
+from contactlab.scene.contact_pairs import MonitoredPair, colliding, half_extent
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.mechanism import find_mechanism
 from contactlab.scene.resolution import ResolvedRun
@@ -136,18 +136,7 @@ def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[B
 def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return half the smallest extent of the pair's thinnest geom that can collide [m]."""
     touching = {geom for both in colliding(model, pair) for geom in both}
-    return min((_half_extent(model, geom) for geom in touching), default=np.inf)
-
-
-def _half_extent(model: mujoco.MjModel, geom: int) -> float:
-    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
-    if kind in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD):
-        return np.inf
-    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE):
-        return float(size[0])
-    if kind == _GEOM.mjGEOM_CYLINDER:
-        return float(size[:2].min())
-    return float(model.geom_aabb[geom, 3:].min())
+    return min((half_extent(model, geom) for geom in touching), default=np.inf)
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:

@@ -1,0 +1,185 @@
+"""What passed through what between steps, whether or not a step had a contact.
+
+Seen from one geom, the centre of another moves along a line from step to step. Where a ray along it
+enters the geom and leaves it again, or gets under a surface, the other has passed through.
+"""
+
+from collections.abc import Callable, Iterator
+from itertools import islice
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.rotations import rotate, rotate_back
+from contactlab.contact.trace_arrays import Floats, Passage
+from contactlab.scene.contact_pairs import half_extent, may_touch
+
+_SLOW = 0.5
+"""Share of the half thickness of two geoms that a step must move them by to carry one through."""
+_MOST_STEPS = 4
+"""Steps that a fast geom takes to pass through another, at most."""
+_MOST_PAIRS, _MOST_RAYS = 200, 500
+_PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
+_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+_TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
+_ROUNDING = 1e-9
+_UP, _FAR = np.array([0.0, 0.0, 1.0]), 1e6
+
+
+class Passages:
+    """What passed through what in runs of one structure, by the poses of their bodies.
+
+    Attributes:
+        poses: what a batch is to record of one run: arrays (1, N, nbody, ...) by field of MjData.
+        found: what passed through what in each run, in the order of steps.
+    """
+
+    def __init__(self, model: mujoco.MjModel, runs: int, steps: int) -> None:
+        """Look for passages in n runs of N steps."""
+        off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
+        half, lengths = _half_extents(model), _lengths(model)
+        self._farthest = np.inf if off or not len(half) else _SLOW * half.min()
+        self._lengths = lengths
+        widths = {"xpos": 3, "xquat": 4} if np.isfinite(self._farthest) else {}
+        self.poses = {name: np.empty((1, steps, model.nbody, k)) for name, k in widths.items()}
+        self.found = [tuple[Passage, ...]()] * runs
+
+    def enter(self, run: int, model: mujoco.MjModel, velocity: Floats) -> None:
+        """Look at a run that was just recorded, with its own model and (N + 1, nv) velocities."""
+        if not self.poses:
+            return
+        # Farther than this no point can move in a step: a bound that is found quickly.
+        farthest = np.abs(velocity).max(axis=0) @ self._lengths * model.opt.timestep
+        if farthest > self._farthest:
+            found = _passages(model, *(rows[0] for rows in self.poses.values()))
+            self.found[run] = tuple(sorted(found, key=lambda each: each.step))
+
+
+def _half_extents(model: mujoco.MjModel) -> Floats:
+    """Return (ngeom,) half the smallest extents [m]; infinite for geoms that nothing meets."""
+    meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
+    meets[[*model.pair_geom1, *model.pair_geom2]] = True
+    return np.array(
+        [half_extent(model, geom) if meets[geom] else np.inf for geom in range(len(meets))]
+    )
+
+
+def _lengths(model: mujoco.MjModel) -> Floats:
+    """Return (nv,) how far each degree of freedom moves a point at unit speed in 1 s [m]."""
+    reach = _reach(model)
+    for body in range(model.nbody - 1, 0, -1):
+        joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
+        slides = any(int(model.jnt_type[each]) in _TRANSLATIONS for each in joints)
+        beyond = 2 * model.stat.extent if slides else np.linalg.norm(model.body_pos[body])
+        parent = model.body_parentid[body]
+        reach[parent] = max(reach[parent], beyond + reach[body])
+    lengths = reach[model.dof_bodyid] + np.linalg.norm(model.jnt_pos[model.dof_jntid], axis=1)
+    for kind, dof in zip(model.jnt_type, model.jnt_dofadr, strict=True):
+        lengths[dof : dof + _TRANSLATIONS.get(int(kind), 0)] = 1
+    return lengths
+
+
+def _reach(model: mujoco.MjModel) -> Floats:
+    """Return (nbody,) how far geoms reach from the frame of their body [m]."""
+    reach = np.zeros(model.nbody)
+    ends = np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
+    np.maximum.at(reach, model.geom_bodyid, ends)
+    return reach
+
+
+def _passages(model: mujoco.MjModel, position: Floats, rotation: Floats) -> Iterator[Passage]:
+    """Yield the first passage of each fast pair of geoms; poses are (N, nbody, 3) and (..., 4)."""
+    for first, second, least in _fast_pairs(model, position, rotation):
+        for mover, wall in ((first, second), (second, first)):
+            if model.geom_type[mover] in (_PLANE, _HFIELD):
+                continue
+            centre = _centre(model, position, rotation, mover)
+            body = int(model.geom_bodyid[wall])
+            seen = rotate_back(rotation[:, body], centre - position[:, body])
+            path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
+            step = _first_passage(model, wall, path, least)
+            if step is not None:
+                yield Passage(model.geom(mover).name, model.geom(wall).name, step)
+                break
+
+
+def _centre(model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int) -> Floats:
+    """Return (N, 3) the centre of a geom."""
+    body = int(model.geom_bodyid[geom])
+    return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom])
+
+
+def _fast_pairs(
+    model: mujoco.MjModel, position: Floats, rotation: Floats
+) -> list[tuple[int, int, float]]:
+    """Return pairs of geoms that a step may carry through each other, and that step [m]."""
+    body = np.asarray(model.geom_bodyid)
+    shift = np.linalg.norm(np.diff(position, axis=0), axis=2).max(axis=0, initial=0)
+    cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2)).min(axis=0, initial=1)
+    moved = (shift + 2 * np.arccos(np.minimum(cosine, 1)) * _reach(model))[body]
+    half = _half_extents(model)
+    flat = np.isin(model.geom_type, (_PLANE, _HFIELD))
+    half[flat] = 0
+    least = _SLOW * (half[:, None] + half)
+    pairs = np.argwhere(np.triu(moved[:, None] + moved > least, 1)).tolist()
+    near = (pair for pair in pairs if may_touch(model, *pair))
+    kept = islice(near, _MOST_PAIRS)
+    return [(first, second, float(least[first, second])) for first, second in kept]
+
+
+def _first_passage(model: mujoco.MjModel, wall: int, path: Floats, least: float) -> int | None:
+    """Return the first step after which a point has passed through a geom; None if it never does.
+
+    Args:
+        model: that has the geom.
+        wall: the geom.
+        path: (N, 3) of the point, in the frame of the geom [m].
+        least: steps shorter than this carry it nowhere [m].
+    """
+    fast = np.linalg.norm(np.diff(path, axis=0), axis=1) > least
+    passed = _through(model, wall)
+    for steps in range(1, 2 if model.geom_type[wall] == _PLANE else 1 + _MOST_STEPS):
+        begin, end = path[:-steps], path[steps:]
+        moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
+        way = np.linalg.norm(end - begin, axis=1)
+        near = np.linalg.norm(begin, axis=1) < way + _bound(model, wall)
+        rays = np.flatnonzero(moving & near)[:_MOST_RAYS].tolist()
+        for step in rays:
+            if passed(begin[step], end[step]):
+                return step + steps - 1
+    return None
+
+
+def _bound(model: mujoco.MjModel, geom: int) -> float:
+    return np.inf if model.geom_type[geom] == _PLANE else float(model.geom_rbound[geom])
+
+
+def _through(model: mujoco.MjModel, wall: int) -> Callable[[Floats, Floats], bool]:
+    """Return whether the way from one point to another leads through a geom, in its frame."""
+    kind = int(model.geom_type[wall])
+    if kind == _PLANE:
+        return lambda begin, end: bool(begin[2] > 0 > end[2])
+    ray = _ray(model, wall)
+
+    def under(point: Floats) -> bool:
+        return ray(point, _FAR * _UP) >= 0
+
+    def through(begin: Floats, end: Floats) -> bool:
+        entered, left = ray(begin, end - begin), ray(end, begin - end)
+        return min(entered, left) >= 0 and entered + left < 1 - _ROUNDING
+
+    if kind == _HFIELD:
+        return lambda begin, end: not under(begin) and (under(end) or through(begin, end))
+    return through
+
+
+def _ray(model: mujoco.MjModel, geom: int) -> Callable[[Floats, Floats], float]:
+    """Return what says how much of a ray leads to a geom, in its frame; -1 if none does."""
+    kind = int(model.geom_type[geom])
+    if kind in (_MESH, _HFIELD):
+        data = mujoco.MjData(model)
+        data.geom_xpos[geom], data.geom_xmat[geom] = 0, np.eye(3).ravel()
+        shape = mujoco.mj_rayMesh if kind == _MESH else mujoco.mj_rayHfield
+        return lambda begin, way: shape(model, data, geom, begin, way)
+    size, origin, axes = model.geom_size[geom], np.zeros(3), np.eye(3).ravel()
+    return lambda begin, way: mujoco.mju_rayGeom(origin, axes, size, begin, way, kind)
