@@ -324,6 +324,9 @@ def test_costs_are_shares_of_what_all_steps_take(
     runs = prepared(cart, drive(rate=100.0), Feedback, {"tilt": 0.1}, {}, {"tilt": -0.1}, steps=100)
     assert flown(runs).cost == pytest.approx([100.0, 500.0, 100.0])
     assert flown(runs.rows([1])).cost == pytest.approx([100.0])
+    values = [{"tilt": 0.1}, {"tilt": 0.1, "wind": 1e300}]
+    stopped = flown(prepared(cart, drive(rate=100.0), Feedback, *values, steps=100))
+    assert stopped.cost[0] > 5 * stopped.cost[1] > 0
 
 
 def test_a_run_that_diverges_stops_by_itself(cart: Scene) -> None:

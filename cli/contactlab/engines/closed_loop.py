@@ -9,7 +9,8 @@ import copy
 import sys
 from collections.abc import Sequence
 from contextlib import redirect_stdout
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
+from statistics import mean
 from time import thread_time
 from types import ModuleType
 from typing import Any, NamedTuple, cast
@@ -72,8 +73,8 @@ class _Flown(NamedTuple):
 def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) -> Rollout:
     """Simulate runs in closed loop, as `SimulationEngine.roll_out` says.
 
-    They advance together: the cost of each is its share, by samples of its own steps, of the time
-    of all. If the sweep should stop, the first run alone goes on to its end.
+    They advance together: the cost of each is its share, by its steps and samples of what they
+    take, of the time of all. If the sweep should stop, the first run alone goes on to its end.
     """
     arrays = buffers.arrays(runs.models[0], len(runs.prepared), runs.steps)
     record_starts(runs.models[0], runs.starts, arrays)
@@ -141,7 +142,7 @@ class _Flight:
         self._errors: list[str | None] = [None] * len(self._models)
         self._acted: dict[int, Floats] = {0: self._controls.copy()}
         self._ends = [runs.steps] * len(self._models)
-        self._taken, self._sampled = 0.0, np.zeros(len(self._models))
+        self._taken, self._sampled = 0.0, [list[float]() for _ in self._models]
         assert runs.policy is not None
         self._name = getattr(runs.policy, "__name__", "policy")
         self._policy = self._made(runs.policy, runs.base.model)
@@ -272,7 +273,8 @@ class _Flight:
         for runs in [[run] for run in self._flying] if one_by_one else [self._flying]:
             taken = self._step_runs(runs, begin, end)
             self._taken += taken
-            self._sampled[runs] += taken * one_by_one
+            if one_by_one:
+                self._sampled[runs[0]].append(taken)
         warned = self._batch.warning[:, :, _COUNT]
         if warned[self._flying].any() or any(self._errors):
             self._land([run for run in self._flying if warned[run].any() or self._errors[run]], end)
@@ -322,8 +324,9 @@ class _Flight:
 
     def _flown(self, count: int) -> list[_Flown]:
         """Return what the first runs leave."""
-        weights = self._sampled if self._sampled.any() else np.ones(len(self._models))
-        cost, warnings = self._taken * weights / weights.sum(), self._batch.warning[:, :, _COUNT]
+        warnings, every = self._batch.warning[:, :, _COUNT], [*chain(*self._sampled)] or [1.0]
+        weights = np.array(self._ends) * [mean(each or every) for each in self._sampled]
+        cost = self._taken * weights / max(weights.sum(), np.finfo(float).tiny)
         steps, levels = np.array(list(self._acted)), np.array(list(self._acted.values()))
         duration = max(self._runs.resolved[0].duration, self._runs.steps * self._timestep)
         flown: list[_Flown] = []
