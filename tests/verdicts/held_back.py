@@ -584,7 +584,7 @@ LOSSES = [
         """<option timestep="<<h>>"/><worldbody><body pos="0 0 .3"><joint name="gimbal"
         type="ball"/><geom type="cylinder" size=".05 .006" pos="0 0 .06" mass=".3"/></body>
         </worldbody><keyframe><key qpos=".97 .2431 0 0" qvel="0 0 40"/></keyframe>""",
-        {"h": (0.001, 0.00002)},
+        {"h": (0.003, 0.00002)},
         lambda motion: float(np.abs(motion.energy / motion.energy[0] - 1).max()),
         0.1,
         1.0,
