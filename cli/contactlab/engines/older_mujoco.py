@@ -67,7 +67,8 @@ class StepLoop:
         """Hold `nsim` runs of a model; a persistent loop keeps the data of each between calls."""
         assert nthread == 1
         self._models = [model] * nsim
-        self._persistent: dict[int, mujoco.MjData] | None = {} if persistent else None
+        self._data = dict[int, mujoco.MjData]()
+        self._persistent = persistent
         self._errors = [""] * nsim
         self.state = np.zeros((nsim, mujoco.mj_stateSize(model, _INTEGRATION)))
         self.warning = np.zeros((nsim, _WARNINGS, 2), np.int32)
@@ -128,7 +129,9 @@ class StepLoop:
     def _run(
         self, run: int, steps: int, inputs: tuple[int, Floats] | None, rows: dict[Any, np.ndarray]
     ) -> None:
-        model, data = self._models[run], self._data(run)
+        model, data = self._models[run], self._data.get(run) or mujoco.MjData(self._models[run])
+        if self._persistent:
+            self._data[run] = data
         mujoco.mj_setState(model, data, self.state[run], _INTEGRATION)
         counts = data.warning.number
         before = counts.copy()
@@ -139,13 +142,6 @@ class StepLoop:
                 mujoco.mj_step(model, data, nstep=steps)
         self.warning[run, :, _COUNT] += data.warning.number - before
         mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
-
-    def _data(self, run: int) -> mujoco.MjData:
-        if self._persistent is None:
-            return mujoco.MjData(self._models[run])
-        if run not in self._persistent:
-            self._persistent[run] = mujoco.MjData(self._models[run])
-        return self._persistent[run]
 
     def _array(self, item: int | str, runs: int, steps: int) -> np.ndarray:
         model = self._models[0]

@@ -148,27 +148,19 @@ def count_work(
         states.append(np.array(batch.state[0]))
         for done in range(begin, end, _BLOCK_STEPS):
             watch()
-            counted = _count(batch, model, start, range(done, min(done + _BLOCK_STEPS, end)))
-            if counted is None:
+            block = min(_BLOCK_STEPS, end - done)
+            try:
+                inputs = driven(model, start, 0, block, done)
+                out = batch.rollout(block, record=list(_FIELDS), **inputs)
+            except SimulationError:
                 return None
-            counts += counted
+            if batch.warning.any():
+                return None
+            # MuJoCo gives as many islands as it could need; there is at most one a tree.
+            out["solver_niter"] = out["solver_niter"][..., : max(1, model.ntree)]
+            counts += [int(out[name].sum(dtype=np.int64)) for name in _FIELDS]
     iterations, contacts, rows = counts.tolist()
     return Work(steps, iterations, contacts, rows, tuple(places), np.array(states))
-
-
-def _count(
-    batch: Batch, model: mujoco.MjModel, start: InitialStates, steps: range
-) -> np.ndarray | None:
-    inputs = driven(model, start, 0, len(steps), steps.start)
-    try:
-        out = batch.rollout(len(steps), record=list(_FIELDS), **inputs)
-    except SimulationError:
-        return None
-    if batch.warning.any():
-        return None
-    # MuJoCo gives as many islands as it could need; there is at most one a tree.
-    out["solver_niter"] = out["solver_niter"][..., : max(1, model.ntree)]
-    return np.array([int(out[name].sum(dtype=np.int64)) for name in _FIELDS])
 
 
 def time_segments(segments: Segments, most: int, repeats: int) -> tuple[float, int]:

@@ -133,7 +133,7 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     along = rows / np.square(rows).sum(axis=1, keepdims=True)
     masses = np.einsum("ij,jk,ik->i", along, inertia, along)
     dampers = np.square(along) @ model.dof_damping
-    frequency = _CARRYING if _hangs_on_its_root(model, moment) else _FREQUENCY
+    frequency = _CARRYING if _carries_its_root(model, moment) else _FREQUENCY
     # A model may leave its timestep to the sweep.
     step = float(model.opt.timestep) or 1e-9
     # MuJoCo integrates the damping of joints implicitly, as if it were inertia.
@@ -188,7 +188,7 @@ def find_support(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     brings their lengths closer.
     """
     found, least = Support(np.zeros(model.nu), 0.0), np.inf
-    if not carries_its_root(model, qpos):
+    if not _carries_its_root(model, _moment(model, _at(model, qpos))):
         return found
     held, support = copy.copy(model), found.forces
     servos.write(held)
@@ -347,11 +347,6 @@ def _bounded(matrix: Floats, wanted: Floats, low: Floats, high: Floats) -> Float
     return found
 
 
-def carries_its_root(model: mujoco.MjModel, qpos: Floats) -> bool:
-    """Return whether joints that actuators move hang on ones that none does, as legs of a robot."""
-    return _hangs_on_its_root(model, _moment(model, _at(model, qpos)))
-
-
 def _at(model: mujoco.MjModel, qpos: Floats) -> mujoco.MjData:
     data = mujoco.MjData(model)
     data.qpos[:] = qpos
@@ -359,7 +354,8 @@ def _at(model: mujoco.MjModel, qpos: Floats) -> mujoco.MjData:
     return data
 
 
-def _hangs_on_its_root(model: mujoco.MjModel, moment: Floats) -> bool:
+def _carries_its_root(model: mujoco.MjModel, moment: Floats) -> bool:
+    """Return whether joints that actuators move hang on ones that none does, as legs of a robot."""
     moved = np.abs(moment).max(axis=0, initial=0) > 0
     above = np.asarray(model.dof_parentid)
     return bool((~moved[above[moved & (above >= 0)]]).any())
