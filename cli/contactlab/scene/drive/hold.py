@@ -22,6 +22,7 @@ actuators then exert balance there, and take the place of those above.
 """
 
 import copy
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -37,6 +38,7 @@ _CARRYING = 2 * np.pi * 12
 _SPRING_LIMIT, _DAMPER_LIMIT = 0.1, 0.25
 # A robot has settled below these speeds [rad/s, m/s]; it is looked at so often, and so long [s].
 _STILL, _LOOK, _LONGEST = 0.02, 0.05, 1.0
+_MOST_STEPS = 2000
 # How often it settles at most, and how near to its posture is near enough [rad or m].
 _ROUNDS, _NEAR = 4, 0.01
 
@@ -214,11 +216,12 @@ def _settled(model: mujoco.MjModel, posture: Posture, qpos: Floats) -> tuple[Flo
     data, looks = mujoco.MjData(model), list[tuple[Floats, Floats]]()
     data.qpos[:], data.ctrl[:], data.act[:] = qpos, posture.ctrl, posture.act
     steps = max(1, round(_LOOK / model.opt.timestep))
-    while data.time < _LONGEST:
-        mujoco.mj_step(model, data, nstep=steps)
-        looks.append((data.actuator_length.copy(), data.actuator_force.copy()))
-        if data.warning.number.any():
+    while data.time < min(_LONGEST, _MOST_STEPS * model.opt.timestep):
+        with suppress(mujoco.FatalError):
+            mujoco.mj_step(model, data, nstep=steps)
+        if data.warning.number.any() or not data.time > len(looks) * steps * model.opt.timestep:
             return np.full(model.nu, np.nan), np.full(model.nu, np.nan), _LONGEST
+        looks.append((data.actuator_length.copy(), data.actuator_force.copy()))
         if np.abs(data.qvel).max(initial=0.0) < _STILL:
             return *looks[-1], float(data.time)
     return *np.mean(looks[len(looks) // 2 :], axis=0), _LONGEST
