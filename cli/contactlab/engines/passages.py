@@ -4,7 +4,7 @@ Seen from one geom, the centre of another moves along a line from step to step. 
 enters the geom and leaves it again, or gets under a surface, the other has passed through.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from itertools import islice
 
 import mujoco
@@ -23,7 +23,7 @@ _PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HF
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 _TRANSLATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_SLIDE): 1}
 _ROUNDING = 1e-9
-_UP, _FAR = np.array([0.0, 0.0, 1.0]), 1e6
+_UP, _ORIGIN, _AXES = np.array([0.0, 0.0, 1.0]), np.zeros(3), np.eye(3).ravel()
 
 
 class Passages:
@@ -97,7 +97,7 @@ def _passages(model: mujoco.MjModel, position: Floats, rotation: Floats) -> Iter
             body = int(model.geom_bodyid[wall])
             seen = rotate_back(rotation[:, body], centre - position[:, body])
             path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
-            step = _first_passage(model, wall, path, least)
+            step = _first_passage(path, least, _Wall(model, wall, float(model.geom_rbound[mover])))
             if step is not None:
                 yield Passage(model.geom(mover).name, model.geom(wall).name, step)
                 break
@@ -127,59 +127,60 @@ def _fast_pairs(
     return [(first, second, float(least[first, second])) for first, second in kept]
 
 
-def _first_passage(model: mujoco.MjModel, wall: int, path: Floats, least: float) -> int | None:
+def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
     """Return the first step after which a point has passed through a geom; None if it never does.
 
     Args:
-        model: that has the geom.
-        wall: the geom.
         path: (N, 3) of the point, in the frame of the geom [m].
         least: steps shorter than this carry it nowhere [m].
+        wall: the geom.
     """
     fast = np.linalg.norm(np.diff(path, axis=0), axis=1) > least
-    passed = _through(model, wall)
-    for steps in range(1, 2 if model.geom_type[wall] == _PLANE else 1 + _MOST_STEPS):
+    for steps in range(1, 1 + _MOST_STEPS):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
         way = np.linalg.norm(end - begin, axis=1)
-        near = np.linalg.norm(begin, axis=1) < way + _bound(model, wall)
-        rays = np.flatnonzero(moving & near)[:_MOST_RAYS].tolist()
-        for step in rays:
-            if passed(begin[step], end[step]):
+        near = np.linalg.norm(begin, axis=1) < way + wall.bound
+        for step in np.flatnonzero(moving & near)[:_MOST_RAYS].tolist():
+            if wall.passed(begin[step], end[step]):
                 return step + steps - 1
     return None
 
 
-def _bound(model: mujoco.MjModel, geom: int) -> float:
-    return np.inf if model.geom_type[geom] == _PLANE else float(model.geom_rbound[geom])
+class _Wall:
+    """A geom in its own frame, and the size of what may pass through it.
 
+    Attributes:
+        bound: how far it reaches from its centre [m].
+    """
 
-def _through(model: mujoco.MjModel, wall: int) -> Callable[[Floats, Floats], bool]:
-    """Return whether the way from one point to another leads through a geom, in its frame."""
-    kind = int(model.geom_type[wall])
-    if kind == _PLANE:
-        return lambda begin, end: bool(begin[2] > 0 > end[2])
-    ray = _ray(model, wall)
+    def __init__(self, model: mujoco.MjModel, geom: int, size: float) -> None:
+        self._model, self._geom, self._size = model, geom, size
+        self._kind = int(model.geom_type[geom])
+        self.bound = np.inf if self._kind == _PLANE else float(model.geom_rbound[geom])
+        self._data = mujoco.MjData(model) if self._kind in (_MESH, _HFIELD) else None
+        if self._data is not None:
+            self._data.geom_xpos[geom], self._data.geom_xmat[geom] = 0, np.eye(3).ravel()
 
-    def under(point: Floats) -> bool:
-        return ray(point, _FAR * _UP) >= 0
-
-    def through(begin: Floats, end: Floats) -> bool:
-        entered, left = ray(begin, end - begin), ray(end, begin - end)
+    def passed(self, begin: Floats, end: Floats) -> bool:
+        """Return whether the way between two points leads through it, or all beneath a surface."""
+        if self._kind == _PLANE:
+            return bool(begin[2] > 0 and end[2] < -self._size)
+        if self._kind == _HFIELD and self._under(begin) >= 0:
+            return False
+        if self._kind == _HFIELD and self._under(end) > self._size:
+            return True
+        entered, left = self._ray(begin, end - begin), self._ray(end, begin - end)
         return min(entered, left) >= 0 and entered + left < 1 - _ROUNDING
 
-    if kind == _HFIELD:
-        return lambda begin, end: not under(begin) and (under(end) or through(begin, end))
-    return through
+    def _under(self, point: Floats) -> float:
+        """Return how far a point is beneath a height field [m]; negative if it is not."""
+        return self._ray(point, _UP)
 
-
-def _ray(model: mujoco.MjModel, geom: int) -> Callable[[Floats, Floats], float]:
-    """Return what says how much of a ray leads to a geom, in its frame; -1 if none does."""
-    kind = int(model.geom_type[geom])
-    if kind in (_MESH, _HFIELD):
-        data = mujoco.MjData(model)
-        data.geom_xpos[geom], data.geom_xmat[geom] = 0, np.eye(3).ravel()
-        shape = mujoco.mj_rayMesh if kind == _MESH else mujoco.mj_rayHfield
-        return lambda begin, way: shape(model, data, geom, begin, way)
-    size, origin, axes = model.geom_size[geom], np.zeros(3), np.eye(3).ravel()
-    return lambda begin, way: mujoco.mju_rayGeom(origin, axes, size, begin, way, kind)
+    def _ray(self, begin: Floats, way: Floats) -> float:
+        """Return how much of a ray leads to it, beyond 1 if it ends before; -1 if none does."""
+        if self._data is None:
+            size = self._model.geom_size[self._geom]
+            return mujoco.mju_rayGeom(_ORIGIN, _AXES, size, begin, way, self._kind)
+        ray = mujoco.mj_rayMesh if self._kind == _MESH else mujoco.mj_rayHfield
+        return ray(self._model, self._data, self._geom, begin, way)
