@@ -91,7 +91,7 @@ _BY_STATE = ("time", "qpos", "qvel")
 _ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
 _BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
-_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "surplus")
+_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "given")
 
 
 @dataclass(frozen=True)
@@ -123,8 +123,8 @@ class Trace:
             largest, and the median in the last quarter.
         work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
             gravity and springs; NaN where not known.
-        surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
-            first and the last step in which they did.
+        given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
+            last, and what they had stored before it [J].
         passages: for each run, what passed through what; empty where nobody looked.
     """
 
@@ -150,7 +150,7 @@ class Trace:
     equality_loads: Floats | None = None
     equality_gaps: Floats | None = None
     work: Floats | None = None
-    surplus: Floats | None = None
+    given: Floats | None = None
     passages: tuple[tuple[Passage, ...], ...] = ()
 
     @property

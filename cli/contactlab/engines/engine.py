@@ -74,8 +74,8 @@ class Rollout:
             largest, and the median in the last quarter; None likewise.
         work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
             gravity and springs; NaN where not known; None likewise.
-        surplus: (n, 3) most energy that constraints gave beyond what they had stored [J], and the
-            first and the last step in which they did; None likewise.
+        given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
+            last, and what they had stored before it [J]; None likewise.
         passages: for each run, what passed through what; empty where nobody looked.
     """
 
@@ -91,7 +91,7 @@ class Rollout:
     equality_loads: Floats | None = None
     equality_gaps: Floats | None = None
     work: Floats | None = None
-    surplus: Floats | None = None
+    given: Floats | None = None
     passages: tuple[tuple[Passage, ...], ...] = ()
 
     @classmethod

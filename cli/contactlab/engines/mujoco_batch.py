@@ -121,9 +121,9 @@ def roll_out(
             passages.enter(run, models[run], arrays.state[run, :, velocities])
     rollout = recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
     rollout = replace(rollout, passages=tuple(passages.found[:count]))
-    if books.work is None or books.surplus is None:
+    if books.work is None or books.given is None:
         return rollout
-    return replace(rollout, work=books.work[:count], surplus=books.surplus[:count])
+    return replace(rollout, work=books.work[:count], given=books.given[:count])
 
 
 def record_starts(model: mujoco.MjModel, starts: InitialStates, arrays: RolloutArrays) -> None:

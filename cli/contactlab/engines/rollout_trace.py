@@ -49,7 +49,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         equality_loads=rollout.equality_loads,
         equality_gaps=rollout.equality_gaps,
         work=rollout.work,
-        surplus=rollout.surplus,
+        given=rollout.given,
         passages=rollout.passages,
     )
 

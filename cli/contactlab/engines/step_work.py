@@ -31,7 +31,7 @@ class Books:
     Attributes:
         forces: what a batch is to record of one run: arrays (1, N, ...) by field of MjData.
         work: (n, N, 3) [J] as `Trace.work` says; None where it is not known.
-        surplus: (n, 3) as `Trace.surplus` says; None likewise.
+        given: (n, 3) as `Trace.given` says; None likewise.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int) -> None:
@@ -40,7 +40,7 @@ class Books:
         widths = {name: model.nu if name in _OF_ACTUATORS else model.nv for name in fields}
         self.forces = {name: np.empty((1, steps, width)) for name, width in widths.items()}
         self.work = np.full((len(models), steps, 3), np.nan) if fields else None
-        self.surplus = np.zeros((len(models), 3)) if fields else None
+        self.given = np.zeros((len(models), 3)) if fields else None
         self._data = mujoco.MjData(model) if fields else None
 
     def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
@@ -52,7 +52,7 @@ class Books:
             starts: of all runs.
             states: (N + 1, nstate) its time, qpos, qvel, act.
         """
-        if self.work is None or self.surplus is None or self._data is None:
+        if self.work is None or self.given is None or self._data is None:
             return
         velocity = states[:, 1 + model.nq : 1 + model.nq + model.nv]
         forces = {name: rows[0] for name, rows in self.forces.items()}
@@ -63,13 +63,11 @@ class Books:
             self.work[run, :, OTHERS] = np.nan
         moved = (places >= model.nu + 6 * model.nbody).any()
         if moved or _conveys(model):
-            self.surplus[run] = np.nan
+            self.given[run] = np.nan
             return
-        first, last, gain = _largest_rise(self.work[run, :, CONSTRAINTS])
-        if gain > 0:
-            inputs = starts.inputs(run, model.opt.timestep, np.array([first]))[0]
-            gain -= _stored(model, self._data, states[first], inputs)
-        self.surplus[run] = gain, first, last
+        first, last = _largest_rise(self.work[run, :, CONSTRAINTS])
+        inputs = starts.inputs(run, model.opt.timestep, np.array([first]))[0]
+        self.given[run] = first, last, _stored(model, self._data, states[first], inputs)
 
 
 def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
@@ -152,21 +150,27 @@ def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> F
     return model.opt.timestep * feedback @ model.actuator_biasprm[:, 2]
 
 
-def _largest_rise(work: Floats) -> tuple[int, int, float]:
-    """Return the stretch of steps in which most work was done, first and last, and the work [J]."""
+def _largest_rise(work: Floats) -> tuple[int, int]:
+    """Return the first and the last step of the stretch in which most work was done."""
     given = np.concatenate(([0.0], np.cumsum(work)))
     rise = given - np.minimum.accumulate(given)
     end = int(rise.argmax())
-    return int(given[: end + 1].argmin()), max(end - 1, 0), float(rise[end])
+    return int(given[: max(end, 1)].argmin()), max(end - 1, 0)
 
 
 def _stored(model: mujoco.MjModel, data: mujoco.MjData, state: Floats, inputs: Floats) -> float:
     """Return the most energy that constraints can have stored in a state [J].
 
-    It is force times violation: a constraint is a spring that does not soften.
+    A constraint is a spring that does not soften, so that it is force times violation r; where
+    other forces hold it, it gives back up to K r^2 of its reference acceleration, times impedance
+    and the mass that it moves (MuJoCo's documentation, Computation > Constraint model).
     """
     positions, velocities = model.nq, model.nq + model.nv
     data.qpos[:], data.qvel[:], data.act[:] = np.split(state[1:], [positions, velocities])
     apply_inputs(model, data, inputs)
     mujoco.mj_forward(model, data)
-    return float(np.abs(data.efc_force * (data.efc_pos - data.efc_margin)).sum())
+    violation = data.efc_pos - data.efc_margin
+    stiffness, _, impedance, _ = data.efc_KBIP.reshape(-1, 4).T
+    # R is (1 - d) / d over the mass.
+    spring = stiffness * violation**2 * (1 - impedance) / data.efc_R
+    return float(np.maximum(np.abs(data.efc_force * violation), spring).sum())

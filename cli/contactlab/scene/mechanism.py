@@ -53,7 +53,7 @@ def _equality(model: mujoco.MjModel, index: int) -> Equality:
             bodies = np.asarray(model.site_bodyid)[bodies]
         return Equality(name, "m", min(_reach(model, body) for body in bodies[bodies > 0].tolist()))
     if kind == _EQUALITY.mjEQ_TENDON:
-        return Equality(name, "m", float(model.tendon_length0[first]))
+        return Equality(name, "m", _tendon_scale(model, first))
     if kind != _EQUALITY.mjEQ_JOINT:
         return Equality(name, "m", np.inf)
     low, high = _limits(model.jnt_limited, model.jnt_range)[first]
@@ -94,6 +94,14 @@ def _force_limits(model: mujoco.MjModel) -> Floats:
             low, high = np.sort(model.jnt_actfrcrange[joint] / gear)
             limits[index] = max(limits[index, 0], low), min(limits[index, 1], high)
     return limits
+
+
+def _tendon_scale(model: mujoco.MjModel, tendon: int) -> float:
+    """Return a spatial tendon's length [m]; of a fixed one, what a quarter turn makes of it."""
+    wraps = slice(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
+    if model.wrap_type[wraps.start] != int(mujoco.mjtWrap.mjWRAP_JOINT):
+        return float(model.tendon_length0[tendon])
+    return float(np.abs(model.wrap_prm[wraps]).max() * QUARTER_TURN)
 
 
 def _reach(model: mujoco.MjModel, body: int) -> float:
