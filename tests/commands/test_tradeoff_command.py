@@ -167,3 +167,27 @@ finally:
         check=False,
     )
     assert done.returncode == 0, done.stderr
+
+
+STIFF = """<mujoco>
+  <worldbody><body><joint name="slide" type="slide" axis="0 0 1" stiffness="1e8" springref="1"/>
+    <geom size=".05" mass="1"/></body></worldbody>
+</mujoco>"""
+
+
+@pytest.mark.parametrize("output", ["text", "json"])
+def test_a_model_that_diverges_gets_a_verdict(contactlab: Run, tmp_path: Path, output: str) -> None:
+    """A spring of 10^4 rad/s is unstable above h = 2e-4 s: no run ends, and none has an error."""
+    (tmp_path / "stiff.xml").write_text(STIFF)
+    (tmp_path / "stiff.yaml").write_text(
+        "version: 1\nscene: stiff.xml\nduration: 0.5\ndrive: none\n"
+        "axes: {timestep: [1.0e-3, 2.0e-3]}\n"
+    )
+    code, out, err = contactlab("tradeoff", "stiff.yaml", "--workers", "0", "--format", output)
+    assert code == 1
+    assert "none of 2 configurations is feasible: label diverged" in err
+    if output == "json":
+        data = json.loads(out)
+        assert data["recommendation"] is None
+        assert {each["error"] for each in data["configurations"]} == {None}
+        assert data["idle"] == []

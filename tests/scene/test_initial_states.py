@@ -163,3 +163,16 @@ def test_shipped_starts_differ_by_seed_only_where_they_say() -> None:
     first, second = (starts(scene, {"boxes": 3}, seed=seed) for seed in (3, 4))
     places = np.flatnonzero(first.qpos[0] != second.qpos[0])
     assert places.tolist() == [0, 1, 7, 8, 14, 15]
+
+
+def test_the_perturbation_of_a_seed_has_a_factor(make_scene: Make) -> None:
+    """Factor 0 is the keyframe to the bit, 1 what a seed does, and -1 as far on the other side."""
+    bare = make_scene(MODEL)
+    exact, off, opposite, plain = starts(
+        bare, *({"perturbation": factor} for factor in (0, 1, -1)), {}, seed=7
+    ).qpos
+    assert np.array_equal(exact, bare.base({}).model.key_qpos[0])
+    assert np.array_equal(off, plain)
+    assert not np.array_equal(off, exact)
+    # Adding and taking away rounds each to half an ulp of values up to 5.
+    assert off - exact == pytest.approx(exact - opposite, rel=0, abs=2e-15)

@@ -68,3 +68,18 @@ def test_one_part_that_is_left_out_is_enough_to_say_so() -> None:
 )
 def test_settings_concern_a_feature_or_everything(setting: str, feature: Any) -> None:
     assert feature_of(setting) == feature
+
+
+def test_runs_share_the_parts_of_a_feature() -> None:
+    """One run moves a joint into its limit, another the other joint: together they did it."""
+    reached, away = Travel(moved=0.1, share=0.1, ends=("upper",)), Travel(moved=0.1, share=0.1)
+    first, second = (
+        Coverage(joints=dict(zip("jk", pair, strict=True)))
+        for pair in ((reached, away), (away, reached))
+    )
+    assert exercised(first, first).lack(["limit"]) is not None
+    assert exercised(first, second).lack(["limit"]) is None
+    tied, loose = ({"tie": 2.0, "weld": 0.0}, {"tie": 0.0, "weld": 1.0})
+    assert (
+        exercised(Coverage(equalities=tied), Coverage(equalities=loose)).lack(["equality"]) is None
+    )

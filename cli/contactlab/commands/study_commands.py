@@ -228,6 +228,12 @@ def stability(
     workers: opt.WorkersOption = None,
     mujoco: opt.MujocoOption = None,
     drive: opt.DriveOption = None,
+    duration: Annotated[float | None, opt.option("SECONDS", "Simulated time of a model.")] = None,
+    assign: opt.SetOption = None,
+    threshold: Annotated[
+        list[str] | None,
+        opt.option("NAME=VALUE", "Replace a model's threshold: penetration_steady=1e-3."),
+    ] = None,
     plugin: opt.PluginOption = None,
     allow_code: opt.AllowCodeOption = False,
     output: opt.FormatOption = "text",
@@ -239,9 +245,11 @@ def stability(
     target = folder or RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
     opt.load_plugins(plugin)
+    settings = [*(assign or ()), *(f"thresholds.{each}" for each in threshold or ())]
+    settings += [] if duration is None else [f"duration={duration:g}"]
     then = "repeat the finished cases and resume this one"
     with study_session(target, workers, then, allow_code=allow_code) as session:
-        report = run(StabilityRequest(names or (), drive_option(drive)), session)
+        report = run(StabilityRequest(names or (), drive_option(drive), settings), session)
     cases = report.cases
     if output == "json":
         print_json(report.model_dump(mode="json"))

@@ -64,7 +64,8 @@ class StoredRuns:
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     """Read the runs of a store, with these columns beside those that every trade-off needs."""
     columns = store.columns
-    names = [*names, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS]
+    required = [*names]
+    names = [*required, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS]
     present = columns.schema.names
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     roles = axis_roles(sweep.axes, *sweep.zip)
@@ -81,7 +82,8 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
         scenarios=of("scenario"),
         seeds=values["seed"],
         labels=values["label"],
-        numbers={name: columns.numbers(name).values for name in names if name in present},
+        numbers=dict.fromkeys(required, np.full(len(values["run_id"]), np.nan))
+        | {name: columns.numbers(name).values for name in names if name in present},
         solref_rules=columns.strings(_SOLREF_RULE).categories if _SOLREF_RULE in present else (),
     )
 
@@ -256,7 +258,8 @@ def _excess(name: str, worst: float | None, tolerance: float) -> str:
 
 def idle_knobs(evaluated: Sequence[Evaluated]) -> list[str]:
     """Return the knobs that change no error by more than 1 %, and no label, all else equal."""
-    names = list(evaluated[0].values) if evaluated else []
+    known = any(each.summary.error is not None for each in evaluated)
+    names = list(evaluated[0].values) if known else []
     return [name for name in names if _is_idle(evaluated, name)]
 
 

@@ -69,16 +69,17 @@ def error_measure(
 
     Raises:
         SweepFileError: the store has no such column.
-        StoreError: no run has a value of it, or of any error.
+        StoreError: no run has a value of it, or of any error, though not every run failed.
     """
     if criteria.error is not None:
         _check_number(store, criteria.error)
     name = criteria.error or chosen_error(tolerances) or _measured_error(store, tolerances)
-    if not _is_measured(store, name):
+    if not _is_measured(store, name) and not _all_failed(store):
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
     described = store.columns.measured.get(name)
-    metadata = store.columns.schema.field(name).metadata or {}
+    schema = store.columns.schema
+    metadata = (schema.field(name).metadata if name in schema.names else None) or {}
     # What the errors measure is the same for all runs of a sweep.
     kinds = store.columns.strings("error_kind").categories if name in ERRORS else ()
     modelling = "modelling" if name == MODELLING else "metric"
@@ -109,12 +110,19 @@ def time_measure(store: Store) -> TimeMeasure:
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
     candidates = (ERRORS[0], MODELLING, *tolerances)
     measured = next((name for name in candidates if _is_measured(store, name)), None)
+    if measured is None and _all_failed(store):
+        return ERRORS[0]
     if measured is None:
         raise StoreError(
             f"{store.address} has neither an error nor a tolerated metric; sweep with "
             "`accuracy: {error: auto}`, or name a metric with --error"
         )
     return measured
+
+
+def _all_failed(store: Store) -> bool:
+    """Return whether no run was stable, so that there may be nothing to measure."""
+    return "stable" not in store.columns.strings("label").categories
 
 
 def _check_number(store: Store, name: str) -> None:

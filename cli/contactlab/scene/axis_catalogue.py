@@ -120,6 +120,9 @@ def _axes(base: CompiledScene, manifest: SceneManifest | None, engines: Engines)
     if base.model.njnt and "joint_speed" not in dict(own):
         text = "speed of every joint at the start, either way by seed"
         axes.append(AxisSpec("joint_speed", "rad/s", text, number(least=0)))
+    if "perturbation" not in dict(own):
+        text = "factor of what a seed perturbs the start by; 0 starts exactly where the scene says"
+        axes.append(AxisSpec("perturbation", "1", text, number()))
     taken = {"mass", "seed", "keyframe", *PARAMETERS, *EFFECTS}
     for name, _ in own:
         if name in taken:

@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import mujoco
@@ -253,24 +253,24 @@ class InitialStateRule:
 
     def nominal(self, initial: Mapping[str, float]) -> Floats:
         """Return (nq,) the configuration of some initial values, which no seed perturbs."""
-        return initial_states(replace(self, perturbed=()), [(initial, 0)]).qpos[0]
+        return initial_states(self, [(initial, 0, 0.0)]).qpos[0]
 
 
 def initial_states(
-    rule: InitialStateRule, runs: Sequence[tuple[Mapping[str, float], int]]
+    rule: InitialStateRule, runs: Sequence[tuple[Mapping[str, float], int, float]]
 ) -> InitialStates:
-    """Return the initial states for each run's initial values and seed."""
+    """Return the initial states for each run's initial values, seed, and factor of its offsets."""
     states = np.tile(rule.state, (len(runs), 1))
-    for row, (initial, seed) in zip(states, runs, strict=True):
+    for row, (initial, seed, factor) in zip(states, runs, strict=True):
         for formula, indices in rule.formulas:
             row[list(indices)] = computed(formula, initial)
-        if rule.perturbed:
+        if rule.perturbed and factor:
             offsets = np.random.default_rng(seed).uniform(-1, 1, len(rule.perturbed))
-            row[list(rule.perturbed)] += rule.scale * offsets
+            row[list(rule.perturbed)] += rule.scale * factor * offsets
     if rule.formulas or rule.perturbed:
         _normalise(states, rule)
     qpos, qvel, ctrl, applied, act, mocap = np.split(states, rule.ends[:-1], axis=1)
-    signals = tuple(control_signals(rule.profiles, initial) for initial, _ in runs)
+    signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
     return at_begin(InitialStates(qpos, qvel, ctrl, applied, act, mocap, signals))
 
 

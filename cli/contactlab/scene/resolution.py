@@ -72,6 +72,11 @@ class ResolvedRun:
         return as_number(self.settings.get("joint_speed", 0.0))
 
     @property
+    def start(self) -> tuple[Mapping[str, float], int, float]:
+        """Its initial values, its seed, and the factor of the seed's perturbation."""
+        return self.initial, self.seed, as_number(self.settings.get("perturbation", 1.0))
+
+    @property
     def steps(self) -> int:
         """Steps that cover the duration; at least one."""
         return steps_of(self.duration, self.timestep)

@@ -127,7 +127,7 @@ class RowGroup:
             for name, axes in ((name, deciding[name]) for name in varying)
         )
         self.places = {name: place for place, name in enumerate(varying)}
-        starting = {*first.initial, "keyframe", "joint_speed"}
+        starting = {*first.initial, "keyframe", "joint_speed", "perturbation"}
         self.starting = [place for place, name in enumerate(varying) if name in starting]
         self.identity = RunIdentity(self._base, first, scene.hash, varying)
 

@@ -250,7 +250,7 @@ class Scene:
     def _starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         if is_driven(runs[0].drive):
             return self._driving_of(runs[0]).starts(runs)
-        return initial_states(self._rule(runs[0]), [(run.initial, run.seed) for run in runs])
+        return initial_states(self._rule(runs[0]), [run.start for run in runs])
 
     def nudged(self, starts: InitialStates, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return initial states moved by up to 1e-6 m or rad, by each run's seed."""

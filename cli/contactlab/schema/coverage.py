@@ -167,6 +167,15 @@ class Coverage(Model):
         return frozenset(feature for feature, held in holds.items() if held)
 
 
+def _united(one: Any, other: Any) -> Any:  # noqa: ANN401 - JSON
+    """Return the larger of two numbers, all of two lists, and of tables this for each entry."""
+    if isinstance(one, dict) and isinstance(other, dict):
+        return {key: _united(one.get(key), other.get(key)) for key in {**one, **other}}
+    if isinstance(one, list) and isinstance(other, list):
+        return sorted({*one, *other})
+    return other if one is None else one if other is None else max(one, other)
+
+
 def feature_of(setting: str) -> Feature | None:
     """Return the feature that runs must exercise to show what a setting does, if it is known."""
     return next((each for start, each in _FEATURES.items() if setting.startswith(start)), None)
@@ -188,19 +197,19 @@ class Exercised:
 
     @classmethod
     def of(cls, rows: Iterable[Mapping[str, Any]]) -> "Exercised":
-        """Return what the runs of some rows of a table exercised."""
+        """Return what the runs of some rows of a table exercised, each part in any of them."""
         features: set[Feature] = set()
-        present: set[Feature] = set()
+        united: dict[str, Any] = {}
         drives: list[object] = []
         for row in rows:
             drives.append(json.loads(row.get("drive") or '"none"'))
             if row.get("coverage") is None:
                 features.update(get_args(Feature))
                 continue
-            coverage = Coverage.model_validate_json(row["coverage"])
-            features.update(coverage.exercised)
-            present.update(coverage.present)
-        return cls(frozenset(features), frozenset(present), tuple(drives))
+            features.update(Coverage.model_validate_json(row["coverage"]).exercised)
+            united = _united(united, json.loads(row["coverage"]))
+        whole = Coverage.model_validate(united)
+        return cls(whole.exercised | features, whole.present, tuple(drives))
 
     def lack(self, features: Collection[Feature]) -> str | None:
         """Say which features no run exercised, and name the drive that would; None if one did."""

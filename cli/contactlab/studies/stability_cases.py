@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from contactlab import resources
 from contactlab.errors import SweepFileError, did_you_mean
+from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie, menagerie_name
 from contactlab.schema.check_report import StabilityReport, StabilityResult
@@ -28,10 +29,12 @@ class StabilityRequest:
             generic checks of these; every case of the catalogue if empty.
         drive: what drives the runs; None for what sweep or scene say, and for an exercise of a
             model without either.
+        assign: settings of models, `NAME=VALUE` each, as those of a sweep.
     """
 
     names: Sequence[str] = ()
     drive: Drive | None = None
+    assign: Sequence[str] = ()
 
 
 class StabilityCase(NamedTuple):
@@ -47,6 +50,11 @@ class StabilityCase(NamedTuple):
     folder: Path
     origin: str
 
+    @property
+    def is_generic(self) -> bool:
+        """Whether it is the generic one of a model."""
+        return isinstance(self.source, str)
+
 
 def run(request: StabilityRequest, session: Session) -> StabilityReport:
     """Run hard cases, each into a store of its own; one that was interrupted is resumed.
@@ -55,16 +63,21 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
     are left out of the report.
 
     Raises:
-        SweepFileError: there is no such case.
+        SweepFileError: there is no such case, or a setting is wrong, or not of a model.
         OutputError: the session's folder cannot be written.
         StoppedError: the session was stopped.
     """
     cases = find_cases(request.names)
+    if request.assign and (shipped := [each.name for each in cases if not each.is_generic]):
+        raise SweepFileError(
+            f"{', '.join(request.assign)}: '{shipped[0]}' is a case with settings of its own; "
+            "give settings to a model, or to the case's sweep"
+        )
     for case in cases:
         session.claim(case.name, case.origin)
     results: list[StabilityResult] = []
     for number, case in enumerate(cases, 1):
-        result = _run_case(case, session, request.drive)
+        result = _run_case(case, session, request)
         session.notify(f"{number}/{len(cases)} {case.name}: {_verdict(result)}")
         results += [result] if result.runs else []
     return StabilityReport(tuple(results))
@@ -78,10 +91,10 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
 
 def is_model(name: str) -> bool:
     """Say whether a name is that of a model, and not of a case."""
-    return isinstance(find_cases([name])[0].source, str)
+    return find_cases([name])[0].is_generic
 
 
-def _run_case(case: StabilityCase, session: Session, drive: Drive | None) -> StabilityResult:
+def _run_case(case: StabilityCase, session: Session, request: StabilityRequest) -> StabilityResult:
     started = time.monotonic()
     store = session.folder / case.name
     sweep = read_request(
@@ -90,14 +103,15 @@ def _run_case(case: StabilityCase, session: Session, drive: Drive | None) -> Sta
         store,
         folder=case.folder,
         workers=session.workers,
-        drive=drive,
+        overrides=Overrides(request.assign),
+        drive=request.drive,
         bare="exercise",
         fresh=(store / "manifest.json").is_file(),
         partly=True,
     )
     rows = session.run(sweep).table.to_pylist() if sweep.plan.count else []
     seconds = time.monotonic() - started
-    return _result(sweep, rows, seconds, whole=isinstance(case.source, str))
+    return _result(sweep, rows, seconds, whole=case.is_generic)
 
 
 def _case(name: str, known: dict[str, Path]) -> StabilityCase:
@@ -116,8 +130,8 @@ def _case(name: str, known: dict[str, Path]) -> StabilityCase:
 _GENERIC = """\
 version: 1
 scene: "{scene}"
-description: Generic checks of a model, from slightly different starts
-seeds: 3
+description: Generic checks of a model, from its start and from two slightly off, either way
+axes: {{perturbation: [0, 1, -1]}}
 checks: all
 trace: flagged
 expect:

@@ -7,6 +7,8 @@ import mujoco
 import pytest
 
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
+from contactlab.store.finished_store import Store
+from contactlab.studies.check import checked_model
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]
@@ -131,3 +133,20 @@ def test_evidence_of_remedies_is_kept(checked: Checked, tmp_path: Path) -> None:
     assert report.remedies
     assert (tmp_path / "check/remedies/1/run/manifest.json").is_file()
     assert (tmp_path / "check/remedies/times/manifest.json").is_file()
+
+
+def test_remedies_take_no_more_steps_than_they_may(
+    checked: Checked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assign = ("solref=0.02 0.2", "timestep=0.005", "impratio=1")
+    free = checked("gripping_pad", "timestep", "hold", assign=assign, remedies=False)
+    monkeypatch.setattr(checked_model, "_MOST_REMEDY_STEPS", most := 500)
+    report = checked("gripping_pad", "timestep", "hold", assign=assign)
+    assert [(each.name, each.verdict) for each in report.checks] == [
+        (each.name, each.verdict) for each in free.checks
+    ]
+    assert any("remedies would take" in note and f"at most {most}" in note for note in report.notes)
+    stores = [Store.open(each.parent) for each in tmp_path.glob("check/remedies/*/*/manifest.json")]
+    records = [each for store in stores for each in store.records()]
+    assert records
+    assert sum(round(each.duration / each.settings["timestep"]) for each in records) <= most

@@ -6,6 +6,7 @@ import pytest
 
 from contactlab.errors import SweepFileError
 from contactlab.schema.check_report import StabilityReport
+from contactlab.store.finished_store import Store
 from contactlab.studies.session import Session
 from contactlab.studies.stability_cases import StabilityRequest, find_cases, run
 
@@ -24,3 +25,35 @@ def test_every_case_is_reported_as_data(tmp_path: Path) -> None:
 def test_an_unknown_case_is_refused_with_a_hint() -> None:
     with pytest.raises(SweepFileError, match="did you mean 'free_fall'"):
         find_cases(["fre_fall"])
+
+
+ARM = """<mujoco>
+  <worldbody><body><joint name="hinge" axis="0 1 0" damping="1"/>
+    <geom type="capsule" fromto="0 0 0 .3 0 0" size=".02" contype="0" conaffinity="0"/>
+  </body></worldbody>
+  <actuator><position joint="hinge" kp="50" kv="5" ctrlrange="-1 1"/></actuator>
+  <keyframe><key qpos="0.25" ctrl="0.25"/></keyframe>
+</mujoco>"""
+
+
+def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
+    (tmp_path / "arm.xml").write_text(ARM)
+    settings = ("duration=0.1", "trace=all", "timestep=1e-3", "thresholds.penetration_steady=1e-3")
+    request = StabilityRequest((str(tmp_path / "arm.xml"),), "hold", settings)
+    (case,) = run(request, Session(tmp_path / "out")).cases
+    store = Store.open(Path(case.store))
+    records = [store.record(run) for run in store.table["run_id"].to_pylist()]
+    first, *others = (float(store.trace(record).qpos[0, 0]) for record in records)
+    assert first == 0.25
+    # What a seed moves without a manifest: each joint by up to 0.1 mrad.
+    assert all(0 < abs(other - 0.25) <= 1e-4 for other in others)
+    assert others
+    assert {record.drive for record in records} == {"hold"}
+    assert {(record.duration, record.settings["timestep"]) for record in records} == {(0.1, 1e-3)}
+    assert store.manifest.sweep.resolved["thresholds"] == {"penetration_steady": 1e-3}
+
+
+def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
+    request = StabilityRequest(("free_fall",), assign=("duration=1",))
+    with pytest.raises(SweepFileError, match="'free_fall' is a case with settings of its own"):
+        run(request, Session(tmp_path))

@@ -80,7 +80,7 @@ class Driving:
         Raises:
             SceneError: a run is too long for the drive's file, or its steps too long for the noise.
         """
-        starts = initial_states(self._rule, [(run.initial, run.seed) for run in runs])
+        starts = initial_states(self._rule, [run.start for run in runs])
         fields, signals, held = starts._asdict(), list(starts.signals), self._held
         addresses = np.asarray(self._model.actuator_actadr)[held]
         addresses = addresses[addresses >= 0]

@@ -22,12 +22,21 @@ from contactlab.studies.session import Session, Values
 NOMINAL_STORE, HOLD_STORE = "run", "hold"
 """Names of the stores of the nominal run, that of the model as it is, and of one that holds."""
 
-_MOST_STEPS = 300_000
-"""Steps of a run that a check makes at most, beside the nominal one."""
+_MOST_STEPS, _MOST_REMEDY_STEPS = 300_000, 600_000
+"""Steps that a run of a check takes at most, beside the nominal one, and all remedies together."""
+_SMALL = 10
+"""Degrees of freedom up to which a model may take so many steps; larger ones take fewer."""
 
 
 class TooLongError(SweepFileError):
     """A run that a check would make takes too long, or too much memory."""
+
+
+@dataclass
+class StepCount:
+    """Steps of the remedies so far."""
+
+    taken: int = 0
 
 
 def axis_value(name: str, value: object) -> object:
@@ -62,6 +71,7 @@ class CheckedModel:
     kind_reason: str
     brief: bool = False
     _written: set[str] = field(default_factory=set[str])
+    _remedies: StepCount = field(default_factory=StepCount)
 
     def trying(self, settings: Values, folder: str) -> "CheckedModel":
         """Return the model with more settings, its brief runs in a folder below this one's."""
@@ -126,7 +136,18 @@ class CheckedModel:
         """Say whether a run of a duration [s] at a timestep [s] is short enough to be made."""
         steps = steps_of(seconds, timestep)
         model = self.scenes.open(scene or self.reference).base({}).model
-        return steps <= _MOST_STEPS and bytes_of_run(model, steps) <= RUN_BYTES
+        return steps <= self._at_most(_MOST_STEPS) and bytes_of_run(model, steps) <= RUN_BYTES
+
+    def _at_most(self, steps: int) -> int:
+        """Return how many steps take as long as so many of a small model."""
+        return steps * _SMALL // max(_SMALL, self.base.model.nv)
+
+    def _count(self, steps: int) -> None:
+        """Count steps of a remedy; raise TooLongError if all together would take too many."""
+        most, total = self._at_most(_MOST_REMEDY_STEPS), self._remedies.taken + steps
+        if total > most:
+            raise TooLongError(f"remedies would take {total:,} steps; at most {most:,} are made")
+        self._remedies.taken = total
 
     def run(
         self,
@@ -149,11 +170,14 @@ class CheckedModel:
         seconds = self.duration if duration is None else duration
         drive = drive or (self.drive if scene is None else None)
         whole = [dict(row) if scene else {**self.values, **row} for row in rows]
-        for step in (as_number(row["timestep"]) for row in whole if "timestep" in row):
+        timesteps = [as_number(row.get("timestep", self.resolved.timestep)) for row in whole]
+        for step in timesteps:
             bounded = self.brief or name != NOMINAL_STORE
             if bounded and not self.fits(step, seconds, scene):
                 steps = steps_of(seconds, step)
                 raise TooLongError(f"a run of {seconds:g} s would take {steps:,} steps")
+        if self.brief:
+            self._count(sum(steps_of(seconds, step) for step in timesteps))
         sweep = {
             "version": 1,
             "scene": scene or self.reference,

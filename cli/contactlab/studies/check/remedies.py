@@ -20,7 +20,7 @@ from contactlab.scene.scene_source import SceneSource
 from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import CheckName, CheckResult, Edit, Finding, Remedy
 from contactlab.studies.check.check_results import findings_of, mjcf_text, settings_text
-from contactlab.studies.check.checked_model import CheckedModel
+from contactlab.studies.check.checked_model import CheckedModel, TooLongError
 from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
 from contactlab.studies.check.free_motion_check import steadier
 from contactlab.studies.check.hold_check import firmer, harder, shorter_steps
@@ -162,7 +162,11 @@ def find_remedies(
     for name in _PROPOSALS:
         if name in aims:
             search.mend(name)
-    times = _times(checked, [settings for settings, _ in search.found]) if search.found else []
+    times: list[float | None] = [None] * len(search.found)
+    try:
+        times = _times(checked, [settings for settings, _ in search.found]) if times else []
+    except TooLongError as error:
+        search.notes.append(f"what the changes cost was not measured: {error}")
     remedies = tuple(
         Remedy(
             settings={name: as_written(value) for name, value in settings.items()},
@@ -180,7 +184,9 @@ def _times(checked: CheckedModel, changes: Sequence[Values]) -> list[float | Non
     rows: list[Values] = [{"timestep": checked.resolved.timestep}]
     for settings in changes:
         rows.append({**rows[-1], **settings})
-    runs = checked.trying({}, "remedies").run(
+    # Fewer runs than were tried, and so not counted among these.
+    priced = replace(checked.trying({}, "remedies"), brief=False)
+    runs = priced.run(
         "times", "What the remedies cost", rows, trace="none", timing={"rounds": _ROUNDS}
     )
     times = [each.record.timing and each.record.timing.time_min for each in runs]
