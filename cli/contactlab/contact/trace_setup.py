@@ -42,6 +42,7 @@ class Barrier:
         normal: (3,) unit normal of the thin direction [world].
         reach: radius [m] about `point`, within the mid-plane, that the barrier surely covers;
             infinite for a plane.
+        centre: of the geom that it stops, in the frame of the free body [m].
     """
 
     pair: int
@@ -49,6 +50,7 @@ class Barrier:
     point: Floats
     normal: Floats
     reach: float
+    centre: Floats = field(default_factory=lambda: np.zeros(3))
 
 
 @dataclass(frozen=True)
@@ -152,6 +154,8 @@ class Setup:
         hold: when the subject should be held; None where nothing should.
         limits_act: (n,) whether limits of joints and tendons are on; None where all are.
         mechanism: what of the model can move and hold; None where that is not asked about.
+        weights: (P,) weight of the lighter side of each pair at 9.81 m/s^2 [N]; None if not known.
+        springs: whether joints or tendons have springs.
     """
 
     settings: Mapping[str, Sequence[object]]
@@ -176,6 +180,8 @@ class Setup:
     hold: HoldWindow | None = None
     limits_act: NDArray[np.bool_] | None = None
     mechanism: Mechanism | None = None
+    weights: Floats | None = None
+    springs: bool = False
 
     def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""

@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import Floats, SelfChecks, Trace
 from contactlab.engines.engine import PreparedRuns, Proceed, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, start_batch
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import MonitoredPair, colliding
+from contactlab.scene.contact_pairs import colliding
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _JACOBIAN_SAMPLES = 16
@@ -22,6 +22,8 @@ _TIGHT = 1e-12
 _MOST_ITERATIONS = 1000
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+_NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
+_FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
 class _Repetition(NamedTuple):
@@ -126,14 +128,22 @@ def _geometry(
     """Return (L,) overlaps without contact [m], and distances beyond those of contacts [m]."""
     data = mujoco.MjData(model)
     overlap, apart = np.zeros(len(steps)), np.zeros(len(steps))
+    if model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT):
+        return overlap, apart
     speculative = _is_speculative(model)
-    pairs = zip(base.pairs, trace.pairs, strict=True)
-    monitored = [each for each in pairs if colliding(model, each[0])]
+    # Effects that are off where nothing needs them take the function that measures distances along.
+    own = base.model.opt.disableflags & _NATIVE_CCD
+    model = copy.copy(model)
+    model.opt.disableflags = model.opt.disableflags & ~_NATIVE_CCD | own
+    collided = (
+        (colliding(model, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
+    )
+    monitored = [each for each in collided if each[0] and not _has_fields(model, each[0])]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
-        for pair, recorded in monitored:
-            distance = _distance(model, data, pair)
+        for geoms, recorded in monitored:
+            distance = _distance(model, data, geoms)
             slots = recorded.slots[run, step]
             touching = slots[:, 0] > 0
             if not touching.any():
@@ -143,13 +153,14 @@ def _geometry(
     return overlap, apart
 
 
-def _distance(model: mujoco.MjModel, data: mujoco.MjData, pair: MonitoredPair) -> float:
-    """Return the signed distance of a pair by a function that shares nothing with contacts."""
-    return min(
-        mujoco.mj_geomDistance(model, data, first, second, 1.0, None)
-        for first in pair.geoms[0]
-        for second in pair.geoms[1]
-    )
+def _has_fields(model: mujoco.MjModel, geoms: list[tuple[int, int]]) -> bool:
+    """Return whether some geoms are height or distance fields, which have no convex distance."""
+    return bool(np.isin(model.geom_type[np.array(geoms)], _FIELDS).any())
+
+
+def _distance(model: mujoco.MjModel, data: mujoco.MjData, pairs: list[tuple[int, int]]) -> float:
+    """Return the signed distance of geoms by a function that shares nothing with contacts."""
+    return min(mujoco.mj_geomDistance(model, data, *pair, 1.0, None) for pair in pairs)
 
 
 def _is_speculative(model: mujoco.MjModel) -> bool:

@@ -8,12 +8,21 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
+from contactlab.contact.trace_arrays import (
+    DISTANCE,
+    FORCE,
+    Floats,
+    PairSeries,
+    SelfChecks,
+    Trace,
+)
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")
 
+_HAIR = 0.1
+"""Share of the thinner body's half extent that a start may be deep."""
 _ROUNDING = 1e-6
 """Share of a step by which a time may miss a whole number of steps."""
 
@@ -143,6 +152,37 @@ def energy_budget(context: Context) -> Floats:
     """
     heights = potential(context)
     return kinetic(context)[:, 0] + heights[:, 0] - heights.min(axis=1)
+
+
+def lasting_rise(context: Context, course: Floats) -> Floats:
+    """Return (n,) the most that a course of energies (n, N) rises to.
+
+    With springs it counts only what is exceeded in all of a quarter of the run: each step takes the
+    forces at its start, so that the energy of an oscillation swings by up to half its phase, there
+    and back.
+    """
+    if not context.setup.springs:
+        return course.max(axis=1)
+    quarters = np.array_split(course, 4, axis=1)
+    return np.max([each.min(axis=1) for each in quarters if each.size], axis=0)
+
+
+@cached
+def stored_at_start(context: Context) -> Floats:
+    """Return (n,) the energy [J] that contacts may have stored at the start: force times depth.
+
+    At most what lifts everything by a tenth of the half extent of the largest of their thinner
+    geoms: bodies that start deeper in each other, or are thrown higher, have no excuse.
+    """
+    stored, hair = np.zeros(context.trace.runs), np.zeros(context.trace.runs)
+    for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
+        first = pair.slots[:, 0]
+        depth = np.maximum(-first[..., DISTANCE], 0)
+        energies = (first[..., FORCE.start] * depth).sum(axis=1)
+        allowed = _HAIR * (thickness if np.isfinite(thickness) else 0)
+        stored += energies
+        hair = np.maximum(hair, np.where(energies > 0, allowed, 0))
+    return np.minimum(stored, context.setup.moving_mass * gravity(context) * hair)
 
 
 def free_mass(context: Context) -> Floats:

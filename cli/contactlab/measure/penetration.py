@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import (
@@ -98,12 +99,14 @@ def penetration_steady(context: Context) -> Floats:
     return worst_pair(context, steady_by_pair(context))
 
 
-@metric("m/s", "lower", 1e-9, tolerance=1e-4, requires="depth")
+@metric("m/s", "lower", 1e-9, tolerance=1e-4, version=2, requires="depth")
 def penetration_growth(context: Context) -> Floats:
     """Rate at which resting pairs sink into each other in the last half of the run.
 
     Median penetration of the last quarter minus that of the third quarter, over a quarter of the
-    run; worst pair. Only pairs that touch in 90 % of the last half count, since others bounce.
+    run; worst pair. What follows a load that grows is no sinking: the earlier penetration counts
+    in proportion to the median normal force. Only pairs that touch in 90 % of the last half count,
+    since others bounce.
     """
     steps = context.trace.steps
     quarter = steps // 4
@@ -112,13 +115,21 @@ def penetration_growth(context: Context) -> Floats:
     apart = quarter * context.trace.timestep
     half = slice(steps - 2 * quarter, None)
 
-    def slope(touching: NDArray[np.bool_], depth: Floats) -> Floats:
-        before = np.median(depth[:, half][:, :quarter], axis=1)
-        after = np.median(depth[:, half][:, quarter:], axis=1)
+    def medians(values: Floats) -> tuple[Floats, Floats]:
+        third, last = values[:, half][:, :quarter], values[:, half][:, quarter:]
+        return np.median(third, axis=1), np.median(last, axis=1)
+
+    def slope(index: int, touching: NDArray[np.bool_], depth: Floats) -> Floats:
+        before, after = medians(depth)
         resting = touching[:, half].mean(axis=1) >= _RESTING
+        if context.series:
+            # Contacts do not soften with depth: twice the load makes them at most twice as deep.
+            load, later = medians(context.series[index].normal)
+            before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
         return np.where(resting, (after - before) / apart, np.nan)
 
-    return worst_pair(context, [slope(*pair) for pair in contact_depths(context)])
+    pairs = enumerate(contact_depths(context))
+    return worst_pair(context, [slope(index, *pair) for index, pair in pairs])
 
 
 @metric("m", "higher", 1e-9, requires="depth")
@@ -191,13 +202,17 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 
 def _crossed(context: Context) -> Found:
-    """Find the first step in which a body's origin passes a barrier.
+    """Find the first step in which the centre of what a barrier stops passes it.
 
     It passes where its signed height over the mid-plane changes sign within the barrier's reach;
     between two states it moves in a straight line.
     """
     for barrier in context.setup.barriers:
         place = context.position(barrier.body)
+        if barrier.centre.any():
+            turned = barrier.body.qpos + 3
+            rotation = context.trace.qpos[:, :, turned : turned + 4]
+            place = place + rotate(rotation, barrier.centre)
         height = np.full(place.shape[:2], -float(barrier.point @ barrier.normal))
         for axis in np.flatnonzero(barrier.normal).tolist():
             height += place[:, :, axis] * barrier.normal[axis]

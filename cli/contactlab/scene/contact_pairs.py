@@ -23,6 +23,10 @@ from contactlab.schema.scene_manifest import PairEntry
 MAX_PAIRS = 64
 _SEARCH_STEPS = 2000
 _MANY_SLOTS = 16
+_MOST_SLOTS = 50
+"""What MuJoCo makes of two geoms at most: mjMAXCONPAIR; only height fields need so many."""
+_SLOTS_ON_FIELDS = 400
+"""Slots for all that touches height fields, each of which takes 184 bytes a step."""
 _GEOM = mujoco.mjtGeom
 
 
@@ -70,7 +74,12 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     pairs = [each for each in combinations(range(model.ngeom), 2) if may_touch(model, *each)]
     if len(pairs) > MAX_PAIRS:
         pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
-    return tuple(_geom_pair(model, first, second, None) for first, second in pairs)
+    rough = [bool((model.geom_type[[*each]] == _GEOM.mjGEOM_HFIELD).any()) for each in pairs]
+    shared = min(_MOST_SLOTS, max(_MANY_SLOTS, _SLOTS_ON_FIELDS // max(sum(rough), 1)))
+    return tuple(
+        _geom_pair(model, *each, shared if on_field else None)
+        for each, on_field in zip(pairs, rough, strict=True)
+    )
 
 
 def _entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
@@ -150,7 +159,7 @@ def may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
 def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
     """Apply the filters of MuJoCo's documentation, Computation > Collision > Selection."""
     weld1, weld2 = int(model.body_weldid[first]), int(model.body_weldid[second])
-    if weld1 == weld2:
+    if weld1 == weld2 or not model.body_dofnum[[weld1, weld2]].any():
         return True
     signature = (min(first, second) << 16) + max(first, second)
     if signature in model.exclude_signature:

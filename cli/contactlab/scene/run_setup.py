@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 import mujoco
 import numpy as np
 
+from contactlab.contact.rotations import rotate_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import (
     Barrier,
@@ -17,7 +18,7 @@ from contactlab.contact.trace_setup import (
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding, half_extent
 from contactlab.scene.initial_states import quaternions
-from contactlab.scene.mechanism import find_mechanism
+from contactlab.scene.mechanism import STANDARD_GRAVITY, find_mechanism
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import FileDrive
 from contactlab.schema.scene_manifest import SceneManifest
@@ -65,6 +66,8 @@ def make_setup(
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=HoldWindow(*np.transpose(windows)) if holding else None,
         mechanism=find_mechanism(base.model),
+        weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
+        springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in models),
     )
 
 
@@ -118,25 +121,34 @@ def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[B
     mujoco.mj_kinematics(model, data)
     for index, pair in enumerate(base.pairs):
         for wall, other in ((0, 1), (1, 0)):
-            geom, mover = pair.geoms[wall][0], int(model.geom_bodyid[pair.geoms[other][0]])
+            geom, mover = pair.geoms[wall][0], pair.geoms[other][0]
             still = model.body_weldid[model.geom_bodyid[geom]] == 0
-            body = bodies.get(int(model.body_weldid[mover]))
+            root = int(model.body_weldid[model.geom_bodyid[mover]])
+            body = bodies.get(root)
             if pair.bodies or not still or body is None:
                 continue
             point, axes = data.geom_xpos[geom].copy(), data.geom_xmat[geom].reshape(3, 3)
-            size = model.geom_size[geom]
+            offset = data.geom_xpos[mover] - data.xpos[root]
+            centre, size = rotate_back(data.xquat[root], offset), model.geom_size[geom]
             if int(model.geom_type[geom]) == _GEOM.mjGEOM_PLANE:
-                yield Barrier(index, body, point, axes[:, 2].copy(), np.inf)
+                yield Barrier(index, body, point, axes[:, 2].copy(), np.inf, centre)
             elif int(model.geom_type[geom]) == _GEOM.mjGEOM_BOX:
                 thin = int(np.argmin(size))
                 reach = float(np.delete(size, thin).min())
-                yield Barrier(index, body, point, axes[:, thin].copy(), reach)
+                yield Barrier(index, body, point, axes[:, thin].copy(), reach, centre)
 
 
 def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return half the smallest extent of the pair's thinnest geom that can collide [m]."""
     touching = {geom for both in colliding(model, pair) for geom in both}
     return min((half_extent(model, geom) for geom in touching), default=np.inf)
+
+
+def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+    """Return the weight of the lighter side of a pair, with all that hangs on it [N]."""
+    roots = [int(model.body_weldid[model.geom_bodyid[side[0]]]) for side in pair.geoms]
+    masses = [model.body_subtreemass[root] if root else np.inf for root in roots]
+    return float(min(masses)) * STANDARD_GRAVITY
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:
