@@ -241,6 +241,15 @@ class TestDepth:
         trace = trace_of(1, 1000, pairs=(pair_of(1, 1000, normal=1.0, distance=-depth),))
         assert only(trace, setup_of(trace)).label == label
 
+    @pytest.mark.parametrize(("power", "label"), [(1.0, "stable"), (0.5, "penetration_growth")])
+    def test_depth_in_proportion_to_its_load_is_no_growth(
+        self, pair_of: Any, trace_of: Any, setup_of: Any, power: float, label: str
+    ) -> None:
+        load = (1 + np.arange(1000) / 500)[None, :, None]
+        pair = pair_of(1, 1000, normal=load**power, distance=-1e-3 * load)
+        trace = trace_of(1, 1000, pairs=(pair,))
+        assert only(trace, setup_of(trace)).label == label
+
 
 class TestFriction:
     def pad(self, pair_of: Any, trace_of: Any, slides: Any) -> Any:

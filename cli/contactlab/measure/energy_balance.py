@@ -9,7 +9,6 @@ from contactlab.measure.context import (
     energy,
     first_step,
     kinetic,
-    lasting_rise,
     peak_kinetic,
     potential,
 )
@@ -77,7 +76,7 @@ def integration_gain(context: Context) -> Floats:
     lifts all that moves by 1 mm. Where nothing but gravity, springs and contacts acts, it is what
     changed in steps without contact. Else not defined with RK4, flexes and plug-ins.
     """
-    return lasting_rise(context, _unexplained(context))
+    return _unexplained(context).max(axis=1)
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")
@@ -86,7 +85,7 @@ def integration_loss(context: Context) -> Floats:
 
     See integration_gain.
     """
-    return lasting_rise(context, -_unexplained(context))
+    return -_unexplained(context).min(axis=1)
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")

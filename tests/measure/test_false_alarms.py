@@ -1,0 +1,93 @@
+"""What only looks like a failure is stable, and what fails beside it is still found."""
+
+from typing import Any
+
+import pytest
+
+WORLD = (
+    '<mujoco>{option}<worldbody><geom name="floor" type="{floor}"/>{bodies}</worldbody></mujoco>'
+)
+PLANE = 'plane" size="2 2 .1'
+
+
+def world(bodies: str, floor: str = PLANE, option: str = "") -> str:
+    return WORLD.format(bodies=bodies, floor=floor, option=option)
+
+
+def standing(solref: float, height: float) -> str:
+    """A box whose frame is in the middle of its lower face."""
+    return world(
+        f'<body pos="0 0 {height}"><freejoint/><geom type="box" size=".05 .05 .05" pos="0 0 .05" '
+        f'solref="{solref} 1" priority="1" mass="1"/></body>'
+    )
+
+
+def deep(depth: float, radius: float, solref: str) -> str:
+    return world(
+        f'<body pos="0 0 {radius - depth}"><freejoint/><geom size="{radius}" mass="1" '
+        f'solref="{solref}" priority="1"/></body>'
+    )
+
+
+def spring(stiffness: float, timestep: float, more: str = "") -> str:
+    option = f'<option timestep="{timestep}" gravity="0 0 0">{more}</option>'
+    return (
+        f'<mujoco>{option}<worldbody><body><joint type="slide" stiffness="{stiffness}"/>'
+        '<geom size=".05" mass="1"/></body></worldbody><keyframe><key qpos=".1"/></keyframe>'
+        "</mujoco>"
+    )
+
+
+FIELD = """<mujoco><asset><hfield name="hills" nrow="20" ncol="20" size="1 1 .2 .1"/></asset>
+<worldbody><geom type="hfield" hfield="hills"/><body pos="0 0 .06"><freejoint/>
+<geom type="box" size=".3 .3 .05" mass="1"/></body></worldbody>
+<keyframe><key qvel="0 0 {speed} 0 0 0"/></keyframe></mujoco>"""
+FREE = '<body pos="1 0 .1"><freejoint/><geom type="box" size=".1 .1 .1" mass="1"/></body>'
+STATIC = '<body mocap="true" pos="0 0 {height}"><geom size=".1"/></body>' + FREE
+FLOATING = (
+    '<body pos="0 0 .048"><freejoint/><geom type="box" size=".05 .05 .05" margin="{}"/></body>'
+)
+OFF = '<option gravity="0 0 0"><flag contact="{}"/></option>'
+SKIRT = (
+    '<body pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05" mass="1" margin="{}"/>'
+    '<geom name="skirt" pos="0 0 -.03" size=".05" mass=".01" contype="0" conaffinity="0"/></body>'
+)
+SINKING = standing(2.0, 0.0)
+WEIGHTLESS = '<option gravity="0 0 0"/>'
+
+# Healthy, failing, and the label of the failing one.
+LOOKALIKES = {
+    "a frame on the surface": (standing(0.02, 0.0), SINKING, "tunneling"),
+    "contacts with a height field": (
+        FIELD.format(speed=0),
+        FIELD.format(speed=-100),
+        "tunneling",
+    ),
+    "contact that is switched off": (
+        world(FLOATING.format(0), option=OFF.format("disable")),
+        world(FLOATING.format(-0.005), option=OFF.format("enable")),
+        "missed_contact",
+    ),
+    "a mocap body in the floor": (
+        world(STATIC.format(height=0.02)),
+        world(FLOATING.format(-0.005), option=WEIGHTLESS),
+        "missed_contact",
+    ),
+    "an undamped spring": (spring(1000, 0.005), spring(410000, 0.005), "energy_injection"),
+    "a start a hair deep": (
+        deep(0.002, 0.05, ".02 1"),
+        deep(0.03, 0.05, ".01 .1"),
+        "energy_injection",
+    ),
+}
+SWEEP = "version: 1\nscene: model.xml\nduration: 1\ndrive: none\ntrace: none\nchecks: all\n"
+
+
+@pytest.mark.parametrize("name", LOOKALIKES)
+def test_only_what_fails_is_flagged(sweeper: Any, name: str) -> None:
+    healthy, failing, label = LOOKALIKES[name]
+    for model, expected in ((healthy, "stable"), (failing, label)):
+        (sweeper.folder / "model.xml").write_text(model)
+        sweeper.run(SWEEP, expected)
+        (row,) = sweeper.rows(expected)
+        assert expected in row["labels"], (row["labels"], row["label_reason"])
