@@ -15,7 +15,8 @@ ORDER = (
     "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence broken tunneling "
     "missed_contact constraint_violated phantom_contact energy_injection energy_loss "
     "penetration_growth exploited deep_penetration drift chatter constraint_gain slipping "
-    "unsettled creep unexpected_slide unexpected_stick oracle_miss contacts_cut stable"
+    "unsettled creep pair_expectation unexpected_slide unexpected_stick oracle_miss contacts_cut "
+    "stable"
 )
 
 

@@ -40,6 +40,10 @@ GOOD: dict[str, Any] = {
     "exclude": [{"where": "timestep > 1e-3", "solref": "0.02 1"}, {"multiccd": True}],
     "include": [{"timestep": 1e-4}],
     "effects": {"energy": False},
+    "pairs": [
+        {"pair": "floor-ball", "mode": "apart", "to": 0.3},
+        {"body": "ball", "mode": {"last": "stick"}, "force": {"max": 9}, "depth": {"max": 1e-3}},
+    ],
     "tolerances": {"penetration_max": 1e-3, "energy_gain": "1%"},
     "thresholds": {"chatter": 5},
     "expect": [
@@ -82,6 +86,9 @@ BAD: list[dict[str, Any]] = [
     {"effects": {"energy": "auto"}},
     {"tolerances": {"energy_gain": "1 percent"}},
     {"expect": [{"label": []}]},
+    {"pairs": [{"mode": "roll"}]},
+    {"pairs": [{"depth": {"max": -1}}]},
+    {"pairs": [{"mode": {"middle": "stick"}}]},
     {"trace": "sample:0"},
     {"accuracy": {"error": "global"}},
     {"accuracy": {"refine": 1}},

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 
 SlipMode = Literal["stick", "slide"]
+PairMode = Literal["stick", "slide", "apart", "rolls"]
 QUARTER_TURN = np.pi / 2
 """What angles are large or small against [rad]."""
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
@@ -64,6 +65,38 @@ class HoldWindow:
 
     start: Floats
     stop: Floats
+
+
+@dataclass(frozen=True)
+class ExpectedContact:
+    """What some monitored pairs should do in n runs.
+
+    Attributes:
+        name: what it is said of.
+        pairs: their indices in the trace.
+        window: (n, 2) from when to when [s]; NaN in runs that it is not said of.
+        timed: whether times are given, between which they should touch all the time.
+        mode: `apart`, or what they should do whenever they touch.
+        first: what each should do when first in contact.
+        last: likewise.
+        force: least and greatest sum of their normal forces [N].
+        depth: greatest penetration [m].
+    """
+
+    name: str
+    pairs: tuple[int, ...]
+    window: Floats
+    timed: bool = False
+    mode: PairMode | None = None
+    first: SlipMode | None = None
+    last: SlipMode | None = None
+    force: tuple[float, float] = (-np.inf, np.inf)
+    depth: float = np.inf
+
+    @property
+    def is_more_than_ends(self) -> bool:
+        """Whether it says anything but how pairs begin and end."""
+        return (self.mode, self.force, self.depth) != (None, (-np.inf, np.inf), np.inf)
 
 
 @dataclass(frozen=True)
@@ -144,8 +177,7 @@ class Setup:
         thickness: (P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes.
         slots: (P,) contact slots recorded for each pair.
         duration: (n,) requested simulated time [s].
-        first_mode: the mode that every monitored pair should start in, if the scene expects one.
-        last_mode: the mode that every monitored pair should end in, likewise.
+        expected: what monitored pairs should do.
         oracle: name of the scene's closed form, if it has one.
         oracle_tolerance: largest accepted relative or absolute oracle error, as the oracle defines.
         thresholds: label thresholds by name, over the defaults.
@@ -171,8 +203,7 @@ class Setup:
     thickness: Floats
     slots: NDArray[np.int32]
     duration: Floats
-    first_mode: SlipMode | None = None
-    last_mode: SlipMode | None = None
+    expected: tuple[ExpectedContact, ...] = ()
     oracle: str | None = None
     oracle_tolerance: float = np.inf
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -197,6 +228,7 @@ class Setup:
             gravity=self.gravity[rows],
             moving_mass=self.moving_mass[rows],
             duration=self.duration[rows],
+            expected=tuple(replace(each, window=each.window[rows]) for each in self.expected),
             limits_act=None if self.limits_act is None else self.limits_act[rows],
             speculative=None if self.speculative is None else self.speculative[rows],
             hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),

@@ -1,27 +1,18 @@
-"""Friction: slip, creep and what the cone allows; labels of what should stick or slide."""
+"""Friction: slip, creep and what the cone allows."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import SLIDE, STICK, Floats, PairSeries
-from contactlab.contact.trace_setup import SlipMode
+from contactlab.contact.trace_arrays import STICK, Floats, PairSeries
 from contactlab.measure.context import Context, cached, worst_pair
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.stick_slip import Modes, changes, spans
+from contactlab.measure.stick_slip import changes
 
-_MODES: dict[SlipMode, int] = {"stick": STICK, "slide": SLIDE}
 _CREEP_SPEED = Threshold(
     "creep_speed",
     None,
     "m/s",
     "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
-)
-_MODE_HOLD = Threshold(
-    "mode_hold",
-    0.02,
-    "s",
-    "Shortest time that a mode lasts to count as the first or the last of a pair. Measured: "
-    "sliding is told from sticking to within 4 to 24 ms.",
 )
 
 
@@ -100,44 +91,3 @@ def creep(runs: MeasuredRuns) -> Found:
     for run, speed, limit in runs.over("creep_speed"):
         reason = f"a pair that sticks slips at {speed:.3g} m/s (limit {limit:g} m/s)"
         yield run, Finding(reason, runs.context.last_fifth.start)
-
-
-@label(24, (_MODE_HOLD,))
-def unexpected_slide(runs: MeasuredRuns) -> Found:
-    """A pair slides first or last, where the scene expects it to stick."""
-    return _unexpected(runs, "stick", "slide")
-
-
-@label(20, (_MODE_HOLD,))
-def unexpected_stick(runs: MeasuredRuns) -> Found:
-    """A pair sticks first or last, where the scene expects it to slide."""
-    return _unexpected(runs, "slide", "stick")
-
-
-def _unexpected(runs: MeasuredRuns, wanted: SlipMode, met: SlipMode) -> Found:
-    setup = runs.context.setup
-    for when, place, mode in (("first", 0, setup.first_mode), ("last", -1, setup.last_mode)):
-        for series in runs.context.series if mode == wanted else ():
-            for run, lasting in _lasting_modes(series.mode, runs).items():
-                value, step = lasting[place]
-                if value == _MODES[met]:
-                    yield (
-                        run,
-                        Finding(f"{series.name} should {wanted} {when}, but does {met}", step),
-                    )
-
-
-def _lasting_modes(mode: Modes, runs: MeasuredRuns) -> dict[int, list[tuple[int, int]]]:
-    """Return by run the modes that last, in order, each with its first step."""
-    shortest = np.ceil(runs.limits["mode_hold"] / runs.context.trace.timestep - 1e-6)
-    lasting = sorted(
-        (run, start, value)
-        for value in (STICK, SLIDE)
-        for found in [spans(mode == value)]
-        for run, start, stop in np.stack([found.run, found.start, found.stop], axis=1).tolist()
-        if stop - start >= shortest[run]
-    )
-    modes: dict[int, list[tuple[int, int]]] = {}
-    for run, start, value in lasting:
-        modes.setdefault(run, []).append((value, start))
-    return modes

@@ -1,7 +1,7 @@
 """Names, values and conditions of a sweep file, checked against what its scene offers."""
 
 import math
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import cast
@@ -13,6 +13,7 @@ from contactlab.plan.grid import Match
 from contactlab.plan.validation import Draft, without_unit
 from contactlab.plan.yaml_document import Document, KeyPath
 from contactlab.schema.evidence import ERRORS
+from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Condition, Sweep
 from contactlab.schema.vocabulary import AxisSpec, Vocabulary
 
@@ -77,6 +78,8 @@ def check_names(context: SweepContext) -> None:
             if label not in vocabulary.labels:
                 place = document.value((*path, "label", position))
                 _add_unknown(document, "label", label, place, vocabulary.labels)
+    _check_pairs(context, "pairs", context.sweep.pairs)
+    _check_pairs(context, "expect", context.sweep.expect)
 
 
 def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis") -> None:
@@ -128,6 +131,16 @@ def _check_axes(context: SweepContext) -> None:
         else:
             places[name] = place
     check_conflicts(context, places)
+
+
+def _check_pairs(context: SweepContext, key: str, entries: Sequence[PairExpectation]) -> None:
+    # How long a drive takes is known when it is read.
+    duration = context.sweep.duration or (math.inf if context.sweep.drive else None)
+    for index, each in enumerate(entries):
+        mistake = each.expects and context.vocabulary.mistake_in(each, duration)
+        if mistake:
+            place = context.document.value(context.path(key, index, mistake[0]))
+            context.document.add("bad-pair", place, mistake[1])
 
 
 def _check_tolerances(context: SweepContext) -> None:

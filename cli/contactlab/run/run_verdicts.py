@@ -14,6 +14,7 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
     Trace,
 )
+from contactlab.measure.pair_expectations import PAIR_LABELS
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import NOT_IN_MODEL
 from contactlab.schema.sweep_schema import Expectation
@@ -65,6 +66,9 @@ def _unmet(
     allowed = expectation.label
     if allowed is not None and not set(allowed) & set(labels or ["stable"]):
         yield f"expected {' or '.join(allowed)}, found {', '.join(labels) or 'stable'}"
+    of_pairs = PAIR_LABELS.intersection(labels) if expectation.expects else ()
+    if of_pairs and not of_pairs & set(allowed or ()):
+        yield f"expected contact as stated, found {', '.join(sorted(of_pairs))}"
     for name, bounds in expectation.metrics.items():
         value = metrics[name]
         if value is None:

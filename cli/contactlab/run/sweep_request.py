@@ -13,9 +13,11 @@ from contactlab.plan.overrides import Overrides
 from contactlab.plan.starter import SceneAsWritten, starter
 from contactlab.plan.sweep_file import SweepFile, read_sweep
 from contactlab.run.tasks import Executor
+from contactlab.scene.expected_contacts import mistake_in
 from contactlab.scene.mujoco_versions import why_unsupported
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import Drive, drive_text
+from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import effects_base
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.controls_file import read_control_table
@@ -176,9 +178,13 @@ class SceneLoader:
 
     def vocabulary(self, reference: str, *, lenient: bool = False) -> Vocabulary:
         """Return every name that a sweep of the scene may use, or also of newer versions."""
-        axes = self._undriven(reference).catalogue
-        axes = axes.lenient() if lenient else axes
-        return Vocabulary(axes, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
+        scene = self._undriven(reference)
+        axes = scene.catalogue.lenient() if lenient else scene.catalogue
+
+        def wrong(entry: PairExpectation, duration: float | None) -> tuple[str, str] | None:
+            return mistake_in(entry, scene.base({}), {}, duration or self.open(reference).duration)
+
+        return Vocabulary(axes, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS), wrong)
 
 
 def _check_names(scene: Scene) -> None:

@@ -38,6 +38,7 @@ from contactlab.run.evidence_record import (
 from contactlab.run.planned_runs import Preparer
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
+from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
@@ -188,7 +189,12 @@ class Worker:
         done = len(rollout.steps)
         resolved, prepared, models = resolved[:done], prepared[:done], models[:done]
         manifest, sweep = self._scene.source.manifest, self._task.sweep
-        setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds)
+        values = [plan.run.values for plan in plans[:done]]
+        asked: list[Asked] = [(each, [True] * done) for each in sweep.pairs]
+        for match, each in self._task.expected:
+            if each.expects:
+                asked.append((each, list(map(match.holds, values))))
+        setup = make_setup(runs.base, manifest, resolved, models, sweep.thresholds, asked)
         trace = make_trace(runs.base, prepared, rollout)
 
         def check(places: Sequence[int], picked: Trace) -> SelfChecks:

@@ -57,7 +57,7 @@ def declared_pairs(
     Raises:
         SceneError: an entry names an unknown geom or body, or none, or a pair is listed twice.
     """
-    pairs = tuple(pair for entry in entries for pair in _entry_pairs(model, entry))
+    pairs = tuple(pair for entry in entries for pair in entry_pairs(model, entry))
     names = [pair.name for pair in pairs]
     for name in names:
         if names.count(name) > 1:
@@ -82,8 +82,12 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     )
 
 
-def _entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
-    if [entry.bodies, entry.chain, entry.geoms].count(None) != 2:
+def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:
+    """Return the pairs that one entry of a manifest lists, see `declared_pairs`."""
+    if not entry.monitors and entry.expects:
+        return []
+    said = [entry.bodies, entry.chain, entry.geoms, entry.body or entry.pair]
+    if said.count(None) != 3:
         raise SceneError("an entry of pairs takes exactly one of geoms, bodies and chain")
     if entry.bodies is not None:
         return [_body_pair(model, *entry.bodies, entry.slots)]

@@ -324,7 +324,9 @@ def _formulas(
     formulas: list[tuple[Expression, tuple[int, ...]]] = []
     for name, entry in manifest.initial.items():
         for pattern, text in entry.sets.items():
-            expression = read_formula(text, f"initial value '{name}' sets {pattern}", manifest)
+            expression = read_formula(
+                text, f"initial value '{name}' sets {pattern}", manifest.initial
+            )
             places = [offset[at.field] + at.index for at in match_coordinates(model, pattern)]
             formulas.append((expression, tuple(places)))
     return formulas

@@ -17,6 +17,7 @@ from contactlab.contact.trace_setup import (
 )
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding, half_extent
+from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.mechanism import STANDARD_GRAVITY, find_mechanism
 from contactlab.scene.resolution import ResolvedRun
@@ -35,12 +36,12 @@ def make_setup(
     runs: Sequence[ResolvedRun],
     models: Sequence[mujoco.MjModel],
     thresholds: Mapping[str, float],
+    asked: Sequence[Asked] = (),
 ) -> Setup:
-    """Return the setup of n runs of one structure; thresholds override those of the scene."""
+    """Return the setup of n runs of one structure, with thresholds and pairs of their sweep."""
     bodies, holding = _free_bodies(models), base.holding
     values = [run.values for run in runs]
     windows = [holding.window(run.initial) for run in runs] if holding else []
-    modes = manifest.modes if manifest else None
     oracle = manifest.oracle if manifest else None
     passive = all(map(_is_passive, models)) and not _is_pushed(manifest, runs)
     return Setup(
@@ -59,8 +60,7 @@ def make_setup(
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([not model.opt.disableflags & _NO_LIMITS for model in models]),
         speculative=np.array([run.flags.get("speculative", False) for run in runs]),
-        first_mode=modes.first if modes else None,
-        last_mode=modes.last if modes else None,
+        expected=expected_contacts(base, manifest, runs, asked),
         oracle=oracle.name if oracle else None,
         oracle_tolerance=oracle.tolerance if oracle else np.inf,
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},

@@ -33,6 +33,7 @@ from contactlab.scene.drive.recorded import DriveTable, TableReader
 from contactlab.scene.drive.signals import exercise_duration
 from contactlab.scene.effects.effect import EffectRequest
 from contactlab.scene.effects.effect_table import EFFECTS, is_straight, left_uncompiled, remove
+from contactlab.scene.expected_contacts import check_expectations
 from contactlab.scene.initial_states import (
     InitialStateRule,
     InitialStates,
@@ -83,6 +84,8 @@ class Scene:
         manifest, base = source.manifest, self.base({})
         with source.named_in_errors():
             self.catalogue = SceneCatalogue(base, manifest, engines)
+            if manifest:
+                check_expectations(base, manifest)
             self.switched = self.catalogue.switched(manifest)
             written = locate(manifest.drive if manifest else "none", source.path.parent)
         self.lacking = missing_flags()

@@ -176,7 +176,9 @@ def read_manifest(path: Path) -> SceneManifest:
         data = YAML(typ="safe", pure=True).load(text)
         return SceneManifest.model_validate(data)
     except ValidationError as error:
-        errors = [f"  {'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors()]
+        found = [([str(part) for part in each["loc"]], each["msg"]) for each in error.errors()]
+        # Parts with @ tell forms of a value apart.
+        errors = [f"  {'.'.join(x for x in at if '@' not in x)}: {text}" for at, text in found]
         raise SceneError("\n".join([f"{path}: invalid manifest", *errors])) from error
     except (YAMLError, ValueError, OSError, RecursionError) as error:
         raise SceneError(f"{path}: not YAML: {error}") from error

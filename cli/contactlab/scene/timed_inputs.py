@@ -1,6 +1,6 @@
 """What depends on time in a scene: inputs along knots, and when something is held."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -11,11 +11,12 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError, did_you_mean
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.model_names import StateCoordinate, match_coordinates
-from contactlab.schema.scene_manifest import SceneManifest, Term
+from contactlab.schema.pair_expectation import Term
+from contactlab.schema.scene_manifest import SceneManifest
 
 
-def read_formula(term: Term, where: str, manifest: SceneManifest) -> Expression:
-    """Parse a number or an expression of a manifest; messages say where it is.
+def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression:
+    """Parse a number or an expression over initial values; messages say where it is.
 
     Raises:
         SceneError: it is not an expression, or names something other than initial values.
@@ -24,10 +25,10 @@ def read_formula(term: Term, where: str, manifest: SceneManifest) -> Expression:
         expression = Expression(str(term))
     except ExpressionError as error:
         raise SceneError(f"{where} to '{term}': {error}") from error
-    unknown = ", ".join(sorted(set(expression.names) - set(manifest.initial)))
+    unknown = ", ".join(sorted(set(expression.names) - set(initial)))
     if unknown:
-        known = ", ".join(manifest.initial) or "a number: the scene has no initial values"
-        raise SceneError(f"{where} from unknown {unknown}; write one of {known}")
+        known = f"one of {', '.join(initial)}" if initial else "a number; there are no names here"
+        raise SceneError(f"{where} from unknown {unknown}; write {known}")
     return expression
 
 
@@ -140,14 +141,14 @@ def read_control(
     if manifest is None:
         return ()
     profiles: list[ControlProfile] = []
-    taken = _set_at_start(model, manifest)
+    taken, values = _set_at_start(model, manifest), manifest.initial
     for name, entry in manifest.control.items():
         inputs = _inputs(model, name)
         if clash := next((taken[each] for each in inputs if each in taken), None):
             raise SceneError(f"control {name}: {clash} sets the same input; keep one of them")
         taken |= dict.fromkeys(inputs, f"control {name}")
         times, levels = (
-            tuple(read_formula(term, f"control {name} sets its {part}", manifest) for term in terms)
+            tuple(read_formula(term, f"control {name} sets its {part}", values) for term in terms)
             for part, terms in (("times", entry.at), ("values", entry.to))
         )
         profiles.append(ControlProfile(name, inputs, times, levels))
@@ -255,8 +256,8 @@ def find_hold(
     holding = HoldSpec(
         subject=bodies[subject],
         holder=holder,
-        start=read_formula(manifest.hold.start, "hold sets its `from`", manifest),
-        stop=read_formula(manifest.hold.stop, "hold sets its `to`", manifest),
+        start=read_formula(manifest.hold.start, "hold sets its `from`", manifest.initial),
+        stop=read_formula(manifest.hold.stop, "hold sets its `to`", manifest.initial),
     )
     _, stop = holding.window({name: each.default for name, each in manifest.initial.items()})
     if stop > manifest.duration:

@@ -5,11 +5,9 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from contactlab.schema.drive import Drive
-from contactlab.schema.strict_model import Model, Number, Word
+from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation, Term
+from contactlab.schema.strict_model import Model
 from contactlab.schema.sweep_schema import Effects
-
-# A number, or an expression over the scene's initial values.
-Term = Number | Word
 
 
 class InitialValue(Model):
@@ -77,8 +75,11 @@ class HoldEntry(Model):
     )
 
 
-class PairEntry(Model):
-    """Monitored contact pairs: two geoms, two bodies, or neighbours in a chain of geoms."""
+class PairEntry(PairExpectation):
+    """Contact pairs to monitor (two geoms, two bodies, or neighbours in a chain of geoms).
+
+    What it expects holds for them; without them, for pairs that other entries monitor.
+    """
 
     geoms: tuple[str, str] | None = None
     bodies: tuple[str, str] | None = None
@@ -92,19 +93,17 @@ class PairEntry(Model):
         description="Contacts recorded per step; derived from the shapes if not given.",
     )
 
+    @property
+    def monitors(self) -> bool:
+        """Whether it names pairs to monitor."""
+        return not (self.geoms is None and self.bodies is None and self.chain is None)
+
 
 class Perturbation(Model):
     """How a seed perturbs the start state: a uniform offset in [-scale, scale] for each."""
 
     coordinates: tuple[str, ...]
     scale: float = Field(gt=0, description="m, rad, m/s or rad/s, depending on the coordinate.")
-
-
-class ExpectedModes(Model):
-    """Whether the monitored pairs should stick or slide when first and last in contact."""
-
-    first: Literal["stick", "slide"] | None = None
-    last: Literal["stick", "slide"] | None = None
 
 
 class OracleEntry(Model):
@@ -139,7 +138,9 @@ class SceneManifest(Model):
     )
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None
-    modes: ExpectedModes = ExpectedModes()
+    modes: ExpectedModes = Field(
+        default=ExpectedModes(), description="`mode: {first, last}` of all monitored pairs."
+    )
     oracle: OracleEntry | None = None
     effects: Effects = Field(
         default_factory=dict,

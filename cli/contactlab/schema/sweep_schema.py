@@ -17,6 +17,7 @@ from pydantic_core import PydanticCustomError
 
 from contactlab.schema.axis_forms import Axis
 from contactlab.schema.drive import Drive
+from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.strict_model import (
     Model,
     Number,
@@ -102,22 +103,7 @@ class Condition(Model):
         return self.__pydantic_extra__
 
 
-class Bounds(Model):
-    """The range that a metric must lie in, ends included."""
-
-    min: Number | None = Field(default=None, description="smallest accepted value")
-    max: Number | None = Field(default=None, description="largest accepted value")
-
-    @model_validator(mode="after")
-    def _says_something(self) -> Self:
-        if self.min is None and self.max is None:
-            raise PydanticCustomError("bounds_empty", "needs min, max or both")
-        if self.min is not None and self.max is not None and self.min > self.max:
-            raise PydanticCustomError("bounds_order", "has a min above its max")
-        return self
-
-
-class Expectation(Model):
+class Expectation(PairExpectation):
     """The expected outcome of the runs that a condition selects; makes a sweep a test."""
 
     where: Condition = Field(
@@ -134,8 +120,8 @@ class Expectation(Model):
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
-        if self.label is None and not self.metrics:
-            raise PydanticCustomError("expect_empty", "needs a label, metrics or both")
+        if self.label is None and not self.metrics and not self.expects:
+            raise PydanticCustomError("expect_empty", "needs label, metrics, mode, force or depth")
         return self
 
 
@@ -232,6 +218,9 @@ class Sweep(Model):
         default={},
         description="auto: leave out what provably changes nothing; all: leave out nothing; or "
         "effect name to true or false, with `base: auto` or `base: all` for the others",
+    )
+    pairs: tuple[PairExpectation, ...] = Field(
+        default=(), description="what monitored pairs should do in every run"
     )
     tolerances: dict[str, Tolerance] = Field(
         default={}, description="metric name to the largest acceptable value: a number, or 1%"

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from contactlab.schema.pair_expectation import PairExpectation
+
 
 @dataclass(frozen=True)
 class AxisSpec:
@@ -51,6 +53,10 @@ class Catalogue(Protocol):
         ...
 
 
+def _fits(expected: PairExpectation, duration: float | None) -> None:
+    del expected, duration
+
+
 @dataclass(frozen=True)
 class Vocabulary:
     """Every name that a sweep of one scene may use."""
@@ -59,3 +65,5 @@ class Vocabulary:
     metrics: Sequence[str]
     labels: Sequence[str]
     thresholds: Sequence[str] = ()
+    mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] = _fits
+    """The key that is wrong in what is expected of pairs in runs of that duration, and why."""

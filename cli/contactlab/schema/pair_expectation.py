@@ -1,0 +1,88 @@
+"""What contact pairs should do, in scenes and sweeps: modes, forces and depths, and when."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic_core import PydanticCustomError
+
+from contactlab.schema.strict_model import Model, Number, Positive, Word
+
+# A number, or an expression over the scene's initial values.
+Term = Number | Word
+PairMode = Literal["stick", "slide", "apart", "rolls"]
+
+
+class Bounds(Model):
+    """The range that a metric must lie in, ends included."""
+
+    min: Number | None = Field(default=None, description="smallest accepted value")
+    max: Number | None = Field(default=None, description="largest accepted value")
+
+    @model_validator(mode="after")
+    def _says_something(self) -> Self:
+        if self.min is None and self.max is None:
+            raise PydanticCustomError("bounds_empty", "needs min, max or both")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise PydanticCustomError("bounds_order", "has a min above its max")
+        return self
+
+
+class DepthBound(Model):
+    """How deep a pair may be."""
+
+    max: Positive = Field(description="largest accepted penetration [m]")
+
+
+class ExpectedModes(Model):
+    """Whether monitored pairs should stick or slide when first and last in contact."""
+
+    first: Literal["stick", "slide"] | None = Field(default=None, description="when first so")
+    last: Literal["stick", "slide"] | None = Field(default=None, description="when last so")
+
+
+Modes = Annotated[
+    Annotated[PairMode, Tag("@word")] | Annotated[ExpectedModes, Tag("@ends")],
+    Discriminator(lambda data: "@ends" if isinstance(data, dict | ExpectedModes) else "@word"),
+]
+
+
+class PairExpectation(Model):
+    """What some monitored pairs should do, and when."""
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    pair: Word | None = Field(
+        default=None,
+        description="monitored pairs, as GEOM-GEOM or BODY-BODY in either order, or a pattern",
+    )
+    body: Word | None = Field(
+        default=None, description="all monitored pairs of this body, or of those of a pattern"
+    )
+    mode: Modes | None = Field(
+        default=None,
+        description="stick, slide, apart or rolls (without slipping), or {first, last}",
+    )
+    force: Bounds | None = Field(
+        default=None, description="{min, max} of the pairs' normal forces together [N], over 20 ms"
+    )
+    depth: DepthBound | None = Field(default=None, description="{max}: largest penetration [m]")
+    start: Term | None = Field(
+        default=None, alias="from", description="from when [s]; the start if left out"
+    )
+    stop: Term | None = Field(
+        default=None, alias="to", description="to when [s]; the end if left out"
+    )
+
+    @property
+    def expects(self) -> bool:
+        """Whether anything is expected of pairs."""
+        return not (self.mode is None and self.force is None and self.depth is None)
+
+    @model_validator(mode="after")
+    def _is_whole(self) -> Self:
+        told = {self.pair, self.body, self.start, self.stop} != {None}
+        if not self.expects and (told or type(self) is PairExpectation):
+            raise PydanticCustomError("pair_empty", "needs mode, force or depth")
+        if self.pair is not None and self.body is not None:
+            raise PydanticCustomError("pair_twice", "takes pair or body, not both")
+        return self
