@@ -110,6 +110,7 @@ class Part:
         low: least position, length or control [m or rad, or as its control is]; -inf without.
         high: the greatest; inf without.
         margin: how far from an end a joint's or a tendon's limit begins to act.
+        reach: how far the body of a joint reaches from its frame [m].
     """
 
     name: str
@@ -118,6 +119,7 @@ class Part:
     low: float = -np.inf
     high: float = np.inf
     margin: float = 0.0
+    reach: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -77,7 +77,8 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
     beyond = np.maximum(beyond - beyond[:, :1], 0)
     turns = part.kind in {"ball", "hinge"}
     width = part.high - (0 if part.kind == "ball" else part.low)
-    scale = min(width, QUARTER_TURN) if turns else width
+    # A range may be next to nothing, to lock a joint.
+    scale = np.clip(width, QUARTER_TURN / 2, QUARTER_TURN) if turns else max(width, part.reach)
     rest = np.median(beyond[:, 3 * beyond.shape[1] // 4 :], axis=1)
     unit = "rad" if turns else "m"
     return _Violation(f"the limit of {part.name}", unit, scale, beyond.max(axis=1), rest, beyond)
@@ -87,9 +88,10 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
 def constraint_violation(context: Context) -> Floats:
     """Largest violation of a limit or an equality, over what it is large or small against.
 
-    For a limit that is its range, at most a quarter turn; what it was violated by at the start
-    does not count. For an equality, at a few sampled states, it is the reach of the smaller body
-    that it connects, the length of a tendon, or as for limits.
+    For a limit that is its range, at least the reach of the body or an eighth of a turn, and at
+    most a quarter; what it was violated by at the start does not count. For an equality, at a few
+    sampled states, it is the reach of the smaller body that it connects, the length of a tendon,
+    or as for limits.
     """
     shares = [each.peak / each.scale for each in _violations(context)]
     return np.fmax.reduce(shares) if shares else context.undefined()

@@ -82,6 +82,7 @@ def _joint(model: mujoco.MjModel, index: int) -> Part:
         low=-np.inf if kind == "ball" else low,
         high=high,
         margin=float(model.jnt_margin[index]),
+        reach=_reach(model, body),
     )
 
 
