@@ -5,6 +5,7 @@ enters the geom and leaves it again, or gets under a surface, the other has pass
 """
 
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 
 import mujoco
@@ -35,12 +36,16 @@ class Passages:
     """
 
     def __init__(self, model: mujoco.MjModel, runs: int, steps: int) -> None:
-        """Look for passages in n runs of N steps."""
+        """Look for passages in n runs of N steps; their geoms are those of one model."""
         off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
-        half, lengths = _half_extents(model), _lengths(model)
-        self._farthest = np.inf if off or not len(half) else _SLOW * half.min()
-        self._lengths = lengths
-        widths = {"xpos": 3, "xquat": 4} if np.isfinite(self._farthest) else {}
+        half = _half_extents(model)
+        self._thinnest = np.inf if off else half.min(initial=np.inf)
+        self._lengths, self._reach = _lengths(model), _reach(model)
+        half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
+        self._least = _SLOW * (half[:, None] + half)
+        self._least[np.tril_indices(len(half))] = np.inf
+        self._touch: dict[tuple[int, int], bool] = {}
+        widths = {"xpos": 3, "xquat": 4} if np.isfinite(self._thinnest) else {}
         self.poses = {name: np.empty((1, steps, model.nbody, k)) for name, k in widths.items()}
         self.found = [tuple[Passage, ...]()] * runs
 
@@ -50,9 +55,44 @@ class Passages:
             return
         # Farther than this no point can move in a step: a bound that is found quickly.
         farthest = np.abs(velocity).max(axis=0) @ self._lengths * model.opt.timestep
-        if farthest > self._farthest:
-            found = _passages(model, *(rows[0] for rows in self.poses.values()))
+        if farthest > _SLOW * self._thinnest:
+            found = self._passages(model, *(rows[0] for rows in self.poses.values()))
             self.found[run] = tuple(sorted(found, key=lambda each: each.step))
+
+    def _passages(
+        self, model: mujoco.MjModel, position: Floats, rotation: Floats
+    ) -> Iterator[Passage]:
+        """Yield the first passage of each fast pair of geoms; poses are (N, nbody, 3 and 4)."""
+        for first, second in self._fast_pairs(model, position, rotation):
+            for mover, wall in ((first, second), (second, first)):
+                if model.geom_type[mover] in (_PLANE, _HFIELD):
+                    continue
+                body = int(model.geom_bodyid[wall])
+                centre = _centre(model, position, rotation, mover)
+                seen = rotate_back(rotation[:, body], centre - position[:, body])
+                path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
+                shape = _Wall(model, wall, float(model.geom_rbound[mover]))
+                step = _first_passage(path, float(self._least[first, second]), shape)
+                if step is not None:
+                    yield Passage(model.geom(mover).name, model.geom(wall).name, step)
+                    break
+
+    def _fast_pairs(
+        self, model: mujoco.MjModel, position: Floats, rotation: Floats
+    ) -> Iterator[tuple[int, int]]:
+        """Yield pairs of geoms that can touch, and that a step may carry through each other."""
+        shift = np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=2).max(axis=0, initial=0))
+        cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2)).min(axis=0, initial=1)
+        moved = shift + 2 * np.arccos(np.minimum(cosine, 1)) * self._reach
+        moved = moved[model.geom_bodyid]
+        fast = np.argwhere(moved[:, None] + moved > self._least).tolist()
+        pairs = ((first, second) for first, second in fast)
+        yield from islice(filter(partial(self._may_touch, model), pairs), _MOST_PAIRS)
+
+    def _may_touch(self, model: mujoco.MjModel, pair: tuple[int, int]) -> bool:
+        if pair not in self._touch:
+            self._touch[pair] = may_touch(model, *pair)
+        return self._touch[pair]
 
 
 def _half_extents(model: mujoco.MjModel) -> Floats:
@@ -87,44 +127,10 @@ def _reach(model: mujoco.MjModel) -> Floats:
     return reach
 
 
-def _passages(model: mujoco.MjModel, position: Floats, rotation: Floats) -> Iterator[Passage]:
-    """Yield the first passage of each fast pair of geoms; poses are (N, nbody, 3) and (..., 4)."""
-    for first, second, least in _fast_pairs(model, position, rotation):
-        for mover, wall in ((first, second), (second, first)):
-            if model.geom_type[mover] in (_PLANE, _HFIELD):
-                continue
-            centre = _centre(model, position, rotation, mover)
-            body = int(model.geom_bodyid[wall])
-            seen = rotate_back(rotation[:, body], centre - position[:, body])
-            path = rotate_back(model.geom_quat[wall], seen - model.geom_pos[wall])
-            step = _first_passage(path, least, _Wall(model, wall, float(model.geom_rbound[mover])))
-            if step is not None:
-                yield Passage(model.geom(mover).name, model.geom(wall).name, step)
-                break
-
-
 def _centre(model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int) -> Floats:
     """Return (N, 3) the centre of a geom."""
     body = int(model.geom_bodyid[geom])
     return position[:, body] + rotate(rotation[:, body], model.geom_pos[geom])
-
-
-def _fast_pairs(
-    model: mujoco.MjModel, position: Floats, rotation: Floats
-) -> list[tuple[int, int, float]]:
-    """Return pairs of geoms that a step may carry through each other, and that step [m]."""
-    body = np.asarray(model.geom_bodyid)
-    shift = np.linalg.norm(np.diff(position, axis=0), axis=2).max(axis=0, initial=0)
-    cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2)).min(axis=0, initial=1)
-    moved = (shift + 2 * np.arccos(np.minimum(cosine, 1)) * _reach(model))[body]
-    half = _half_extents(model)
-    flat = np.isin(model.geom_type, (_PLANE, _HFIELD))
-    half[flat] = 0
-    least = _SLOW * (half[:, None] + half)
-    pairs = np.argwhere(np.triu(moved[:, None] + moved > least, 1)).tolist()
-    near = (pair for pair in pairs if may_touch(model, *pair))
-    kept = islice(near, _MOST_PAIRS)
-    return [(first, second, float(least[first, second])) for first, second in kept]
 
 
 def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
@@ -135,12 +141,15 @@ def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
         least: steps shorter than this carry it nowhere [m].
         wall: the geom.
     """
-    fast = np.linalg.norm(np.diff(path, axis=0), axis=1) > least
+    squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
+    fast = squares > least**2
+    reach = wall.bound + _MOST_STEPS * np.sqrt(squares.max(initial=0))
+    if not (fast & ((path[:-1] ** 2).sum(axis=1) < reach**2)).any():
+        return None
     for steps in range(1, 1 + _MOST_STEPS):
         begin, end = path[:-steps], path[steps:]
         moving = np.convolve(fast, np.ones(steps))[steps - 1 : len(fast)] > 0
-        way = np.linalg.norm(end - begin, axis=1)
-        near = np.linalg.norm(begin, axis=1) < way + wall.bound
+        near = np.linalg.norm(begin, axis=1) < np.linalg.norm(end - begin, axis=1) + wall.bound
         for step in np.flatnonzero(moving & near)[:_MOST_RAYS].tolist():
             if wall.passed(begin[step], end[step]):
                 return step + steps - 1

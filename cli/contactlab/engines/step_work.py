@@ -101,9 +101,10 @@ def _couples_branches(model: mujoco.MjModel) -> bool:
 
     The integrator implicitfast leaves out what it does from one to the other.
     """
+    if model.opt.integrator != _IMPLICIT[1]:
+        return False
     feeds = model.actuator_biasprm[:, 2] != 0
-    inside = np.isin(model.actuator_trntype, AT_JOINT)
-    return model.opt.integrator == _IMPLICIT[1] and bool((feeds & ~inside).any())
+    return bool((feeds & ~np.isin(model.actuator_trntype, AT_JOINT)).any())
 
 
 def _work(model: mujoco.MjModel, velocity: Floats, forces: dict[str, Floats]) -> Floats:
