@@ -223,12 +223,17 @@ class PairSeries:
     mode: NDArray[np.int8]
 
 
-_BY_RUN = ("residual", "jacobian", "overlap", "apart", "repeats")
+REFINEMENT = 4
+"""Steps of a refined copy in each step of its run."""
+_BY_RUN = ("residual", "jacobian", "overlap", "apart", "repeats", "rest", "travel")
 
 
 @dataclass(frozen=True)
 class SelfChecks:
     """Self-checks of n runs, of N steps; those that do not apply to a run are NaN.
+
+    Refined copies have a quarter of the step and a tightened solver; perturbed ones start from
+    velocities that differ by 1e-9.
 
     Attributes:
         residual: (n, N) disagreement of forces and accelerations, over the largest
@@ -240,6 +245,11 @@ class SelfChecks:
         apart: (n, L) largest excess of a pair's geometric distance over that of its contact [m].
         geometry_steps: (L,) the steps of these states.
         repeats: (n,) whether a second rollout gave every state again, bit for bit.
+        refined: the refined copies, before and after the steps of their runs.
+        rest: (n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy,
+            each by its own steps; NaN where one did not complete, like the next.
+        travel: (n, 3, nbody) how far bodies ended from their start, likewise [mean body sizes].
+        bodies: their names.
     """
 
     residual: Floats
@@ -249,6 +259,10 @@ class SelfChecks:
     apart: Floats
     geometry_steps: NDArray[np.intp]
     repeats: NDArray[np.bool_]
+    refined: Trace
+    rest: Floats
+    travel: Floats
+    bodies: tuple[str, ...]
 
     @property
     def runs(self) -> int:
@@ -259,7 +273,17 @@ class SelfChecks:
         """Return the checks of one of the runs."""
         row = slice(run, run + 1)
         arrays = {name: getattr(self, name)[row] for name in _BY_RUN}
-        return replace(self, **arrays)
+        return replace(self, refined=self.refined.select([run]), **arrays)
+
+
+def motion_at_rest(velocity: Floats) -> Floats:
+    """Return (2, nv) of velocities (T, nv) how fast the end of a run is, and how it changes.
+
+    The root mean square over its last quarter, and the median of the change from row to row.
+    """
+    late = velocity[3 * len(velocity) // 4 :]
+    change = np.abs(np.diff(late, axis=0, prepend=late[:1]))
+    return np.stack((np.sqrt((late**2).mean(axis=0)), np.median(change, axis=0)))
 
 
 class Invariants(NamedTuple):

@@ -150,6 +150,7 @@ class Mechanism:
         forces: (actuators, 2) least and greatest force of each; infinite without.
         equalities: every equality constraint.
         weight: of the whole model at 9.81 m/s^2 [N].
+        size: mean size of a body [m].
     """
 
     joints: tuple[Part, ...]
@@ -159,6 +160,7 @@ class Mechanism:
     forces: Floats
     equalities: tuple[Equality, ...]
     weight: float
+    size: float = 1.0
 
 
 @dataclass(frozen=True)

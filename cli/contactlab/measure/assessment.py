@@ -5,18 +5,24 @@ from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, context_of
 from contactlab.measure.coverage import coverages
-from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric
+from contactlab.measure.entries import LABELS, METRICS, Finding, Label, MeasuredRuns, Metric
 from contactlab.measure.run_integrity import STABLE, invalid
+from contactlab.measure.step_dependence import suspects
 from contactlab.schema.coverage import Coverage
 
 Failures = dict[int, list[str]]
 """Why metrics and labels fail, by run."""
+
+_TRACED = ("tunneling", "energy_injection", "penetration_growth", "chatter")
+_NUMERICAL = "numerical, since a copy at a quarter of the step is free of it"
+_MODELLED = "modelled, or not resolved by a quarter of the step either"
 
 _Result = TypeVar("_Result")
 
@@ -38,12 +44,14 @@ class Assessment:
         labels: for each run the labels that apply, worst first; `stable` if none does.
         series: net quantities of each monitored pair over time.
         coverage: what each run exercised; None where the setup does not ask.
+        suspect: (n,) whether a run without a label deserves a second pass too.
     """
 
     metrics: dict[str, Floats]
     labels: tuple[tuple[AppliedLabel, ...], ...]
     series: tuple[PairSeries, ...]
     coverage: tuple[Coverage, ...] | None = None
+    suspect: NDArray[np.bool_] | None = None
 
 
 def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
@@ -57,7 +65,8 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
     metrics = {name: _values(metric, context, failures) for name, metric in METRICS.items()}
     with np.errstate(all="ignore"):
         labels = _labels(MeasuredRuns(context, metrics), failures)
-    return Assessment(metrics, labels, context.series, coverages(context))
+        suspect = suspects(context) if checks is None else None
+    return Assessment(metrics, labels, context.series, coverages(context), suspect)
 
 
 def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
@@ -72,6 +81,8 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
     applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
     for name, label in LABELS.items():
         findings = _tried(f"label '{name}'", label.of, runs, failures, None)
+        if name in _TRACED:
+            findings = _traced(runs, label, findings)
         for own, finding in zip(applied, findings, strict=True):
             if finding:
                 own.append(AppliedLabel(name, *finding))
@@ -80,6 +91,25 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
         applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
     none = (AppliedLabel(STABLE.name, STABLE.meaning, 0),)
     return tuple(tuple(labels) or none for labels in applied)
+
+
+def _traced(
+    runs: MeasuredRuns, label: Label, findings: Sequence[Finding | None]
+) -> Sequence[Finding | None]:
+    """Add to what was found whether it is numerical: whether the refined copies are free of it."""
+    checks = runs.context.checks
+    if checks is None or not any(findings):
+        return findings
+    context = context_of(checks.refined, runs.context.setup)
+    metrics = {name: _values(metric, context, {}) for name, metric in METRICS.items()}
+    known = [bool(np.isfinite(each).all()) for each in checks.rest]
+    found = _tried("", label.of, MeasuredRuns(context, metrics), {}, None)
+    return [
+        own._replace(reason=f"{own.reason}; {_MODELLED if copied else _NUMERICAL}")
+        if own and whole
+        else own
+        for own, copied, whole in zip(findings, found, known, strict=True)
+    ]
 
 
 def _tried(

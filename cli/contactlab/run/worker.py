@@ -93,7 +93,9 @@ def _checked(
 
 
 def _selects(rule: str, assessment: Assessment, row: int) -> bool:
-    return rule == "all" or (rule == "flagged" and assessment.labels[row][0].label != "stable")
+    flagged = assessment.labels[row][0].label != "stable"
+    suspect = assessment.suspect is not None and bool(assessment.suspect[row])
+    return rule == "all" or (rule == "flagged" and (flagged or suspect))
 
 
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:

@@ -41,6 +41,7 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         forces=_force_limits(model),
         equalities=tuple(_equality(model, index) for index in range(model.neq)),
         weight=float(model.body_mass.sum()) * STANDARD_GRAVITY,
+        size=float(model.stat.meansize),
     )
 
 

@@ -1,0 +1,119 @@
+"""A planted servo that is too stiff for its step is found by its copies, its twin and chaos not."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+import contactlab
+from contactlab.contact.trace_arrays import REFINEMENT, SelfChecks
+from contactlab.engines import Buffers, PreparedRuns, make_trace, mujoco_batch
+from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.scene.scene import Scene
+from contactlab.schema.evidence import EvidenceRecord
+
+# I = 2/5 2 kg (.05 m)^2 = .002 kg m^2. Euler steps of h resolve a servo of k and c on it where
+# k h^2 / I + 2 c h / I < 4: at .002 s these are 20 and 2 for the stiff one, at a quarter of that
+# 1.25 and .5.
+SERVO = """<mujoco><option timestep=".002"/><worldbody><body>
+<joint name="axle" axis="0 0 1"/><geom size=".05" mass="2"/></body></worldbody>
+<actuator><position joint="axle" kp="{gain}" kv="1" forcerange="-20 20"/></actuator>
+<keyframe><key qpos=".001" ctrl="0"/></keyframe></mujoco>"""
+CHAOS = """<mujoco><option timestep=".0005" integrator="RK4"/><worldbody><body>
+<joint axis="0 1 0"/><geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" mass="1"/>
+<body pos=".5 0 0"><joint axis="0 1 0"/>
+<geom type="capsule" size=".02" fromto="0 0 0 .5 0 0" mass="1"/></body></body></worldbody>
+<keyframe><key qpos="-2 .5"/></keyframe></mujoco>"""
+
+Checked = Callable[..., EvidenceRecord]
+
+
+@pytest.fixture
+def steps_made(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """Return how many steps each rollout makes."""
+    made: list[int] = []
+    roll_out = mujoco_batch.Batch.rollout
+
+    def counting(self: Any, nstep: int, *args: Any, **kwargs: Any) -> Any:
+        made.append(nstep * len(kwargs.get("ids") or [0]))
+        return roll_out(self, nstep, *args, **kwargs)
+
+    monkeypatch.setattr(mujoco_batch.Batch, "rollout", counting)
+    return made
+
+
+@pytest.fixture
+def checked(tmp_path: Path) -> Checked:
+    def run(text: str, seconds: float, checks: str, **more: Any) -> EvidenceRecord:
+        model = tmp_path / "model.xml"
+        model.write_text(text)
+        sweep = {"version": 1, "scene": str(model), "duration": seconds, "checks": checks}
+        sweep |= {"axes": {}, "drive": "none", "trace": "none", **more}
+        store = contactlab.sweep(sweep, output=tmp_path / checks, workers=0)
+        return next(iter(store.records()))
+
+    return run
+
+
+def checks_of(text: str, seconds: float, folder: Path) -> tuple[PreparedRuns, SelfChecks]:
+    model = folder / "model.xml"
+    model.write_text(text)
+    scene, engine = Scene.open(str(model)), MujocoEngine()
+    runs = PreparedRuns.of(scene, scene.resolve({}, 0, seconds))
+    trace = make_trace(runs.base, runs.prepared, engine.roll_out(runs, Buffers()))
+    return runs, engine.check_runs(runs, trace)
+
+
+def test_a_servo_too_stiff_for_its_step_is_found(checked: Checked) -> None:
+    """It shakes at its step, and comes to rest at a quarter of it."""
+    record = checked(SERVO.format(gain=10_000), 1.0, "flagged")
+    reasons = {entry.label: entry.reason for entry in record.labels}
+    assert "at a quarter of the step" in reasons["step_dependent"]
+
+
+def test_its_twin_needs_no_second_look(checked: Checked, steps_made: list[int]) -> None:
+    assert checked(SERVO.format(gain=5), 1.0, "flagged").label == "stable"
+    assert sum(steps_made) == 500
+
+
+def test_its_twin_is_sound_also_on_a_second_look(checked: Checked) -> None:
+    assert checked(SERVO.format(gain=5), 1.0, "all").label == "stable"
+
+
+def test_chaos_is_no_step_dependence(checked: Checked, tmp_path: Path) -> None:
+    """RK4 resolves the double pendulum; 1e-9 becomes a million times as much all the same."""
+    _, checks = checks_of(CHAOS, 15.0, tmp_path)
+    own, *copies = checks.travel[0]
+    assert all(np.abs(each - own).max() > 1e-3 for each in copies)
+    assert checked(CHAOS, 15.0, "all").label == "stable"
+
+
+@pytest.mark.parametrize(("checks", "times"), [("none", 1), ("flagged", 7), ("all", 7)])
+def test_a_second_pass_makes_six_times_the_steps(
+    checked: Checked, steps_made: list[int], checks: str, times: int
+) -> None:
+    """One to repeat the run, four to refine it, one to perturb it; none if nobody asks."""
+    checked(SERVO.format(gain=10_000), 1.0, checks)
+    assert sum(steps_made) == times * 500
+
+
+def test_the_refined_copy_is_the_run_at_a_quarter_of_its_step(tmp_path: Path) -> None:
+    """Bit for bit that of a plain loop; 300 steps are more than one block of them."""
+    runs, checks = checks_of(SERVO.format(gain=5), 0.6, tmp_path)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model.xml"))
+    model.opt.timestep /= REFINEMENT
+    model.opt.tolerance = 1e-10
+    data = mujoco.MjData(model)
+    data.qpos[:] = runs.starts.qpos[0]
+    places, speeds = [data.qpos.copy()], [data.qvel.copy()]
+    for step in range(300 * REFINEMENT):
+        mujoco.mj_step(model, data)
+        speeds.append(data.qvel.copy())
+        if step % REFINEMENT == REFINEMENT - 1:
+            places.append(data.qpos.copy())
+    assert np.array_equal(checks.refined.qpos[0], places)
+    late = np.array(speeds[-300:])
+    assert np.allclose(checks.rest[0, 1, 0], np.sqrt((late**2).mean(axis=0)), rtol=1e-12)
