@@ -198,10 +198,6 @@ def update(
     if output == "json":
         print_json({"baseline": str(dest), "runs": runs, "bytes": size, "digest": digest})
         return
-    echo(f"{dest} holds the {runs} runs of {store} without traces: {_size(size)}")
+    echo(f"{dest} holds the {runs} runs of {store} without traces: {size / 1e6:.2g} MB")
     echo(f"digest {digest}")
     echo(f"compare with it: contactlab compare {dest} STORE --baseline-digest {digest}")
-
-
-def _size(size: int) -> str:
-    return f"{size / 1e3:.0f} kB" if size < 1e6 else f"{size / 1e6:.1f} MB"

@@ -211,11 +211,13 @@ def _print_smallest_set(report: "EffectsReport") -> None:
         echo(f"time of the smallest set: {_ratio(report.saving)}")
     if verification.runs:
         held = "holds" if verification.holds else "DOES NOT HOLD"
+        how = " as settings, and as lines in a copy of the model" * bool(verification.pasted)
         echo(
-            f"{held} in {verification.runs} fresh runs, {_ratio(verification.cost)}: "
+            f"{held} in {verification.runs} fresh runs{how}, {_ratio(verification.cost)}: "
             f"{verification.reason}"
         )
-    for title, lines in (("MJCF", smallest.mjcf), ("sweep", smallest.sweep)):
+    mjcf = "MJCF, any <default> right after <mujoco>, the rest before </mujoco>"
+    for title, lines in ((mjcf, smallest.mjcf), ("sweep", smallest.sweep)):
         echo("\n  ".join((f"{title}:", *lines)))
 
 
@@ -240,7 +242,7 @@ def stability(
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.plan.overrides import drive_option
-    from contactlab.studies.stability_cases import StabilityRequest, is_model, run
+    from contactlab.studies.stability_cases import StabilityRequest, find_cases, run
 
     target = folder or RESULTS / "stability"
     opt.rerun_with_mujoco(mujoco, None if folder else target)
@@ -255,7 +257,7 @@ def stability(
         print_json(report.model_dump(mode="json"))
     else:
         _print_cases(cases)
-        for model in filter(is_model, names or ()):
+        for model in (each.origin for each in find_cases(names or ()) if each.is_generic):
             echo(
                 "stability looks at whole runs; what the model is made of, and what to change: "
                 f"contactlab check {model}"

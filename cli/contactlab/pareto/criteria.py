@@ -109,9 +109,8 @@ def time_measure(store: Store) -> TimeMeasure:
 
 def _measured_error(store: Store, tolerances: Mapping[str, float]) -> str:
     candidates = (ERRORS[0], MODELLING, *tolerances)
-    measured = next((name for name in candidates if _is_measured(store, name)), None)
-    if measured is None and _all_failed(store):
-        return ERRORS[0]
+    other = ERRORS[0] if _all_failed(store) else None
+    measured = next((name for name in candidates if _is_measured(store, name)), other)
     if measured is None:
         raise StoreError(
             f"{store.address} has neither an error nor a tolerated metric; sweep with "

@@ -85,6 +85,11 @@ class Verification(Model):
     seeds: tuple[int, ...]
     scenarios: tuple[dict[str, Setting], ...]
     runs: int = Field(description="Matched pairs.")
+    pasted: bool | None = Field(
+        default=None,
+        description="Whether a copy of the model with the lines of MJCF in its file keeps every "
+        "result too; null if that was not run, as of a model that is no MJCF.",
+    )
     holds: bool
     reason: str
     cost: Ratio | None

@@ -89,11 +89,6 @@ def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     return [_case(name, known) for name in names or known]
 
 
-def is_model(name: str) -> bool:
-    """Say whether a name is that of a model, and not of a case."""
-    return find_cases([name])[0].is_generic
-
-
 def _run_case(case: StabilityCase, session: Session, request: StabilityRequest) -> StabilityResult:
     started = time.monotonic()
     store = session.folder / case.name

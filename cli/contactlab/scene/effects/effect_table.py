@@ -170,7 +170,15 @@ _EFFECTS = (
         "tendon",
         "physical",
         "springs, damping, friction, inertia and limits of tendons",
-        by_compiling(lambda run: run.facts.tendons > 0, _REMOVE_TENDONS, *proofs.TENDON_EFFECTS),
+        # Those that only transmit, for actuators or equalities, have no effect of their own.
+        by_compiling(
+            lambda run: (
+                run.facts.tendons > 0
+                and (run.facts.idle_tendons or acts(run.model, *proofs.TENDON_EFFECTS))
+            ),
+            _REMOVE_TENDONS,
+            *proofs.TENDON_EFFECTS,
+        ),
     ).needed_by(
         "tendons",
         where(

@@ -1,5 +1,6 @@
 """The model under check, with its settings and initial state, and its runs."""
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -30,13 +31,6 @@ _SMALL = 10
 
 class TooLongError(SweepFileError):
     """A run that a check would make takes too long, or too much memory."""
-
-
-@dataclass
-class StepCount:
-    """Steps of the remedies so far."""
-
-    taken: int = 0
 
 
 def axis_value(name: str, value: object) -> object:
@@ -71,7 +65,7 @@ class CheckedModel:
     kind_reason: str
     brief: bool = False
     _written: set[str] = field(default_factory=set[str])
-    _remedies: StepCount = field(default_factory=StepCount)
+    _steps: Counter[str] = field(default_factory=Counter[str])
 
     def trying(self, settings: Values, folder: str) -> "CheckedModel":
         """Return the model with more settings, its brief runs in a folder below this one's."""
@@ -142,13 +136,6 @@ class CheckedModel:
         """Return how many steps take as long as so many of a small model."""
         return steps * _SMALL // max(_SMALL, self.base.model.nv)
 
-    def _count(self, steps: int) -> None:
-        """Count steps of a remedy; raise TooLongError if all together would take too many."""
-        most, total = self._at_most(_MOST_REMEDY_STEPS), self._remedies.taken + steps
-        if total > most:
-            raise TooLongError(f"remedies would take {total:,} steps; at most {most:,} are made")
-        self._remedies.taken = total
-
     def run(
         self,
         name: str,
@@ -177,7 +164,12 @@ class CheckedModel:
                 steps = steps_of(seconds, step)
                 raise TooLongError(f"a run of {seconds:g} s would take {steps:,} steps")
         if self.brief:
-            self._count(sum(steps_of(seconds, step) for step in timesteps))
+            total = self._steps["remedies"] + sum(steps_of(seconds, step) for step in timesteps)
+            if total > (most := self._at_most(_MOST_REMEDY_STEPS)):
+                raise TooLongError(
+                    f"remedies would take {total:,} steps; {most:,} are made at most"
+                )
+            self._steps["remedies"] = total
         sweep = {
             "version": 1,
             "scene": scene or self.reference,

@@ -34,7 +34,19 @@ def check_free_motion(checked: CheckedModel) -> CheckResult:
     of the model with its own damping.
     """
     faults = inertias(checked)
-    impossible = [_impossible(each) for each in faults if each.kind in _IMPOSSIBLE]
+    impossible = [
+        Measure(
+            name=f"inertia_{each.kind}",
+            of=each.body,
+            value=each.value,
+            unit=each.unit,
+            limit=float(each.limit),
+            holds=False,
+            severity="error",
+        )
+        for each in faults
+        if each.kind in _IMPOSSIBLE
+    ]
     notes = [f"body '{each.body}': {each.reason}" for each in faults]
     if reason := why_not_applicable(checked):
         return check_result(NAME, _ASKS, impossible, [reason, *notes])
@@ -57,18 +69,6 @@ def inertias(checked: CheckedModel) -> list[InertiaFault]:
     written = scene_inertia_faults(checked.scene.source, checked.resolved.structure)
     simulated = inertia_faults(checked.prepared.model)
     return list({(each.body, each.kind): each for each in (*simulated, *written)}.values())
-
-
-def _impossible(fault: InertiaFault) -> Measure:
-    return Measure(
-        name=f"inertia_{fault.kind}",
-        of=fault.body,
-        value=fault.value,
-        unit=fault.unit,
-        limit=float(fault.limit),
-        holds=False,
-        severity="error",
-    )
 
 
 def _named(tree: str, budgets: Sequence[str], what: str) -> str:

@@ -3,7 +3,6 @@
 What each changes in the model's file is tried by compiling a copy of the model with it.
 """
 
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -25,7 +24,7 @@ from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch
 from contactlab.studies.check.free_motion_check import steadier
 from contactlab.studies.check.hold_check import firmer, harder, shorter_steps
 from contactlab.studies.check.timestep_check import shorter_timestep
-from contactlab.studies.session import Values
+from contactlab.studies.session import END, TOP, Values, paste
 
 Check = Callable[[CheckedModel], CheckResult]
 _Proposal = Callable[[CheckedModel, CheckResult], Iterator[Values]]
@@ -193,7 +192,6 @@ def _times(checked: CheckedModel, changes: Sequence[Values]) -> list[float | Non
     return [each / times[0] if each and times[0] else None for each in times[1:]]
 
 
-_START = re.compile(r"<mujoco\b[^>]*[^/]>|<mujoco>")
 _MOST_NAMED = 12
 
 
@@ -211,7 +209,7 @@ def edits_of(checked: CheckedModel, settings: Values) -> Iterator[Edit]:
 def _option_edits(checked: CheckedModel, options: Mapping[str, str]) -> Iterator[Edit]:
     if not options:
         return
-    edit = Edit(where="before </mujoco>", lines=tuple(option_lines(options, {})))
+    edit = Edit(where=END, lines=tuple(option_lines(options, {})))
     model, expected = _compiled(checked.scene.source, edit), checked.prepared.model.opt
     if model and all(_equal(getattr(model.opt, each), getattr(expected, each)) for each in options):
         yield edit
@@ -224,7 +222,7 @@ def _contact_edits(checked: CheckedModel, contact: Mapping[str, str]) -> Iterato
         return
     elements = ("geom", "pair") if checked.base.targets.explicit else ("geom",)
     lines = tuple(default_lines(contact, elements))
-    for where in ("right after <mujoco>", "before </mujoco>"):
+    for where in (TOP, END):
         edit = Edit(where=where, lines=lines)
         model = _compiled(checked.scene.source, edit)
         if model and _reaches(checked, model, contact):
@@ -260,17 +258,10 @@ def _equal(some: object, other: object) -> bool:
 
 def _compiled(source: SceneSource, edit: Edit) -> mujoco.MjModel | None:
     """Return a copy of the model with lines added; None if it does not compile, or is no MJCF."""
-    text = source.model.read_text(encoding="utf-8")
-    start, end = _START.search(text), text.rfind("</mujoco>")
-    if start is None or end < 0 or source.model.suffix == ".urdf":
-        return None
-    place = start.end() if edit.where.startswith("right") else end
     with TemporaryDirectory(prefix="contactlab-") as folder:
-        source.content.copy_to(Path(folder))
-        copied = replace(source, content=replace(source.content, root=Path(folder)))
-        added = "\n".join(["", *edit.lines, ""])
-        copied.model.write_text(text[:place] + added + text[place:], encoding="utf-8")
+        top, end = (edit.lines * (edit.where == where) for where in (TOP, END))
         try:
-            return compile_model(copied, {}, lambda _: None)
+            copied = paste(source, Path(folder), top, end)
+            return copied and compile_model(copied, {}, lambda _: None)
         except SceneError:
             return None

@@ -1,7 +1,7 @@
 """Ablation: which effects a scene needs, what each costs, and the smallest set that will do."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 
 from contactlab.run.evidence_record import as_written, engine, provenance
@@ -34,7 +34,7 @@ from contactlab.studies.effects.metric_changes import (
     difference,
     work_ratios,
 )
-from contactlab.studies.session import Session, Values
+from contactlab.studies.session import Session, Values, paste
 
 
 @dataclass
@@ -70,27 +70,23 @@ class SmallestSetSearch:
 
         Each pair is run with one seed first; the few that pass are run with all seeds.
         """
-        pairs = list(combinations(needed, 2))
+        pairs, tolerances = list(combinations(needed, 2)), self.trials.setup.tolerances
         if not pairs:
             return free, ()
         each_changed = [merged(free, pair) for pair in pairs]
         outcomes = self._run([BASE, *each_changed], self.trials.setup.seeds[:1])
         interactions: list[Interaction] = []
         for pair, changed in zip(pairs, each_changed, strict=True):
-            change = difference(self.tolerances, outcomes[BASE], outcomes[changed], changed)
+            change = difference(tolerances, outcomes[BASE], outcomes[changed], changed)
             passed = not change.matters and self._is_free(merged(free, pair))
             free = merged(free, pair) if passed else free
             interactions.append(Interaction(effects=pair, free=passed, reason=change.reason))
         return free, tuple(interactions)
 
-    @property
-    def tolerances(self) -> Mapping[str, float]:
-        """Metric to largest change."""
-        return self.trials.setup.tolerances
-
     def _is_free(self, changed: Changed) -> bool:
         outcome = self._run([changed])[changed]
-        return not difference(self.tolerances, self.base, outcome, changed).matters
+        tolerances = self.trials.setup.tolerances
+        return not difference(tolerances, self.base, outcome, changed).matters
 
     def _run(
         self, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
@@ -133,7 +129,7 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     timed = trials.timed("timing", configurations)
     exercised = Exercised.of(outcomes[BASE].flat)
     findings = [
-        _as_exercised(_finding(setup.tolerances, toggle, outcomes, timed, proven), exercised)
+        _finding(setup.tolerances, toggle, outcomes, timed, proven, exercised)
         for toggle in toggles.values()
     ]
     search = SmallestSetSearch(trials, outcomes[BASE])
@@ -141,6 +137,7 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     needed = [each.effect for each in findings if each.need == "needed"]
     free, interactions = search.interactions(free, needed)
     saving = trials.timed("saving", [BASE, free]) if free else {}
+    smallest = _set(toggles, free, proven)
     report = EffectsReport(
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
@@ -154,9 +151,9 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
         provenance=provenance(),
         effects=tuple(findings),
         interactions=interactions,
-        smallest_set=_set(toggles, free, proven),
+        smallest_set=smallest,
         saving=cost_ratio(saving[BASE], saving[free]) if free else None,
-        verification=_verified(trials, free),
+        verification=_verified(trials, free, smallest),
         stores=tuple(trials.stores),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -169,19 +166,24 @@ def _finding(
     outcomes: Mapping[Changed, ConfigurationRows],
     timed: Mapping[Changed, ConfigurationRows],
     proven: Changed,
+    exercised: Exercised,
 ) -> EffectFinding:
-    """Return the finding of one effect; effects unused by proof are toggled together."""
+    """Return the finding of one effect; effects unused by proof are toggled together.
+
+    Nothing is called free that no run exercised.
+    """
     changed = proven if toggle.proof is not None else (toggle.effect,)
     change = difference(tolerances, outcomes[BASE], outcomes[changed], changed)
     cost = None if toggle.proof else cost_ratio(timed[BASE], timed[changed])
-    effect = EFFECTS[toggle.effect]
+    effect, need = EFFECTS[toggle.effect], _need(toggle, change, cost)
+    lack = exercised.lack([effect.feature]) if effect.feature and need == "free" else None
     return EffectFinding(
         effect=toggle.effect,
         kind=effect.kind,
         what=effect.what,
         on=toggle.on,
-        need=_need(toggle, change, cost),
-        reason=toggle.proof or change.reason,
+        need="not exercised" if lack else need,
+        reason=lack or toggle.proof or change.reason,
         settings=_written(toggle.values),
         changes=change.changes,
         within_spread=change.within_spread,
@@ -189,15 +191,6 @@ def _finding(
         cost=cost,
         work={} if toggle.proof else work_ratios(timed[BASE], timed[changed]),
     )
-
-
-def _as_exercised(finding: EffectFinding, exercised: Exercised) -> EffectFinding:
-    """Return a finding that calls nothing free that no run exercised."""
-    feature = EFFECTS[finding.effect].feature
-    lack = None if feature is None else exercised.lack([feature])
-    if finding.need != "free" or lack is None:
-        return finding
-    return finding.model_copy(update={"need": "not exercised", "reason": lack})
 
 
 def _need(toggle: Toggle, change: ConfigurationDifference, cost: Ratio | None) -> Need:
@@ -245,8 +238,11 @@ def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> Small
     )
 
 
-def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
-    """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios."""
+def _verified(trials: ConfigurationRunner, free: Changed, smallest: SmallestSet) -> Verification:
+    """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios.
+
+    The set is run as settings and, of MJCF, as lines that are pasted into a copy of the model.
+    """
     setup = trials.setup
     first = max(setup.seeds) + 1
     seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), setup.fresh_scenarios
@@ -257,14 +253,43 @@ def _verified(trials: ConfigurationRunner, free: Changed) -> Verification:
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
     change = difference(setup.tolerances, outcomes[BASE], outcomes[free], free)
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
+    pasted = _pasted(trials, free, smallest, outcomes[BASE], seeds)
+    failed = next((each for each in (change, pasted) if each and each.matters), None)
     return Verification(
         seeds=seeds,
         scenarios=tuple(_written(each) for each in scenarios),
         runs=len(outcomes[free].flat),
-        holds=not change.matters,
-        reason=change.reason,
+        pasted=pasted and not pasted.matters,
+        holds=failed is None,
+        reason=f"as text, {failed.reason}" if failed and failed is pasted else change.reason,
         cost=cost_ratio(timed[BASE], timed[free]),
     )
+
+
+def _pasted(
+    trials: ConfigurationRunner,
+    free: Changed,
+    smallest: SmallestSet,
+    base: ConfigurationRows,
+    seeds: Sequence[int],
+) -> ConfigurationDifference | None:
+    """Compare a copy of the model with the set's lines in its file; None if it is no MJCF.
+
+    It keeps the settings of the base configuration, but for those that the lines are about.
+    """
+    setup = trials.setup
+    folder, lines = (trials.session.folder / "pasted-model").resolve(), smallest.mjcf
+    cut = lines.index("</default>") + 1 if "</default>" in lines else 0
+    copied = paste(setup.scene.source, folder, lines[:cut], lines[cut:])
+    if copied is None:
+        return None
+    about = {*smallest.settings, *(each for name in free for each in EFFECTS[name].switch.settings)}
+    kept = {name: value for name, value in setup.base.items() if name not in about}
+    reference = f"{copied.path.parent}/" if copied.manifest else str(copied.path)
+    runner = replace(trials, setup=replace(setup, reference=reference, base=kept))
+    text = "The model with the lines of the smallest set in its file"
+    rows = runner.run("pasted", text, [BASE], seeds=seeds, scenarios=base.scenarios)[BASE]
+    return difference(setup.tolerances, base, rows, free)
 
 
 def _written(values: Values) -> dict[str, Setting]:

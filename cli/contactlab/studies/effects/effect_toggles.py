@@ -4,10 +4,15 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import default_lines, option_lines
 from contactlab.run.evidence_record import as_written
 from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.store.finished_store import Store
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 
@@ -71,11 +76,8 @@ def settings_mjcf(settings: Values) -> tuple[str, ...]:
         condims += [switch.condim[value]] if switch.condim else []
         comments += [f"<!-- {switch.removal} -->"] if switch.removal and not value else []
     contact = {"condim": str(min(condims))} if condims else {}
-    return (
-        *option_lines(options, flags),
-        *default_lines(contact, comment=_CONDIM_COMMENT),
-        *comments,
-    )
+    defaults = default_lines(contact, comment=_CONDIM_COMMENT)
+    return (*defaults, *option_lines(options, flags), *comments)
 
 
 def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
@@ -113,6 +115,19 @@ class ConfigurationRows(NamedTuple):
         return [row for rows in self.rows for row in rows]
 
 
+MOTION = "motion"
+"""Where joints are over time: (N, nq) qpos in shares of limited ranges, of others in m or rad."""
+_MOST_STATES = 500
+
+
+def _motion(store: Store, run: str, model: mujoco.MjModel) -> Floats:
+    """Return the motion of a run at about 500 times, the same in all runs of as many steps."""
+    ranges, limited, record = np.ones(model.nq), model.jnt_limited == 1, store.record(run)
+    ranges[model.jnt_qposadr[limited]] = np.ptp(model.jnt_range[limited], axis=1)
+    qpos = store.trace(record).qpos if record.trace else np.zeros((0, model.nq))
+    return qpos[:: max(1, len(qpos) // _MOST_STATES)] / ranges
+
+
 _PAIRS = 6
 """Matched pairs that are timed; their range contains the median in 97 of 100 cases."""
 
@@ -148,6 +163,7 @@ class ConfigurationRunner:
         Seeds and scenarios are those of the setup unless given.
         """
         setup, unique = self.setup, list(dict.fromkeys(configurations))
+        moved = not (setup.tolerances or timed)
         seeds = setup.seeds if seeds is None else seeds
         scenarios = setup.scenarios if scenarios is None else scenarios
         rows = [[self._values(each, scenario) for scenario in scenarios] for each in unique]
@@ -162,20 +178,21 @@ class ConfigurationRunner:
             "tolerances": dict(setup.tolerances),
             "thresholds": dict(setup.thresholds),
             "timing": {"rounds": self.rounds} if timed and self.rounds else None,
-            "trace": "none",
+            "trace": "all" if moved else "none",
             "checks": "none",
         }
         content = {key: value for key, value in sweep.items() if value is not None}
-        table = self.session.run_derived(name, content, setup.scenes).table
+        store = self.session.run_derived(name, content, setup.scenes)
         self.stores.append(name)
-        runs, scene = {row["run_id"]: row for row in table.to_pylist()}, setup.scene
+        runs, scene = {row["run_id"]: row for row in store.table.to_pylist()}, setup.scene
 
-        def stored(values: Values) -> list[Row]:
-            ids = (scene.run_id(scene.resolve(values, seed, setup.duration)) for seed in seeds)
-            return [runs[each] for each in ids]
+        def stored(values: Values) -> Iterator[Row]:
+            for run in (scene.resolve(values, seed, setup.duration) for seed in seeds):
+                row, model = runs[scene.run_id(run)], scene.base(run.structure).model
+                yield {**row, MOTION: _motion(store, row["run_id"], model)} if moved else row
 
         return {
-            each: ConfigurationRows(scenarios, list(map(stored, of_each)))
+            each: ConfigurationRows(scenarios, [list(stored(values)) for values in of_each])
             for each, of_each in zip(unique, rows, strict=True)
         }
 

@@ -3,13 +3,17 @@
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from math import inf, isfinite
 from statistics import fmean, median
+from typing import Any
+
+import numpy as np
 
 from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.effects_report import MetricChange, Ratio
-from contactlab.studies.effects.effect_toggles import BASE, Changed, ConfigurationRows, Row
+from contactlab.studies.effects.effect_toggles import BASE, MOTION, Changed, ConfigurationRows, Row
 from contactlab.studies.session import Values
 
 _SHARE = 0.01
@@ -26,16 +30,6 @@ def judged_metrics(changed: Collection[str] = ()) -> list[str]:
     missing = {_UNMEASURED[effect] for effect in changed if effect in _UNMEASURED}
     physics = [each for each in METRICS.values() if each.kind == "physics"]
     return [each.name for each in physics if each.requires not in missing]
-
-
-def tolerance_of(name: str, given: Mapping[str, float], values: Sequence[float]) -> float:
-    """Return the largest change of a metric that does not matter, in its unit.
-
-    That is a given tolerance as it is or, without one, 1 % of the largest magnitude at least.
-    """
-    if name in given:
-        return given[name]
-    return max(METRICS[name].tolerance, _SHARE * max(map(abs, values), default=0.0))
 
 
 @dataclass(frozen=True)
@@ -90,7 +84,7 @@ def difference(
     matched = list(zip(base.scenarios, base.rows, other.rows, strict=True))
     largest = [
         max((_change(name, tolerances, *each) for each in matched), key=_weight)
-        for name in tolerances or judged_metrics(changed)
+        for name in tolerances or (*judged_metrics(changed), *({MOTION} & base.flat[0].keys()))
     ]
     changes = sorted((each for each in largest if _weight(each)[1]), key=_weight, reverse=True)
     labels: Counter[str] = Counter()
@@ -118,12 +112,14 @@ def _change(
     """Compare a metric in one scenario; differences within its spread over seeds do not matter."""
     own = [row[name] for row in base if row[name] is not None]
     pairs = [
-        second[name] - first[name]
+        _difference(second[name], first[name])
         for first, second in zip(base, other, strict=True)
         if first[name] is not None and second[name] is not None
     ]
-    tolerance = tolerance_of(name, given, own)
-    spread = max(own) - min(own) if own else 0.0
+    tolerance = given.get(name, _SHARE)
+    if name not in given and name != MOTION:
+        tolerance = max(METRICS[name].tolerance, _SHARE * max(map(abs, own), default=0.0))
+    spread = max((abs(_difference(*pair)) for pair in combinations(own, 2)), default=0.0)
     # Measured in all runs of one configuration and in none of the other.
     appears = not pairs and (
         len(own) == len(base) or (not own and all(row[name] is not None for row in other))
@@ -132,7 +128,7 @@ def _change(
     size = abs(mean) if mean is not None else inf if appears else 0.0
     return MetricChange(
         metric=name,
-        unit=METRICS[name].unit,
+        unit="1" if name == MOTION else METRICS[name].unit,
         change=mean,
         tolerance=tolerance,
         times=None if appears or (size and not tolerance) else size / (tolerance or 1.0),
@@ -140,6 +136,14 @@ def _change(
         scenario={key: as_written(value) for key, value in scenario.items()},
         matters=size > tolerance and size > spread,
     )
+
+
+def _difference(value: Any, other: Any) -> float:  # noqa: ANN401 - a number or an array
+    """Return the difference of two numbers; of motions, the largest at a time that both have."""
+    if not isinstance(value, np.ndarray):
+        return value - other
+    steps = min(len(value), len(other))
+    return float(np.nan_to_num(np.abs(value[:steps] - other[:steps])).max(initial=0.0))
 
 
 def _change_text(change: MetricChange) -> str:

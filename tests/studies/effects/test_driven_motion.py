@@ -1,0 +1,97 @@
+"""The motion that a drive makes is a result too, of every effect and of the lines to paste."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from contactlab.schema.effects_report import EffectsReport
+from contactlab.studies.effects import ablation
+from contactlab.studies.effects.effect_toggles import MOTION, ConfigurationRows
+from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.metric_changes import difference, judged_metrics
+from contactlab.studies.session import Session
+
+# Gravity pulls both fingers along +y. The tendon holds their mean, the equality their difference.
+GRIPPER = """<mujoco>
+  <option gravity="0 9.81 0"/>
+  <worldbody>
+    <body pos="0 .1 0"><joint name="left" type="slide" axis="0 1 0" range="0 .04" damping="1"/>
+      <geom type="box" size=".01 .01 .01" mass=".02" contype="0" conaffinity="0"/></body>
+    <body pos="0 -.1 0"><joint name="right" type="slide" axis="0 -1 0" range="0 .04" damping="1"/>
+      <geom type="box" size=".01 .01 .01" mass=".02" contype="0" conaffinity="0"/></body>
+  </worldbody>
+  <tendon><fixed name="split">
+    <joint joint="left" coef=".5"/><joint joint="right" coef=".5"/></fixed></tendon>
+  <equality><joint joint1="left" joint2="right" solref=".005 1"/></equality>
+  <actuator><general name="grip" tendon="split" ctrlrange=".005 .035" gainprm="100"
+    biastype="affine" biasprm="0 -100 -10"/></actuator>
+  <keyframe><key qpos=".02 .02" ctrl=".02"/></keyframe>
+</mujoco>"""
+
+
+def ablated(tmp_path: Path) -> EffectsReport:
+    (tmp_path / "gripper.xml").write_text(GRIPPER)
+    request = EffectsRequest(str(tmp_path / "gripper.xml"), seeds=2, rounds=None)
+    return ablation.run(request, Session(tmp_path / "out"))
+
+
+def driven(model: mujoco.MjModel) -> np.ndarray:
+    """Return (n, 2) where the fingers are while the grip opens and closes, by MuJoCo alone."""
+    data, path = mujoco.MjData(model), np.zeros((1000, 2))
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    for row in path:
+        data.ctrl[0] = 0.02 + 0.015 * np.sin(2 * np.pi * data.time)
+        mujoco.mj_step(model, data)
+        row[:] = data.qpos
+    return path
+
+
+def test_what_carries_the_drive_is_kept_and_the_pasted_model_moves_alike(tmp_path: Path) -> None:
+    report = ablated(tmp_path)
+    assert {each.effect for each in report.effects if each.need == "needed"} >= {
+        "actuation",
+        "equality",
+    }
+    # It only transmits what the actuator does: there is nothing of its own to leave out.
+    assert "tendon" not in {*report.smallest_set.off, *(each.effect for each in report.effects)}
+    assert report.verification.holds
+    assert report.verification.pasted
+    written = mujoco.MjModel.from_xml_string(GRIPPER)
+    pasted = mujoco.MjModel.from_xml_path(str(tmp_path / "out/pasted-model/gripper.xml"))
+    assert pasted.opt.disableflags != written.opt.disableflags
+    # Without the equality, the fingers end 0.04 m apart, at their limits.
+    assert np.abs(driven(pasted) - driven(written)).max() < 0.01 * 0.04
+
+
+def test_lines_that_change_the_motion_do_not_hold(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    lines = ('<option><flag actuation="disable"/></option>',)
+    monkeypatch.setattr(ablation, "settings_mjcf", lambda _: lines)
+    report = ablated(tmp_path)
+    assert report.verification.pasted is False
+    assert not report.verification.holds
+    assert report.verification.reason.startswith("as text, ")
+
+
+@given(seeds=st.lists(st.floats(-1, 1), min_size=2, max_size=6), shift=st.floats(-1, 1))
+def test_motion_matters_beyond_tolerance_and_the_spread_over_seeds(
+    seeds: list[float], shift: float
+) -> None:
+    """One coordinate is moved at one time; the largest distance of any two seeds is the spread."""
+    own = [np.full((5, 2), seed) for seed in seeds]
+    new = [each.copy() for each in own]
+    for each in new:
+        each[3, 1] += shift
+    nothing = dict.fromkeys(judged_metrics()) | {"label": "stable"}
+    base, other = (
+        ConfigurationRows([{}], [[{**nothing, MOTION: each} for each in motions]])
+        for motions in (own, new)
+    )
+    limit = max(0.01, max(seeds) - min(seeds))
+    if abs(abs(shift) - limit) > 1e-12:
+        assert difference({}, base, other).matters == (abs(shift) > limit)
