@@ -117,3 +117,26 @@ def test_the_refined_copy_is_the_run_at_a_quarter_of_its_step(tmp_path: Path) ->
     assert np.array_equal(checks.refined.qpos[0], places)
     late = np.array(speeds[-300:])
     assert np.allclose(checks.rest[0, 1, 0], np.sqrt((late**2).mean(axis=0)), rtol=1e-12)
+
+
+# A box that a motor shoves to and fro: it sticks and slides as often as the control turns.
+SHOVED = """
+<mujoco>
+  <option timestep="0.002" cone="elliptic"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="2 2 .1"/>
+    <body name="box" pos="0 0 .05"><joint name="x" type="slide" axis="1 0 0"/>
+      <joint name="z" type="slide" axis="0 0 1"/>
+      <geom name="box" type="box" size=".1 .1 .05" mass="1" friction=".2" priority="1"/></body>
+  </worldbody>
+  <actuator><motor joint="x" ctrlrange="-8 8"/></actuator>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("checks", "label"), [("none", "chatter"), ("flagged", "stable")])
+def test_switches_that_the_control_causes_are_no_chatter(
+    checked: Checked, checks: str, label: str
+) -> None:
+    drive = {"noise": 1.0, "rate": 20}
+    assert checked(SHOVED, 2.0, checks, drive=drive).label == label

@@ -21,6 +21,8 @@ Failures = dict[int, list[str]]
 """Why metrics and labels fail, by run."""
 
 _TRACED = ("tunneling", "energy_injection", "penetration_growth", "chatter")
+_OF_CONTROL = ("chatter", "penetration_growth")
+"""Labels that controls which change may be the cause of, where the step is not."""
 _NUMERICAL = "numerical, since a copy at a quarter of the step is free of it"
 _MODELLED = "modelled, or not resolved by a quarter of the step either"
 
@@ -96,7 +98,10 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 def _traced(
     runs: MeasuredRuns, label: Label, findings: Sequence[Finding | None]
 ) -> Sequence[Finding | None]:
-    """Add to what was found whether it is numerical: whether the refined copies are free of it."""
+    """Add to what was found whether it is numerical: whether the refined copies are free of it.
+
+    What is not, and may be the doing of controls that change, is no finding.
+    """
     checks = runs.context.checks
     if checks is None or not any(findings):
         return findings
@@ -104,12 +109,22 @@ def _traced(
     metrics = {name: _values(metric, context, {}) for name, metric in METRICS.items()}
     known = [bool(np.isfinite(each).all()) for each in checks.rest]
     found = _tried("", label.of, MeasuredRuns(context, metrics), {}, None)
-    return [
-        own._replace(reason=f"{own.reason}; {_MODELLED if copied else _NUMERICAL}")
-        if own and whole
-        else own
-        for own, copied, whole in zip(findings, found, known, strict=True)
-    ]
+    excused = _driven(runs.context.trace) & (label.name in _OF_CONTROL)
+    traced = list(findings)
+    for run, own in enumerate(findings):
+        if own and known[run]:
+            cause = _MODELLED if found[run] else _NUMERICAL
+            dropped = excused[run] and found[run]
+            traced[run] = None if dropped else own._replace(reason=f"{own.reason}; {cause}")
+    return traced
+
+
+def _driven(trace: Trace) -> NDArray[np.bool_]:
+    """Return (n,) whether controls of a run change."""
+    ranges = trace.control_ranges
+    if ranges is None:
+        return np.zeros(trace.runs, np.bool_)
+    return (ranges[..., 0] != ranges[..., 1]).any(axis=1)
 
 
 def _tried(
