@@ -64,7 +64,9 @@ def make_store(file: Path) -> None:
         for run, resolved in RunIndex(ask.plan, ask.scene).runs():
             own = {"run_id": run.run_id, "index": run.index, "seed": run.seed}
             axes = {name: as_written(value) for name, value in run.values.items()}
-            row = template | own | axes | {"settings": dict(resolved.values)}
+            simulated = template["steps"] * resolved.timestep
+            cost = {"cost_cpu_per_sim_s": template["cost_cpu_s"] / simulated}
+            row = template | own | axes | cost | {"settings": dict(resolved.values)}
             made_up.write(sealed(to_json(row)))
     run_sweep(ask, lambda *_: None, lambda _: None)
 

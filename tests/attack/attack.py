@@ -2,9 +2,10 @@
 
     python -m tests.attack.attack --count 2030 --seed 1
 
-A change is detected if `verify` names it, or refuses the store; harmless if all that the store says
-is as before. Some changes leave out what `verify` then says it could not verify. Of the rest, those
-of the manifest are found by whoever pins its digest; what is left is undetected.
+A change is detected if `verify` names it, or refuses the store: by what needs no engine, by making
+the plan again, or by `--simulate` of all runs; harmless if all that the store says is as before.
+Some changes leave out what `verify` then says it could not verify. Of the rest, those of the
+manifest are found by whoever pins its digest; what is left is undetected.
 """
 
 import argparse
@@ -27,6 +28,12 @@ from tests.attack.mutations import MANIFEST, Mutation, Target, mutations, redo
 
 from contactlab.errors import ContactlabError
 from contactlab.plan.sweep_file import read_sweep
+from contactlab.run.recomputed_runs import (
+    recomputed_problems,
+    simulated_problems,
+    unplanned,
+    unresolved,
+)
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
@@ -53,6 +60,8 @@ _BYTES = 6 << 30
 OUTCOMES = (
     "detected",
     "harmless",
+    "detected by resolving the plan",
+    "detected by simulating again",
     "not verified, as verify says",
     "found by a pinned digest only",
     "undetected",
@@ -124,7 +133,7 @@ class Attack:
         kind = f"{mutation.__name__} {level}"
         self.counts[outcome] += 1
         self.by_kind[kind][outcome] += 1
-        if outcome not in OUTCOMES[:3]:
+        if outcome not in OUTCOMES[:5]:
             self.cases.append(f"{outcome}: {kind}: {said}")
 
 
@@ -132,7 +141,7 @@ def attack(folder: Path, count: int, seed: int) -> Attack:
     """Bend a store so many times."""
     store, older = make_store(folder / "now", 0.12), make_store(folder / "before", 0.13)
     before, pinned = meaning(store), (store / MANIFEST).read_bytes()
-    left_open = unverified(Store.open(store))
+    left_open = left_out(Store.open(store))
     found = Attack()
     for number, (mutation, level) in enumerate(islice(mutations(), count)):
         with tempfile.TemporaryDirectory(dir=folder) as name:
@@ -143,12 +152,17 @@ def attack(folder: Path, count: int, seed: int) -> Attack:
             said = mutation(target)
             redo(bent, level) if level else None
             outcome = judge(bent, before)
-            if outcome == "undetected" and unverified(Store.unchecked(bent)) != left_open:
-                outcome = OUTCOMES[2]
+            if outcome == "undetected" and left_out(Store.unchecked(bent)) != left_open:
+                outcome = OUTCOMES[4]
             if outcome == "undetected" and (bent / MANIFEST).read_bytes() != pinned:
-                outcome = OUTCOMES[3]
+                outcome = OUTCOMES[5]
             found.add(mutation, level, outcome, f"{said} (seed {seed}, number {number})")
     return found
+
+
+def left_out(store: Store) -> list[str | None]:
+    """Return what of a store `verify` says that it could not verify."""
+    return [*unverified(store), unresolved(store), unplanned(store)]
 
 
 def judge(store: Path, before: object) -> str:
@@ -165,9 +179,21 @@ def judge(store: Path, before: object) -> str:
                 return "detected" if not sound else "failed: a reader refuses what is sound"
         if not sound:
             return "detected"
-        return "harmless" if meaning(store) == before else "undetected"
+        if meaning(store) == before:
+            return "harmless"
+        return judge_runs(Store.open(store))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is no message to a user
         return f"failed: {type(error).__name__}: {error}"[:200]
+
+
+def judge_runs(store: Store) -> str:
+    """Return whether the engine finds out a store whose files and records are sound."""
+    if unresolved(store) is None:
+        if any(recomputed_problems(store)):
+            return OUTCOMES[2]
+        if any(simulated_problems(store, store.manifest.runs)):
+            return OUTCOMES[3]
+    return "undetected"
 
 
 @contextmanager

@@ -1,6 +1,7 @@
 """The readers of files that people and programs exchange, each with a sound file to start from."""
 
 import hashlib
+import io
 import json
 import struct
 import zlib
@@ -8,13 +9,18 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from mcap.writer import MCAP0_MAGIC
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+from mcap.writer import MCAP0_MAGIC, Writer
 from tests.attack.attack import MODEL, SWEEP, make_store
 
 from contactlab.comparison.policies import read_policy
+from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.scene_source import find_scene, read_manifest
+from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.mcap.trace_reader import read_trace
@@ -105,7 +111,38 @@ def readers(folder: Path) -> dict[str, Reader]:
         "trace": Reader(trace.read_bytes(), in_file("a.mcap", read_traces)),
         "trace with checksums": Reader(trace.read_bytes(), in_file("b.mcap", read_sealed_traces)),
         "table": Reader((store / "runs.parquet").read_bytes(), _TableReader(store).read),
+        **{
+            f"drive {ending}": Reader(data, in_file(f"drive.{ending}", read_control_table))
+            for ending, data in _drives(folder).items()
+        },
         **_journal_readers(make_store(folder / "unfinished", 0.12)),
+    }
+
+
+def _drives(folder: Path) -> dict[str, bytes]:
+    """Return tables of controls of three actuators, two of them in a column of vectors."""
+    times, levels = np.arange(5) * 0.01, np.ones((5, 2))
+    columns = pa.table({"time": times, "hip": times, "knees": list(levels)})
+    npz, parquet = io.BytesIO(), io.BytesIO()
+    np.savez(npz, time=times, hip=times, knees=levels)
+    pq.write_table(columns, parquet)
+    rows = "".join(f"{time},{time},1,1\n" for time in times)
+    arrow = encode_controls(RecordedControls(times, levels), ["hip", "knee"])
+    path = folder / "made.mcap"
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel("/joints", "json", 0)
+        for time in times:
+            said = json.dumps({"name": ["hip", "knee"], "position": [time, 1]}).encode()
+            writer.add_message(channel, int(time * 1e9), said, int(time * 1e9))
+        writer.finish()
+    return {
+        "csv": f"time,hip,knee[0],knee[1]\n{rows}".encode(),
+        "npz": npz.getvalue(),
+        "parquet": parquet.getvalue(),
+        "arrow": arrow,
+        "mcap": path.read_bytes(),
     }
 
 

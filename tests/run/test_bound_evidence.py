@@ -1,19 +1,24 @@
 """What counts is bound together: whoever bends a store and redoes its hashes is found out."""
 
+import hashlib
 import json
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
+from mcap.writer import Writer
 
 from contactlab.errors import StoreError
-from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems
+from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unplanned
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
+from contactlab.store.mcap.trace_writer import copy_trace
 from contactlab.store.row_journal import mend_journal
 from contactlab.store.runs_table import rows_digest
 from contactlab.store.store_manifest import document_json
@@ -67,8 +72,8 @@ def edit(store: Path, column: str, change: Callable[[Any], Any], row: int = 0) -
     rewrite(store, table.set_column(place, field, pa.array(values, field.type)))
 
 
-def edited(column: str, change: Callable[[Any], Any]) -> Attack:
-    return lambda store: edit(store, column, change)
+def edited(column: str, change: Callable[[Any], Any], row: int = 0) -> Attack:
+    return lambda store: edit(store, column, change, row)
 
 
 def swap_traces(store: Path) -> None:
@@ -104,6 +109,31 @@ def in_manifest(*path: str, value: object) -> Attack:
     return attack
 
 
+def edit_shared(name: str, change: Callable[[Any], Any]) -> Attack:
+    """Change a field that all runs share, or add one."""
+
+    def attack(store: Path) -> None:
+        table = pq.read_table(store / "runs.parquet")
+        meta = dict(table.schema.metadata)
+        shared = json.loads(meta[b"contactlab.shared"])
+        shared[name] = change(shared.get(name))
+        meta[b"contactlab.shared"] = json.dumps(shared).encode()
+        rewrite(store, table.replace_schema_metadata(meta))
+
+    return attack
+
+
+def exchange_runs(store: Path) -> None:
+    """Exchange two runs, their places in the plan too, and state the hash of the new order."""
+    table = pq.read_table(store / "runs.parquet")
+    place = table.schema.get_field_index("index")
+    order, indices = [1, 0, *range(2, table.num_rows)], table.column("index")
+    table = table.take(order).set_column(place, table.schema.field("index"), indices)
+    ids = "".join(table["run_id"].to_pylist())
+    in_manifest("sweep", "plan_hash", value=hashlib.sha256(ids.encode()).hexdigest()[:32])(store)
+    rewrite(store, table)
+
+
 def edit_model(store: Path) -> None:
     (model,) = (store / "scenes").rglob("scene.xml")
     model.write_text(model.read_text().replace('size="', 'size="1'))
@@ -119,7 +149,7 @@ def add_scene_file(store: Path) -> None:
     ("attack", "said"),
     [
         (swap_traces, "its record has another run_id than the table"),
-        (edited("label_reason", lambda _: "all is well"), "its label_reason is not that of its"),
+        (edited("label_reason", lambda _: "all is well"), "its label_reason is not what"),
         (edited("label", lambda _: "chatter"), "its record has another label than the table"),
         (edited("penetration_max", lambda depth: depth / 2), "another metrics than the table"),
         (edited("drop_height", lambda _: 0.05), "its record has another axes than the table"),
@@ -132,6 +162,18 @@ def add_scene_file(store: Path) -> None:
         (edited("initial_qpos", lambda qpos: [0.0] * len(qpos)), "another initial than the table"),
         (edited("provenance", lambda text: text.replace("3.11", "3.12")), "another provenance"),
         (reverse_rows, "its runs, in their order, are not those of the plan's hash"),
+        (reverse_rows, "its runs are not in the order of their index"),
+        (edited("cost_cpu_s", lambda spent: 2 * spent), "its cost is not what the rest"),
+        (edited("cost_latency_budget_s", lambda _: 1e-3), "its cost is not what the rest"),
+        (edited("timing_settings", lambda _: "x"), "its accuracy or timing is not what"),
+        (edited("trace_bytes", lambda size: size + 1), "changed since it was written"),
+        (
+            edited("trace_messages", lambda text: text.replace(":1}", ":2}")),
+            "its messages by topic are not those of the table",
+        ),
+        (edit_shared("unitz", lambda _: 1), "another unitz than"),
+        (edit_shared("units", lambda units: units | {"slip_max": "m"}), "another units than"),
+        (edit_shared("severity", lambda order: order[1:-1]), "its severity is not the order"),
         (
             in_manifest("sweep", "plan_hash", value="0" * 32),
             "its runs, in their order, are not those of the plan's hash",
@@ -160,6 +202,17 @@ def drop_traces(store: Path) -> None:
         (edited("drop_height", lambda _: 0.05), "the stored scene and settings give another id"),
         (edited("settings", lambda all_: all_ | {"iterations": 7}), "iterations is 7, not "),
         (edit_model, "its files have the hash"),
+        (exchange_runs, "plan_hash is not what the sweep"),
+        (edited("index", lambda _: 1, 0), "not in the order of their index"),
+        (edited("index", lambda _: 9, -1), "its runs are not at their places in the plan"),
+        (
+            edit_shared("severity", lambda order: order[::-1]),
+            "severity is not the order of the labels",
+        ),
+        (in_manifest("sweep", "resolved", "trace", value="none"), "resolved is not what the sweep"),
+        (in_manifest("sweep", "resolved", "zip", value=None), "resolved is not what the sweep's"),
+        (in_manifest("sweep", "source", value="{version: 1"), "error["),
+        (in_manifest("sweep", "overrides", value=["--limit 7"]), "is not what the sweep's text"),
     ],
 )
 def test_without_traces_the_engine_tells(bent: Path, attack: Attack, said: str) -> None:
@@ -186,6 +239,58 @@ def test_without_traces_outcomes_are_told_by_simulating_again(
     ]
     (found,) = simulated_problems(Store.open(bent), 100)
     assert said in found
+
+
+def edit_energy(store: Path) -> None:
+    """Change the kinetic energy of a step, and the hashes of its trace."""
+    trace = min(store.rglob("*.mcap"))
+    add, kinetic = Writer.add_message, Store.open(store).trace(trace.stem).kinetic[3]
+
+    def changed(writer: Writer, channel: int, time: int, data: bytes, *others: int) -> None:
+        add(writer, channel, time, data.replace(struct.pack("<d", kinetic), bytes(8)), *others)
+
+    with patch.object(Writer, "add_message", changed):
+        copy_trace(trace, trace, [])
+    ids = pq.read_table(store / "runs.parquet")["run_id"].to_pylist()
+    edit(store, "trace_sha256", lambda _: sha256_of(trace), ids.index(trace.stem))
+    edit(store, "trace_bytes", lambda _: trace.stat().st_size, ids.index(trace.stem))
+
+
+def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None:
+    edit_energy(bent)
+    assert problems(bent) == []
+    (found,) = simulated_problems(Store.open(bent), 100)
+    assert found.endswith("its trace is another")
+
+
+@pytest.mark.parametrize(
+    ("change", "why"),
+    [
+        ({"provenance": {"contactlab": "0.0"}}, "contactlab 0.0 wrote it"),
+        ({"sweep": {"resolved": {"include": {"file": "runs.csv"}}}}, "a file beside the sweep"),
+        ({"sweep": {"metric_versions": {}}}, "other metrics or plug-ins"),
+    ],
+)
+def test_what_cannot_be_planned_again_is_said(bent: Path, change: Any, why: str) -> None:
+    assert unplanned(Store.open(bent)) is None
+    path = bent / "manifest.json"
+    manifest = json.loads(path.read_text())
+    for part, values in change.items():
+        for name, value in values.items():
+            place = manifest[part]
+            place[name] = place[name] | value if isinstance(value, dict) and value else value
+    path.write_text(json.dumps(manifest))
+    assert why in (unplanned(Store.open(bent)) or "")
+
+
+def test_a_stored_sweep_reads_no_file_of_the_folder_that_it_is_verified_in(
+    bent: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "runs.csv").write_text("timestep\n1e-3\n")
+    monkeypatch.chdir(tmp_path)
+    text = "{version: 1, scene: ball_drop, include: {file: runs.csv}}"
+    in_manifest("sweep", "source", value=text)(bent)
+    assert any("runs.csv" in each for each in problems(bent))
 
 
 def test_a_sound_store_simulates_alike(sound: Path) -> None:

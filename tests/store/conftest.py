@@ -108,7 +108,7 @@ def make_record(index: int = 0, **changes: Any) -> EvidenceRecord:
         tolerances_met=None,
         trajectory_hash=hash_of_states(np.stack([TIMES, 0 * TIMES, 0 * TIMES], axis=1)),
         provenance=PROVENANCE,
-        cost=Cost(cpu_s=1.0, cpu_per_sim_s=2.0, latency_budget_s=None, latency_used=None),
+        cost=Cost.of(1.0, STEPS, 1e-3 * (index + 1), None),
         started="2026-01-01T00:00:00.000+00:00",
         finished="2026-01-01T00:00:01.000+00:00",
     )

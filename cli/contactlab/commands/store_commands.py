@@ -184,7 +184,12 @@ def verify(
     output: opt.FormatOption = "text",
 ) -> None:
     """Check every file of a store against its hash, and recompute what its content gives."""
-    from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unresolved
+    from contactlab.run.recomputed_runs import (
+        recomputed_problems,
+        simulated_problems,
+        unplanned,
+        unresolved,
+    )
     from contactlab.store.finished_store import Store
     from contactlab.store.verify_store import MOST_PROBLEMS, unverified
     from contactlab.store.verify_store import verify as find_problems
@@ -193,9 +198,8 @@ def verify(
     opened = Store.unchecked(store)
     manifest, left = opened.manifest, unverified(opened)
     opt.mention_plugins(store, manifest.sweep.plugins)
-    if why := unresolved(opened):
-        left.append(why)
-    elif not problems:
+    left += filter(None, (unresolved(opened), unplanned(opened)))
+    if not problems and unresolved(opened) is None:
         # What is damaged need not be run, nor compiled.
         problems = list(islice(recomputed_problems(opened), MOST_PROBLEMS))
         problems += simulated_problems(opened, simulate) if simulate and not problems else ()

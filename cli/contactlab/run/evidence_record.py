@@ -186,14 +186,8 @@ def with_cost(task: Task, record: EvidenceRecord, outcome: RunOutcome) -> Eviden
     cpu, steps = float(outcome.rollout.cost[outcome.place]), outcome.steps
     if math.isnan(cpu):
         return record.model_copy(update=clock)
-    budget = task.sweep.latency_budget
-    simulated = steps * outcome.plan.resolved.timestep
-    cost = Cost(
-        cpu_s=cpu,
-        cpu_per_sim_s=cpu / simulated if simulated else 0.0,
-        latency_budget_s=budget,
-        latency_used=cpu / steps / budget if budget and steps else None,
-    )
+    timestep, budget = outcome.plan.resolved.timestep, task.sweep.latency_budget
+    cost = Cost.of(cpu, steps, timestep, budget)
     return record.model_copy(update={"cost": cost, **clock})
 
 

@@ -2,23 +2,37 @@
 
 import random
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from importlib.metadata import version
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import numpy as np
 from pydantic_core import from_json, to_json
 
 from contactlab.errors import ContactlabError
+from contactlab.measure import LABELS, METRICS, THRESHOLDS
+from contactlab.plan.grid import Plan
+from contactlab.plan.overrides import Overrides
+from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
-from contactlab.run.evidence_record import engine, provenance
-from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.evidence_record import engine, metric_versions, provenance
+from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
+from contactlab.run.sweep_request import SweepRequest, supported
+from contactlab.run.sweep_runner import identity_of
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.run.worker import Worker
-from contactlab.schema.drive import PolicyDrive
+from contactlab.scene.scene import Scene
+from contactlab.schema.drive import PolicyDrive, parse_drive
+from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.finished_store import Store
-from contactlab.store.store_files import SCENES
+from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.store_files import IDENTITY, SCENES, TABLE
 
 _OUTCOME = ("status", "steps", "trajectory_hash", "label", "labels", "label_steps", "knife_edge")
 
@@ -35,16 +49,31 @@ def unresolved(store: Store) -> str | None:
     return None
 
 
+def unplanned(store: Store) -> str | None:
+    """Return why the plan cannot be made again here; None if it can."""
+    identity, theirs = store.manifest.sweep, store.manifest.provenance.contactlab
+    if theirs != (ours := version("contactlab")):
+        return f"the plan: contactlab {theirs} wrote it, and this is {ours}"
+    if isinstance(identity.resolved.get("include"), dict):
+        return "the plan: a file beside the sweep names some of its runs"
+    theirs, ours = (sorted(p.sha256 for p in x) for x in (identity.plugins, loaded_plugins()))
+    if theirs != ours or identity.metric_versions != metric_versions():
+        return "the plan: other metrics or plug-ins are loaded"
+    return None
+
+
 def recomputed_problems(store: Store) -> Iterator[str]:
-    """Yield where scene, run ids and settings are not what the stored files give."""
+    """Yield where scene, plan, run ids and settings are not what the stored files give."""
     identity = store.manifest.sweep
     try:
         scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+        if scene.hash != identity.scene_hash:
+            yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
+            return
+        if unplanned(store) is None:
+            yield from _other_plan(store, scene)
     except ContactlabError as error:
-        yield str(error)
-        return
-    if scene.hash != identity.scene_hash:
-        yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
+        yield str(error).partition("\n")[0]
         return
     for record in store.records():
         try:
@@ -55,6 +84,41 @@ def recomputed_problems(store: Store) -> Iterator[str]:
         again, stored = _known(values), _known(record.settings)
         for name in sorted(name for name in again | stored if again.get(name) != stored.get(name)):
             yield f"run {record.run_id}: {name} is {stored.get(name)}, not {again.get(name)}"
+
+
+def _other_plan(store: Store, scene: Scene) -> Iterator[str]:
+    """Yield where the sweep's text and options, read again, give another sweep or plan."""
+    identity, columns = store.manifest.sweep, store.columns
+    plan = _plan(identity, scene)
+    index = RunIndex(plan, scene)
+    name, source, options = identity.name, identity.source, identity.overrides
+    request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
+    ours, stored = identity_of(request, index).model_dump(), identity.model_dump()
+    for each in (each for each in ours if ours[each] != stored[each]):
+        yield f"{IDENTITY}: {each} is not what the sweep's text and options give"
+    if columns.shared.get("severity") != list(LABELS):
+        yield f"{TABLE}: its severity is not the order of the labels"
+    places = columns.to_pydict(["run_id", "index"])
+    if not all(map(index.has, places["run_id"], places["index"])):
+        yield f"{TABLE}: its runs are not at their places in the plan"
+
+
+def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
+    sets, only, limit = (
+        [each.removeprefix(option) for each in identity.overrides if each.startswith(option)]
+        for option in ("--set ", "--only ", "--limit ")
+    )
+    options = Overrides(sets, only, int(limit[0]) if limit and limit[0].isdecimal() else None)
+    axes = scene.catalogue.lenient()
+    names = Vocabulary(axes, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
+    with TemporaryDirectory() as folder:
+        # There it finds no files, whichever it names.
+        file = Path(folder) / "sweep.yaml"
+        file.write_text(identity.source, encoding="utf-8")
+        plan, _ = supported(read_sweep(file, lambda _: names, options).plan)
+    drive = identity.resolved.get("drive")
+    located = {"drive": drive and parse_drive(drive)}
+    return replace(plan, sweep=plan.sweep.model_copy(update=located))
 
 
 def simulated_problems(store: Store, count: int) -> Iterator[str]:
@@ -81,12 +145,21 @@ def simulated_problems(store: Store, count: int) -> Iterator[str]:
             before = f"run {record.run_id}: simulated again, "
             for name in (each for each in names if again[each] != stored[each]):
                 yield f"{before}{name} is {again[name]}, not {stored[name]}"
+            if record.trace is not None and not store.manifest.traces_left_out:
+                new = read_trace(Path(folder) / again["trace_file"])
+                if _arrays(store.trace(record)) != _arrays(new):
+                    yield f"{before}its trace is another"
+
+
+def _arrays(trace: StoredTrace) -> list[bytes]:
+    each = (value for part in (trace, *trace.pairs) for value in vars(part).values())
+    return [value.tobytes() for value in each if isinstance(value, np.ndarray)]
 
 
 def _task(store: Store, folder: Path) -> Task:
     identity = store.manifest.sweep
     return Task(
-        sweep=Sweep.model_validate(identity.resolved).model_copy(update={"trace": "none"}),
+        sweep=Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"}),
         expected=(),
         identity=identity,
         store=folder,

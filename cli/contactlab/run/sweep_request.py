@@ -79,7 +79,7 @@ def read_request(  # noqa: PLR0913 - one argument an option
     scenes = SceneLoader(folder, drive, bare=bare)
     read = read_sweep(source, partial(scenes.vocabulary, lenient=partly), options)
     scene, plan = scenes.for_sweep(read)
-    plan, reasons = _supported(plan)
+    plan, reasons = supported(plan)
     return SweepRequest(
         plan=plan,
         scene=scene,
@@ -103,7 +103,7 @@ def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
     return tuple(given)
 
 
-def _supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
+def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     """Return a plan without the rows that this engine does not support, and why, each once."""
     if not any(why_unsupported(name, value) for name, value in _values(plan)):
         return plan, ()

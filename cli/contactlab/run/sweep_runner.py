@@ -71,7 +71,7 @@ def run_sweep(
     if not len(index):
         raise SweepFileError(f"sweep '{request.name}' has no runs; see `--plan`")
     columns = _columns(request, index)
-    identity = _identity(request, index)
+    identity = identity_of(request, index)
     writer = open_writer(
         request.store,
         identity,
@@ -136,7 +136,8 @@ def _run_remaining(session: SweepSession) -> None:
         session.progress(finished)
 
 
-def _identity(request: SweepRequest, index: RunIndex) -> SweepIdentity:
+def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
+    """Return the definition of a sweep's runs; see `run_sweep` for errors."""
     scene, sweep = request.scene, request.plan.sweep
     manifest, drive = scene.source.manifest, scene.drive.drive
     timed = bool(manifest and manifest.control) or drive not in ("none", "hold")

@@ -132,6 +132,17 @@ class Cost(Model):
         description="Mean CPU time of a step over the budget; above 1 the budget is exceeded."
     )
 
+    @classmethod
+    def of(cls, cpu: float, steps: int, timestep: float, budget: float | None) -> "Cost":
+        """Return the cost of steps that took a CPU time, with a budget of each [s]."""
+        simulated = steps * timestep
+        return cls(
+            cpu_s=cpu,
+            cpu_per_sim_s=cpu / simulated if simulated else 0.0,
+            latency_budget_s=budget,
+            latency_used=cpu / steps / budget if budget and steps else None,
+        )
+
 
 class TraceFile(Model):
     """The run's MCAP file."""

@@ -9,12 +9,10 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
-from zipfile import BadZipFile
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from mcap.exceptions import McapError
 from mcap.reader import make_reader
 from numpy.typing import NDArray
 
@@ -87,8 +85,10 @@ def read_control_table(path: Path) -> Columns:
         raise SceneError(f"drive: {path.name} is no table of controls; write a file {known}")
     try:
         columns = read(path)
-    except (OSError, ValueError, BadZipFile, McapError, pa.ArrowException) as error:
-        raise SceneError(f"drive: cannot read {path}: {error}") from error
+    except Exception as error:
+        # Each format's library raises errors of its own.
+        reason = str(error) or type(error).__name__
+        raise SceneError(f"drive: cannot read {path}: {reason}") from error
     lengths = {name: len(values) for name, values in columns.items()}
     if len(set(lengths.values())) > 1:
         fewest, most = min(lengths, key=lengths.__getitem__), max(lengths, key=lengths.__getitem__)

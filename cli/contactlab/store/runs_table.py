@@ -33,7 +33,7 @@ GROUP = 1 << 14
 """Rows of a row group, which are written at once, and read at once where one is needed."""
 _BLOCK = 8 << 20
 """Bytes of the journal that are parsed at once."""
-_BATCH = 1024
+_BATCH = 256
 _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 """Bytes that a table may hold unpacked: so many, and so many for each row."""
 
@@ -146,7 +146,8 @@ def read_table(
 ) -> pa.Table:
     """Return the table, or some of its columns; a StoreError names it by the shown path."""
     with table_errors(shown_path or path):
-        table = pq.read_table(path, columns=columns)
+        with pq.ParquetFile(path) as file:
+            table = file.read(columns, use_threads=False)
         # Text that is no UTF-8 is damage too.
         table.validate(full=True)
         return table
@@ -171,7 +172,7 @@ def check_table_size(path: Path, runs: int) -> None:
 def iterate_rows(path: Path) -> Iterator[dict[str, Any]]:
     """Yield every row of a table, reading them batch by batch; see `table_errors`."""
     with table_errors(path), pq.ParquetFile(path) as file:
-        for batch in file.iter_batches(_BATCH):
+        for batch in file.iter_batches(_BATCH, use_threads=False):
             yield from batch.to_pylist()
 
 
@@ -220,7 +221,7 @@ def rows_digest(path: Path) -> str:
     streams = defaultdict[str, Any](hashlib.sha256)
     with table_errors(path), pq.ParquetFile(path) as file:
         schema = file.schema_arrow
-        for batch in file.iter_batches(GROUP):
+        for batch in file.iter_batches(8 * _BATCH, use_threads=False):
             for name, column in zip(schema.names, batch.columns, strict=True):
                 for stream, data in _streams(name, column):
                     streams[stream].update(data)
@@ -242,13 +243,14 @@ def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryv
         yield from _streams(f"{name}[]", column.flatten())
     elif pa.types.is_string(kind):
         yield f"{name}#", _lengths(pc.call_function("binary_length", [column]))
-        texts = column.drop_null().cast(pa.binary())
+        texts = column.drop_null().view(pa.binary())
         whole = pa.ListArray.from_arrays(pa.array([0, len(texts)], pa.int32()), texts)
         yield f"{name}=", pc.call_function("binary_join", [whole, b""])[0].as_buffer()
     else:
-        zero = pa.scalar(0).cast(kind)
-        yield f"{name}=", column.fill_null(zero).to_numpy(zero_copy_only=False).data
+        if column.null_count:
+            column = column.fill_null(pa.scalar(False if kind == pa.bool_() else 0, kind))
+        yield f"{name}=", column.to_numpy(zero_copy_only=False).data
 
 
 def _lengths(lengths: pa.Array) -> memoryview:
-    return lengths.fill_null(0).cast(pa.int64()).to_numpy(zero_copy_only=False).data
+    return lengths.fill_null(0).to_numpy(zero_copy_only=False).astype(np.int64).data

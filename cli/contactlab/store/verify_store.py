@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from contactlab.errors import StoreError
-from contactlab.schema.evidence import RECORD_VERSION, EvidenceRecord
+from contactlab.schema.evidence import RECORD_VERSION, Cost, EvidenceRecord, SweepIdentity
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
@@ -23,7 +23,7 @@ from contactlab.store.runs_table import (
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, stored_file
 from contactlab.store.store_manifest import parse_identity
-from contactlab.store.table_layout import row_to_record
+from contactlab.store.table_layout import column_of, record_to_row, row_to_record
 
 MOST_PROBLEMS = 1000
 _READ_BYTES = 256 << 20
@@ -150,6 +150,8 @@ def _check_columns(store: Store) -> Iterator[str]:
     if manifest.runs != manifest.sweep.runs_asked:
         planned = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
+    if not (np.diff(store.columns.numbers("index").values, prepend=-1) > 0).all():
+        yield f"{TABLE}: its runs are not in the order of their index"
     ids, counts = np.unique(store.columns.byte_strings("run_id"), return_counts=True)
     for run, count in zip(ids[counts > 1].tolist(), counts[counts > 1].tolist(), strict=True):
         yield f"{TABLE}: run {run.decode()} occurs {count} times"
@@ -160,9 +162,12 @@ def _check_sweep(store: Store) -> Iterator[str]:
     for name, stated in (("scene_hash", sweep.scene_hash), ("scene", sweep.scene)):
         if others := {*columns.strings(name).categories} - {stated}:
             yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
-    for name, stated in (("sweep", sweep.name), ("metric_versions", sweep.metric_versions)):
-        if columns.shared[name] != stated:
-            yield f"{MANIFEST}: another {name} than {TABLE}"
+    shared, versions = columns.shared, sweep.metric_versions
+    units = {name: column_of(columns.schema.field(name)).unit for name in versions}
+    stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
+    stated |= {name: shared.get(name) for name in ("schema_version", "severity")}
+    for name in (name for name in shared | stated if shared.get(name) != stated.get(name)):
+        yield f"{MANIFEST}: another {name} than {TABLE}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
     ids = columns.byte_strings("run_id")
@@ -216,16 +221,26 @@ def _traced_records(store: Store, problems: list[str]) -> Iterator[EvidenceRecor
         except (LookupError, TypeError, ValueError) as error:
             problems.append(f"{TABLE}: run {row['run_id']} does not fit its schema: {error}")
             continue
-        problems += _wrong_labels(row, record)
+        wrong = _wrong_parts(row, record, store.manifest.sweep)
+        where = f"{TABLE}: run {record.run_id}: its"
+        problems += (f"{where} {name} is not what the rest of it gives" for name in wrong)
         if record.trace is not None and not store.manifest.traces_left_out:
             yield record
 
 
-def _wrong_labels(row: Mapping[str, Any], record: EvidenceRecord) -> Iterator[str]:
-    """Yield which columns of the worst label are not those of the first of its labels."""
-    worst = record.labels[0] if record.labels else None
-    expected = {"label_reason": worst and worst.reason, "label_step": worst and worst.step}
-    if worst is not None:
-        expected["label"] = worst.label
-    for name in (name for name, value in expected.items() if row[name] != value):
-        yield f"{TABLE}: run {record.run_id}: its {name} is not that of its worst label"
+def _wrong_parts(
+    row: Mapping[str, Any], record: EvidenceRecord, sweep: SweepIdentity
+) -> Iterator[str]:
+    """Yield which parts of a record contradict the sweep, or the rest of it."""
+    asked, again = sweep.resolved, record_to_row(record)
+    yield from (name for name in ("label_reason", "label_step") if row[name] != again[name])
+    if record.labels and record.label != record.labels[0].label:
+        yield "label"
+    if (record.timing and not asked.get("timing")) or (
+        record.accuracy and not asked.get("accuracy")
+    ):
+        yield "accuracy or timing"
+    cost, timestep, budget = record.cost, record.settings["timestep"], asked.get("latency_budget")
+    assert isinstance(timestep, int | float)
+    if cost is not None and cost != Cost.of(cost.cpu_s, record.steps, timestep, budget):
+        yield "cost"

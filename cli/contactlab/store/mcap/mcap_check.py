@@ -41,6 +41,7 @@ from contactlab.store.mcap.mcap_survey import (
     read_records,
 )
 from contactlab.store.mcap.stored_trace import ACTIVATIONS, StoredTrace
+from contactlab.store.mcap.trace_messages import EVIDENCE_TOPIC, STATE_TOPIC, contacts_topic
 from contactlab.store.mcap.trace_reader import read_trace
 
 _Record = TypeVar("_Record", bound=McapRecord)
@@ -221,7 +222,7 @@ def trace_problems(
     The scene's model file, where given, is compared with the model that the trace holds.
     """
     assert record.trace is not None
-    if sha256_of(path) != record.trace.sha256:
+    if (path.stat().st_size, sha256_of(path)) != (record.trace.bytes, record.trace.sha256):
         yield "changed since it was written"
         return
     if problems := check_trace(path):
@@ -261,9 +262,9 @@ def _plain(record: EvidenceRecord) -> dict[str, Any]:
 
 
 def _wrong_counts(trace: StoredTrace, record: EvidenceRecord, file: TraceFile) -> Iterator[str]:
-    for name, states in (
-        ("its messages", len(trace.time)),
-        ("the table", file.messages.get("/state")),
-    ):
-        if states != record.steps + 1:
-            yield f"{states} states in {name} for {record.steps} steps"
+    if len(trace.time) != record.steps + 1:
+        yield f"{len(trace.time)} states in its messages for {record.steps} steps"
+    counts = {contacts_topic(pair.name): len(pair.steps) for pair in trace.pairs}
+    counts |= {STATE_TOPIC: len(trace.time), EVIDENCE_TOPIC: 1}
+    if Counter(counts) != Counter(file.messages):
+        yield "its messages by topic are not those of the table"
