@@ -121,7 +121,7 @@ def readers(folder: Path) -> dict[str, Reader]:
 
 def _drives(folder: Path) -> dict[str, bytes]:
     """Return tables of controls of three actuators, two of them in a column of vectors."""
-    times, levels = np.arange(5) * 0.01, np.ones((5, 2))
+    times, levels = np.linspace(0, 0.04, 5), np.ones((5, 2))
     columns = pa.table({"time": times, "hip": times, "knees": list(levels)})
     npz, parquet = io.BytesIO(), io.BytesIO()
     np.savez(npz, time=times, hip=times, knees=levels)

@@ -109,7 +109,7 @@ def record(index: int, cone: str, timestep: float) -> EvidenceRecord:
         steps_asked=10,
         warnings={},
         metrics=metrics,
-        metric_versions=dict.fromkeys(METRICS, 1),
+        metric_versions={},
         units={name: unit for name, (unit, _, _) in METRICS.items()},
         label="stable",
         labels=(),
@@ -119,7 +119,7 @@ def record(index: int, cone: str, timestep: float) -> EvidenceRecord:
         tolerances_met=None,
         trajectory_hash=f"{index:032x}",
         provenance=PROVENANCE,
-        cost=Cost.of(1.0, 10, timestep, None),
+        cost=Cost(cpu_s=1.0, cpu_per_sim_s=1.0, latency_budget_s=None, latency_used=None),
     )
 
 

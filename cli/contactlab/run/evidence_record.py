@@ -183,11 +183,10 @@ def _record(
 def with_cost(task: Task, record: EvidenceRecord, outcome: RunOutcome) -> EvidenceRecord:
     """Return a record with the run's cost and times of day."""
     clock = {"started": outcome.started, "finished": time_now()}
-    cpu, steps = float(outcome.rollout.cost[outcome.place]), outcome.steps
+    cpu = float(outcome.rollout.cost[outcome.place])
     if math.isnan(cpu):
         return record.model_copy(update=clock)
-    timestep, budget = outcome.plan.resolved.timestep, task.sweep.latency_budget
-    cost = Cost.of(cpu, steps, timestep, budget)
+    cost = Cost.of(cpu, outcome.steps, outcome.plan.resolved.timestep, task.sweep.latency_budget)
     return record.model_copy(update={"cost": cost, **clock})
 
 

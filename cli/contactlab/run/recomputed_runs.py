@@ -109,16 +109,14 @@ def _plan(identity: SweepIdentity, scene: Scene) -> Plan:
         for option in ("--set ", "--only ", "--limit ")
     )
     options = Overrides(sets, only, int(limit[0]) if limit and limit[0].isdecimal() else None)
-    axes = scene.catalogue.lenient()
-    names = Vocabulary(axes, tuple(METRICS), tuple(LABELS), tuple(THRESHOLDS))
+    names = Vocabulary(scene.catalogue.lenient(), [*METRICS], [*LABELS], [*THRESHOLDS])
     with TemporaryDirectory() as folder:
         # There it finds no files, whichever it names.
         file = Path(folder) / "sweep.yaml"
         file.write_text(identity.source, encoding="utf-8")
         plan, _ = supported(read_sweep(file, lambda _: names, options).plan)
-    drive = identity.resolved.get("drive")
-    located = {"drive": drive and parse_drive(drive)}
-    return replace(plan, sweep=plan.sweep.model_copy(update=located))
+    drive = (given := identity.resolved.get("drive")) and parse_drive(given)
+    return replace(plan, sweep=plan.sweep.model_copy(update={"drive": drive}))
 
 
 def simulated_problems(store: Store, count: int) -> Iterator[str]:

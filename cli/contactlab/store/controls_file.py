@@ -140,7 +140,7 @@ def _plain(column: pa.ChunkedArray) -> object:
 
 
 def _read_npz(path: Path) -> Columns:
-    with np.load(path, allow_pickle=False) as arrays:
+    with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
         return _columns({name: arrays[name] for name in arrays.files})
 
 

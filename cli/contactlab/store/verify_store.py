@@ -51,7 +51,8 @@ def _problems(store: Store, *, thorough: bool) -> Iterator[str]:
     yield from _check_identity(store)
     model = None
     if not any(problem.startswith(SCENES) for problem in changed):
-        model = _model(store)
+        path = store.scene_folder / store.manifest.sweep.scene_model
+        model = path.read_bytes() if path.is_file() else None
     try:
         yield from _check_columns(store)
         if thorough:
@@ -173,11 +174,6 @@ def _check_sweep(store: Store) -> Iterator[str]:
     ids = columns.byte_strings("run_id")
     if hashlib.sha256(ids.tobytes()).hexdigest()[:32] != sweep.plan_hash:
         yield f"{TABLE}: its runs, in their order, are not those of the plan's hash"
-
-
-def _model(store: Store) -> bytes | None:
-    path = store.scene_folder / store.manifest.sweep.scene_model
-    return path.read_bytes() if path.is_file() else None
 
 
 def _check_controls(store: Store) -> Iterator[str]:
