@@ -4,7 +4,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.engines import MujocoEngine, Segments
+from contactlab.engines.engine import Segments
+from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.run.forecast import forecast
 from contactlab.schema.evidence import Timing
 

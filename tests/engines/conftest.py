@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, Rollout, roll_out
+from contactlab.engines import Buffers, Rollout
+from contactlab.engines.mujoco_batch import roll_out
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco

@@ -8,7 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.engines import Buffers, bytes_of_run, roll_out, trajectory_hash
+from contactlab.engines.engine import Buffers, bytes_of_run
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.scene.scene import Scene
 
 

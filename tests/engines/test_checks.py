@@ -8,7 +8,9 @@ import pytest
 
 from contactlab.contact.trace_arrays import Trace
 from contactlab.contact.trace_setup import Setup
-from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, make_trace
+from contactlab.engines import Buffers, PreparedRuns
+from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import assess
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene

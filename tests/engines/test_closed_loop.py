@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 from tests.cart_pole import cart_pole
 
 from contactlab.contact.trace_arrays import RecordedControls
-from contactlab.engines import Buffers, MujocoEngine, PreparedRuns, Rollout, closed_loop, roll_out
+from contactlab.engines import Buffers, PreparedRuns, Rollout, closed_loop
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.scene.scene import Scene
 from contactlab.schema.drive import PolicyDrive
 

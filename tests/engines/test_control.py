@@ -11,14 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import (
-    Buffers,
-    ImpulseEngine,
-    MujocoEngine,
-    PreparedRuns,
-    make_trace,
-    roll_out,
-)
+from contactlab.engines import Buffers, PreparedRuns
+from contactlab.engines.impulse import ImpulseEngine
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import SceneError
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.scene import Scene

@@ -7,7 +7,9 @@ import pytest
 
 from contactlab.contact.contact_laws import resolve_impact
 from contactlab.contact.trace_arrays import Trace
-from contactlab.engines import Buffers, ImpulseEngine, PreparedRuns, make_trace
+from contactlab.engines import Buffers, PreparedRuns
+from contactlab.engines.impulse import ImpulseEngine
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.errors import SceneError
 from contactlab.scene.scene import Scene
 

@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.engines import Buffers, roll_out, single_run
+from contactlab.engines import Buffers, single_run
+from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.single_run import count_work, integrate_to
 from contactlab.scene.scene import Scene
 

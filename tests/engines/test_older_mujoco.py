@@ -10,16 +10,11 @@ import pytest
 
 from contactlab import resources
 from contactlab.contact.trace_arrays import Trace
-from contactlab.engines import (
-    Buffers,
-    OlderMujocoEngine,
-    PreparedRuns,
-    Rollout,
-    make_trace,
-    mujoco_batch,
-    roll_out,
-)
+from contactlab.engines import Buffers, PreparedRuns, Rollout, mujoco_batch
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.mujoco_engine import OlderMujocoEngine
 from contactlab.engines.older_mujoco import StepLoop
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.engines.single_run import count_work, integrate_to
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates

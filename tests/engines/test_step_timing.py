@@ -6,8 +6,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, Segments, Work, mujoco_batch, roll_out
-from contactlab.engines.engine import SEGMENTS
+from contactlab.engines import mujoco_batch
+from contactlab.engines.engine import SEGMENTS, Buffers, Segments, Work
+from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.single_run import count_work, time_segments, time_steps
 from contactlab.scene.scene import Scene
 
@@ -29,7 +30,7 @@ class Timed:
 
     @property
     def segments(self) -> Segments:
-        return Segments(self.model, self.start, self.work.places, self.work.states, STEPS)
+        return Segments(self.model, self.start, self.work)
 
     def data(self) -> mujoco.MjData:
         data = mujoco.MjData(self.model)

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import make_trace
+from contactlab.engines.rollout_trace import make_trace
 
 # An arm with a servo, a motor, dampers and a joint limit, over a floor that it hits.
 ARM = """

@@ -8,7 +8,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, Rollout, make_trace, roll_out, trajectory_hash
+from contactlab.engines import Buffers, Rollout
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.rollout_trace import make_trace, trajectory_hash
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco

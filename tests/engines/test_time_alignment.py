@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, FOUND, NORMAL, TANGENT, Trace
-from contactlab.engines import make_trace
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
 

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, make_trace, roll_out
+from contactlab.engines import Buffers
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import assess
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene

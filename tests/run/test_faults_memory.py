@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.engines import bytes_of_run
+from contactlab.engines.engine import bytes_of_run
 from contactlab.run.planned_runs import JOB_BYTES
 from contactlab.store.verify_store import verify
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from contactlab.engines import bytes_of_run
+from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import SceneError
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides

@@ -10,8 +10,9 @@ import pytest
 
 import contactlab
 from contactlab.contact.trace_arrays import REFINEMENT, SelfChecks
-from contactlab.engines import Buffers, PreparedRuns, make_trace, mujoco_batch
+from contactlab.engines import Buffers, PreparedRuns, mujoco_batch
 from contactlab.engines.mujoco_engine import MujocoEngine
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
 

@@ -6,7 +6,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from contactlab.engines import Buffers, roll_out
+from contactlab.engines import Buffers
+from contactlab.engines.mujoco_batch import roll_out
 from contactlab.errors import SceneError
 from contactlab.scene.resolution import RunIdentity
 from contactlab.scene.scene import Scene

@@ -10,7 +10,9 @@ from typing import Any
 
 import pytest
 
-from contactlab.engines import Buffers, roll_out, trajectory_hash
+from contactlab.engines import Buffers
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.errors import ModelWarning, SceneError
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import find_scene, stored_scene

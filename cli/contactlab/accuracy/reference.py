@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from contactlab.contact.rotations import angles_between
 from contactlab.contact.trace_arrays import Floats, Invariants
 from contactlab.contact.trace_setup import Joints
-from contactlab.engines import SampledStates, SolvesReferences, Watch, engine_of
+from contactlab.engines import engine_of
+from contactlab.engines.engine import SampledStates, SolvesReferences, Watch
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.initial_states import InitialStates, perturbed_copy
 from contactlab.scene.resolution import ResolvedRun

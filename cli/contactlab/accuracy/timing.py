@@ -18,7 +18,8 @@ import numpy as np
 from contactlab.accuracy.discretization import Note
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.contact.trace_arrays import RecordedControls
-from contactlab.engines import SEGMENTS, Segments, TimesSteps, Watch, Work, engine_of
+from contactlab.engines import engine_of
+from contactlab.engines.engine import SEGMENTS, Segments, TimesSteps, Watch, Work
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
@@ -137,7 +138,7 @@ class InterleavedTimer:
         if run_id in self.controls:
             start = start.acted_on([self.controls[run_id]])
         model = self.scene.prepare(resolved, start, self._model(resolved)[0]).model
-        return Segments(model, start, work.places, work.states, work.steps)
+        return Segments(model, start, work)
 
     def _model(self, resolved: ResolvedRun) -> tuple[mujoco.MjModel, float]:
         """Return a run's compiled structure, and the least CPU time that compiling it took [s]."""
@@ -158,9 +159,9 @@ def _clocked_compile(scene: Scene, resolved: ResolvedRun) -> tuple[mujoco.MjMode
 def _portion(engine: TimesSteps, segments: Segments) -> _Portion:
     seconds, steps = engine.time_segments(segments, _WARM_STEPS, 1)
     cost = max(seconds / steps, 1e-7)
-    most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.places))))
+    most = max(1, math.ceil(MAX_SECONDS / (cost * len(segments.work.places))))
     repeats = math.ceil(MIN_SECONDS / (cost * sum(segments.lengths(most))))
-    single = min(_MAX_SINGLE_STEPS, STEP_SECONDS / cost) / len(segments.places)
+    single = min(_MAX_SINGLE_STEPS, STEP_SECONDS / cost) / len(segments.work.places)
     return _Portion(most, min(_MAX_REPEATS, max(1, repeats)), max(1, math.ceil(single)))
 
 

@@ -5,29 +5,17 @@ nothing compares names.
 """
 
 from contactlab.engines.engine import (
-    SEGMENTS,
     Buffers,
-    ChecksRuns,
-    Policy,
-    PolicyClass,
     PreparedRuns,
     Proceed,
     Rollout,
-    SampledStates,
-    Segments,
     SimulationEngine,
-    SolvesReferences,
-    TimesSteps,
     Watch,
-    Work,
-    bytes_of_run,
     no_limit,
     proceed_always,
 )
 from contactlab.engines.impulse import ImpulseEngine
-from contactlab.engines.mujoco_batch import roll_out
 from contactlab.engines.mujoco_engine import MujocoEngine, OlderMujocoEngine
-from contactlab.engines.rollout_trace import make_trace, trajectory_hash
 from contactlab.errors import EngineError, did_you_mean
 from contactlab.registry import Registry
 from contactlab.scene.mujoco_versions import has_batch
@@ -35,32 +23,16 @@ from contactlab.scene.resolution import ResolvedRun
 
 __all__ = [
     "ENGINES",
-    "SEGMENTS",
     "Buffers",
-    "ChecksRuns",
-    "ImpulseEngine",
-    "MujocoEngine",
-    "OlderMujocoEngine",
-    "Policy",
-    "PolicyClass",
     "PreparedRuns",
     "Proceed",
     "Rollout",
-    "SampledStates",
-    "Segments",
     "SimulationEngine",
-    "SolvesReferences",
-    "TimesSteps",
     "Watch",
-    "Work",
-    "bytes_of_run",
     "engine_of",
     "find_engine",
-    "make_trace",
     "no_limit",
     "proceed_always",
-    "roll_out",
-    "trajectory_hash",
 ]
 
 ENGINES: Registry[SimulationEngine] = Registry("engine")

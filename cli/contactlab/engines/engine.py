@@ -12,6 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import version
+from itertools import pairwise
 from typing import NamedTuple, Protocol, runtime_checkable
 
 import mujoco
@@ -366,21 +367,17 @@ class Segments:
     Attributes:
         model: without the sensors that record.
         start: where the run starts, n being 1; what drives it.
-        places: (P,) the step with which each segment begins.
-        states: (P, nstate) the states there.
-        steps: steps of the whole run.
+        work: of the run, with the steps and states that segments begin with.
     """
 
     model: mujoco.MjModel
     start: InitialStates
-    places: tuple[int, ...]
-    states: Floats
-    steps: int
+    work: Work
 
     def lengths(self, most: int) -> list[int]:
         """Return the steps of each segment: up to the next one, at most so many."""
-        ends = (*self.places[1:], self.steps)
-        return [min(most, end - place) for place, end in zip(self.places, ends, strict=True)]
+        places = [*self.work.places, self.work.steps]
+        return [min(most, end - place) for place, end in pairwise(places)]
 
 
 @runtime_checkable

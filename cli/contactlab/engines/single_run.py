@@ -5,11 +5,9 @@ Few states are kept, so that memory does not grow with the steps.
 
 import copy
 import time
-from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import SEGMENTS, SampledStates, Segments, Watch, Work, no_limit
@@ -27,21 +25,6 @@ _BLOCK_STEPS = 1 << 14
 _FIELDS = ("solver_niter", "ncon", "nefc")
 
 
-class _Run(NamedTuple):
-    """What is stepped; `first` is the number of steps up to where it starts."""
-
-    model: mujoco.MjModel
-    start: InitialStates
-    first: float
-
-
-class _Grid(NamedTuple):
-    """Where times lie: after so many whole steps, and so much of another [s]."""
-
-    steps: NDArray[np.intp]
-    rest: Floats
-
-
 def integrate_to(
     model: mujoco.MjModel,
     start: InitialStates,
@@ -57,83 +40,52 @@ def integrate_to(
     integrator: this adds no error of a lower order, as interpolation would.
     """
     timestep = float(model.opt.timestep)
-    grid = _grid((times - begin) / timestep, timestep)
-    run = _Run(model, start, begin / timestep)
+    exact, first = (times - begin) / timestep, begin / timestep
+    steps = np.floor(exact + _SNAP).astype(np.intp)
+    rest = np.where(exact - steps > _SNAP, exact - steps, 0.0) * timestep
     batch = start_batch([model], start)
+    parts = [batch.bind(name) for name in ("time", "qpos", "qvel", "act")]
+    speed, activation = 1 + model.nq, 1 + model.nq + model.nv
     if state is not None:
-        _set_state(batch, model, state)
-    width = mujoco.mj_stateSize(model, int(STATE))
-    states = np.empty((len(times), width))
-    _fill(states, grid, 0, _state_of(batch)[None])
-    size = max(1, _BLOCK_BYTES // (8 * width))
-    impacts, contacts = 0, None
-    for done in range(0, int(grid.steps[-1]), size):
+        for part, own in zip(parts, np.split(state, [1, speed, activation]), strict=True):
+            part[:] = own
+    last, contacts = np.concatenate([part[0].ravel() for part in parts]), np.empty(0)
+    states, impacts = np.tile(last, (len(times), 1)), 0
+    size = max(1, _BLOCK_BYTES // (8 * len(last)))
+    for done in range(0, int(steps[-1]), size):
         watch()
-        block = _block(batch, run, range(done, min(done + size, int(grid.steps[-1]))))
-        if block is None:
+        count = min(size, int(steps[-1]) - done)
+        inputs = driven(model, start, 0, count, first + done)
+        try:
+            out = batch.rollout(count, record=[int(STATE), "ncon"], **inputs)
+        except SimulationError:
             return None
-        rows, found = block
-        _fill(states, grid, done + 1, rows)
-        found = found if contacts is None else np.concatenate([[contacts], found])
-        impacts, contacts = impacts + int(np.count_nonzero(np.diff(found))), found[-1]
-    if not _finish(run, states, grid):
+        rows = out[int(STATE)][0]
+        if (np.diff(rows[:, 0], prepend=last[0]) <= 0).any() or not np.isfinite(rows).all():
+            return None
+        wanted = (steps > done) & (steps <= done + count)
+        states[wanted], last = rows[steps[wanted] - done - 1], rows[-1]
+        found = np.concatenate([contacts, out["ncon"][0].ravel()])
+        impacts, contacts = impacts + int(np.count_nonzero(np.diff(found))), found[-1:]
+    _go_on(model, start, states, first + steps, rest)
+    if not np.isfinite(states).all():
         return None
-    end = 1 + model.nq
-    return SampledStates(states, states[:, 1:end], states[:, end : end + model.nv], impacts)
+    return SampledStates(states, states[:, 1:speed], states[:, speed:activation], impacts)
 
 
-def _grid(exact: Floats, timestep: float) -> _Grid:
-    steps = np.floor(exact + _SNAP)
-    rest = np.where(exact - steps > _SNAP, exact - steps, 0.0)
-    return _Grid(steps.astype(np.intp), rest * timestep)
-
-
-def _set_state(batch: Batch, model: mujoco.MjModel, state: Floats) -> None:
-    ends = np.cumsum([1, model.nq, model.nv])
-    parts = zip(("time", "qpos", "qvel", "act"), np.split(state, ends), strict=True)
-    for name, part in parts:
-        batch.bind(name)[:] = part
-
-
-def _state_of(batch: Batch) -> Floats:
-    parts = [batch.bind(name)[0].ravel() for name in ("time", "qpos", "qvel", "act")]
-    return np.concatenate(parts)
-
-
-def _block(batch: Batch, run: _Run, steps: range) -> tuple[Floats, np.ndarray] | None:
-    """Return the states and contacts after each of some steps; None if MuJoCo stopped."""
-    inputs = driven(run.model, run.start, 0, len(steps), run.first + steps.start)
-    before = float(batch.bind("time")[0])
-    try:
-        out = batch.rollout(len(steps), record=[int(STATE), "ncon"], **inputs)
-    except SimulationError:
-        return None
-    states = out[int(STATE)][0]
-    clock = np.concatenate([[before], states[:, 0]])
-    if (np.diff(clock) <= 0).any() or not np.isfinite(states).all():
-        return None
-    return states, out["ncon"][0].ravel()
-
-
-def _fill(states: Floats, grid: _Grid, first: int, rows: Floats) -> None:
-    """Keep the rows at which times lie; the first row is the state after `first` steps."""
-    wanted = (grid.steps >= first) & (grid.steps < first + len(rows))
-    states[wanted] = rows[grid.steps[wanted] - first]
-
-
-def _finish(run: _Run, states: Floats, grid: _Grid) -> bool:
-    """Where a time lies within a step, go there from the last whole step, in place."""
-    model, timestep = copy.copy(run.model), float(run.model.opt.timestep)
-    data = mujoco.MjData(model)
-    for place in np.flatnonzero(grid.rest):
-        model.opt.timestep = grid.rest[place]
-        mujoco.mj_resetData(model, data)
-        mujoco.mj_setState(model, data, states[place], int(STATE))
-        step = np.array([run.first + grid.steps[place]])
-        apply_inputs(model, data, run.start.inputs(0, timestep, step)[0])
-        mujoco.mj_step(model, data)
-        mujoco.mj_getState(model, data, states[place], int(STATE))
-    return bool(np.isfinite(states).all())
+def _go_on(
+    model: mujoco.MjModel, start: InitialStates, states: Floats, steps: Floats, rest: Floats
+) -> None:
+    """Go on from (T, nstate) states after (T,) steps, in place, for what rests of another [s]."""
+    short, data = copy.copy(model), mujoco.MjData(model)
+    for place in np.flatnonzero(rest):
+        short.opt.timestep = rest[place]
+        mujoco.mj_resetData(short, data)
+        mujoco.mj_setState(short, data, states[place], int(STATE))
+        inputs = start.inputs(0, model.opt.timestep, steps[[place]])
+        apply_inputs(short, data, inputs[0])
+        mujoco.mj_step(short, data)
+        mujoco.mj_getState(short, data, states[place], int(STATE))
 
 
 def count_work(
@@ -184,7 +136,7 @@ def time_steps(segments: Segments, most: int) -> Floats:
     own = np.median([-(clock() - clock()) for _ in range(_CLOCK_SAMPLES)])
     times: list[int] = []
     for place, state, length in zip(
-        segments.places, segments.states, segments.lengths(most), strict=True
+        segments.work.places, segments.work.states, segments.lengths(most), strict=True
     ):
         mujoco.mj_resetData(model, data)
         mujoco.mj_setState(model, data, state, _INTEGRATION)
@@ -198,8 +150,8 @@ def time_steps(segments: Segments, most: int) -> Floats:
 
 
 def _time_segment(batch: Batch, segments: Segments, place: int, steps: int) -> float:
-    inputs = driven(segments.model, segments.start, 0, steps, segments.places[place])
-    batch.state[0] = segments.states[place]
+    inputs = driven(segments.model, segments.start, 0, steps, segments.work.places[place])
+    batch.state[0] = segments.work.states[place]
     begin = time.thread_time()
     batch.rollout(steps, record=[], **inputs)
     return time.thread_time() - begin

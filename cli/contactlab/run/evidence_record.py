@@ -17,7 +17,9 @@ import numpy as np
 
 from contactlab.accuracy.reference import PlannedModel
 from contactlab.contact.trace_arrays import RecordedControls, Trace
-from contactlab.engines import Rollout, engine_of, trajectory_hash
+from contactlab.engines import engine_of
+from contactlab.engines.engine import Rollout
+from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, Assessment
 from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task

@@ -9,7 +9,8 @@ import numpy as np
 from contactlab.accuracy.discretization import raises_solref, reference_steps
 from contactlab.accuracy.timing import timing_seconds
 from contactlab.contact.contact_laws import stiffness_damping
-from contactlab.engines import PreparedRuns, bytes_of_run, engine_of
+from contactlab.engines import engine_of
+from contactlab.engines.engine import PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
 from contactlab.run.planned_runs import RunIndex
 from contactlab.scene.mujoco_versions import silence_mujoco

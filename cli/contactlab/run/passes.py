@@ -7,7 +7,8 @@ from typing import Any, NamedTuple
 
 from contactlab.accuracy.discretization import Note, accuracies, families
 from contactlab.accuracy.timing import InterleavedTimer, timings
-from contactlab.engines import SimulationEngine, SolvesReferences, TimesSteps, engine_of
+from contactlab.engines import engine_of
+from contactlab.engines.engine import SimulationEngine, SolvesReferences, TimesSteps
 from contactlab.errors import OutputError
 from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
 from contactlab.run.run_verdicts import within_tolerances

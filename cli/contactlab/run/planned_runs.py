@@ -12,7 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from contactlab.engines import ENGINES, bytes_of_run, engine_of
+from contactlab.engines import ENGINES, engine_of
+from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
 from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan

@@ -18,17 +18,9 @@ from typing import IO, Any, NamedTuple
 
 import numpy as np
 
-from contactlab.engines import (
-    ENGINES,
-    Buffers,
-    PreparedRuns,
-    Rollout,
-    Segments,
-    TimesSteps,
-    engine_of,
-    find_engine,
-    trajectory_hash,
-)
+from contactlab.engines import ENGINES, engine_of, find_engine
+from contactlab.engines.engine import Buffers, PreparedRuns, Rollout, Segments, TimesSteps
+from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.errors import ContactlabError, PluginError, PolicyError, StoreError
 from contactlab.plugins import loaded_plugins
 from contactlab.run.planned_runs import stored_sweep_scene
@@ -234,7 +226,7 @@ def timed_run(store: Store, run: str) -> TimedRun:
     work = engine.count_work(model, start, resolved.steps)
     if work is None:
         raise ContactlabError(f"run {run} does not complete")
-    return TimedRun(engine, Segments(model, start, work.places, work.states, work.steps))
+    return TimedRun(engine, Segments(model, start, work))
 
 
 def main() -> None:

@@ -13,17 +13,17 @@ from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.timing import work_of_runs
 from contactlab.contact.trace_arrays import SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
-from contactlab.engines import (
+from contactlab.engines import engine_of
+from contactlab.engines.closed_loop import load_policy
+from contactlab.engines.engine import (
     Buffers,
     ChecksRuns,
     PreparedRuns,
     Proceed,
     Rollout,
-    engine_of,
-    make_trace,
     proceed_always,
 )
-from contactlab.engines.closed_loop import load_policy
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import Assessment, assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (

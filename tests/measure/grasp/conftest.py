@@ -9,7 +9,9 @@ import pytest
 
 from contactlab import resources
 from contactlab.contact.trace_arrays import PairSeries, Trace
-from contactlab.engines import Buffers, make_trace, roll_out
+from contactlab.engines import Buffers
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import assess
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request

@@ -7,7 +7,9 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from contactlab import resources
-from contactlab.engines import Buffers, make_trace, roll_out
+from contactlab.engines import Buffers
+from contactlab.engines.mujoco_batch import roll_out
+from contactlab.engines.rollout_trace import make_trace
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.scene.scene import Scene

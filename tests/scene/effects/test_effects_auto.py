@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from contactlab import resources
-from contactlab.engines import Buffers, roll_out
+from contactlab.engines import Buffers
+from contactlab.engines.mujoco_batch import roll_out
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.effects.proofs import RunState

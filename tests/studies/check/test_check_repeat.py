@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from contactlab.engines import MujocoEngine, Rollout
+from contactlab.engines import Rollout
+from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Reference
 from contactlab.store.finished_store import Store
 

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
-from contactlab.engines import bytes_of_run
+from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import SweepFileError
 from contactlab.run.planned_runs import RUN_BYTES
 from contactlab.run.sweep_request import SceneLoader

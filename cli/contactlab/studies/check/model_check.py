@@ -7,7 +7,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from contactlab.comparison.policies import apply_acceptances, stale_acceptances
-from contactlab.engines import ChecksRuns, find_engine
+from contactlab.engines import find_engine
+from contactlab.engines.engine import ChecksRuns
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
 from contactlab.run.evidence_record import engine, provenance
 from contactlab.run.sweep_request import SceneLoader
