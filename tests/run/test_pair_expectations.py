@@ -61,7 +61,8 @@ UNMET: list[tuple[dict[str, Any], str, str]] = [
 def outcome(folder: Path, **keys: Any) -> Any:
     """Return the record of one run of the model."""
     (folder / "model.xml").write_text(MODEL, encoding="utf-8")
-    sweep = {"version": 1, "scene": str(folder / "model.xml"), "duration": 1, **keys}
+    sweep: dict[str, Any] = {"version": 1, "scene": str(folder / "model.xml"), "duration": 1}
+    sweep |= keys
     store = contactlab.sweep(sweep, output=folder / "store", workers=0, fresh=True)
     return next(iter(store.records()))
 
@@ -89,6 +90,26 @@ def test_the_opposite_is_labelled(
     other = {"where": {"timestep": 1e-3}, **said}
     axes = {"timestep": {"values": [2e-3]}}
     assert of_pairs(outcome(tmp_path, expect=[other], axes=axes)) == []
+
+
+def test_hops_belong_to_a_slide_and_are_no_bounces(tmp_path: Path) -> None:
+    # At rest where friction has taken the energy; what is not recorded between contacts is
+    # interpolated, to a few percent of the path.
+    axes = {"timestep": {"values": [5e-4]}, "keyframe": ["key[0]"]}
+    record = outcome(tmp_path, axes=axes, scene=str(slider(tmp_path)))
+    path = SPEED**2 / (2 * MU * G)
+    assert record.metrics["slip_distance"] == pytest.approx(path, rel=0.03)
+    assert record.metrics["restitution_measured"] is None
+
+
+def slider(folder: Path) -> Path:
+    """Write a model of the box alone, which hops as it slides."""
+    body = MODEL[MODEL.index('<body name="ball"') : MODEL.index("</worldbody>")]
+    model = MODEL.replace(body, "").replace('impratio="10"', "")
+    start = model.index("<keyframe>")
+    key = f'<keyframe><key qpos="0 0 .05 1 0 0 0" qvel="{SPEED} 0 0 0 0 0"/></keyframe></mujoco>'
+    (folder / "slider.xml").write_text(model[:start] + key, encoding="utf-8")
+    return folder / "slider.xml"
 
 
 def scene(folder: Path, entries: str) -> Path:

@@ -233,6 +233,13 @@ def worst_pair(context: Context, values: list[Floats]) -> Floats:
     return np.fmax.reduce(values) if values else context.undefined()
 
 
+def name_of_worst(context: Context, values: list[Floats], run: int) -> str:
+    """Return the name of the pair of which a quantity (n,) is largest in a run."""
+    if not context.series:
+        return "the model"
+    return context.series[int(np.nanargmax([each[run] for each in values]))].name
+
+
 def distance_from_rest(context: Context, steps: ArrayLike) -> Floats:
     """Return (n, ...) the distance [m] that 1 m/s^2 moves a body from rest in this many steps.
 

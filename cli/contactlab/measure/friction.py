@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import STICK, Floats, PairSeries
-from contactlab.measure.context import Context, cached, worst_pair
+from contactlab.contact.trace_arrays import NO_CONTACT, STICK, Floats, PairSeries
+from contactlab.measure.context import Context, cached, name_of_worst, runs_where, worst_pair
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.measure.stick_slip import changes
 
@@ -34,11 +34,25 @@ def mode_switches(context: Context) -> Floats:
     return worst_pair(context, counts) / context.seconds
 
 
-@metric("m", resolution=1e-9, equivalence=True)
+@metric("m", resolution=1e-9, version=2, equivalence=True)
 def slip_distance(context: Context) -> Floats:
-    """Slip speed summed over the steps in which the pair bears force, worst pair."""
-    speeds = [series.slip.sum(axis=1) for series in context.series]
+    """Slip speed summed over the time in which the pair sticks or slides, worst pair.
+
+    On hops of up to 100 ms between contacts it is interpolated between the speeds beside them.
+    """
+    speeds = [_with_hops(series).sum(axis=1) for series in context.series]
     return worst_pair(context, speeds) * context.trace.timestep
+
+
+def _with_hops(series: PairSeries) -> Floats:
+    bearing = series.normal > 0
+    hops, slip = (series.mode != NO_CONTACT) & ~bearing, series.slip
+    if hops.any():
+        slip = slip.copy()
+        for run in runs_where(np.asarray(hops.any(axis=1))):
+            known, gaps = np.flatnonzero(bearing[run]), np.flatnonzero(hops[run])
+            slip[run, gaps] = np.interp(gaps, known, slip[run, known])
+    return slip
 
 
 @metric("m/s", "lower", 1e-9, tolerance=1e-4)
@@ -48,13 +62,17 @@ def creep_speed(context: Context) -> Floats:
     Averaged over the steps in which it bears force. Soft contact creeps under any tangential
     load, at (1 - d0) / (d0 impratio b N) times the acceleration that load would cause.
     """
+    return worst_pair(context, _creeps(context))
 
+
+@cached
+def _creeps(context: Context) -> list[Floats]:
     def creep_of(series: PairSeries) -> Floats:
         last = context.last_fifth
         sticking = (series.mode[:, last] == STICK) & (series.normal[:, last] > 0)
         return (series.slip[:, last] * sticking).sum(axis=1) / sticking.sum(axis=1)
 
-    return worst_pair(context, [creep_of(series) for series in context.series])
+    return [creep_of(series) for series in context.series]
 
 
 @metric("1", "lower", 1e-6)
@@ -89,5 +107,6 @@ def normal_impulse(context: Context) -> Floats:
 def creep(runs: MeasuredRuns) -> Found:
     """A sticking pair slips faster than the scene accepts."""
     for run, speed, limit in runs.over("creep_speed"):
-        reason = f"a pair that sticks slips at {speed:.3g} m/s (limit {limit:g} m/s)"
+        name = name_of_worst(runs.context, _creeps(runs.context), run)
+        reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
         yield run, Finding(reason, runs.context.last_fifth.start)

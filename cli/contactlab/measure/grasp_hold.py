@@ -18,11 +18,13 @@ from contactlab.contact.trace_arrays import (
 from contactlab.measure.chatter import hold_switch_masks
 from contactlab.measure.context import (
     Context,
+    cached,
     contact_depths,
     down,
     first_step,
     hold_seconds,
     hold_window,
+    name_of_worst,
     runs_where,
     worst_pair,
 )
@@ -93,16 +95,22 @@ def hold_slip(context: Context) -> Floats:
     The length of the sum over time of its tangential velocity in the world frame, weighted by
     normal force: jitter cancels, creep adds up.
     """
+    return worst_pair(context, _slips(context))
+
+
+@cached
+def _slips(context: Context) -> list[Floats]:
+    """Return for each pair (n,) how far [m] it slips within the hold window, NaN without one."""
     inside = hold_window(context)
     steps = np.flatnonzero(inside.any(axis=0))
-    if context.setup.hold is None or not len(steps) or not context.trace.pairs:
-        return context.undefined()
+    if not len(steps):
+        return []
     part = slice(int(steps[0]), int(steps[-1]) + 1)
     slips = [_slip_velocity(pair, part) * inside[:, part, None] for pair in context.trace.pairs]
     timestep = context.trace.timestep[:, None, None]
     paths = [np.cumsum(slip * timestep, axis=1) for slip in slips]
     farthest = [np.sqrt((path * path).sum(axis=2).max(axis=1)) for path in paths]
-    return np.where(inside.any(axis=1), worst_pair(context, farthest), np.nan)
+    return [np.where(inside.any(axis=1), each, np.nan) for each in farthest]
 
 
 @metric("m", resolution=1e-9)
@@ -171,7 +179,8 @@ def slipping(runs: MeasuredRuns) -> Found:
         step = first_step(_offsets(held)[run] > limit)
         yield run, Finding(f"{reason} (limit {limit:g} m)", step)
     for run, slip, limit in runs.over("hold_slip"):
-        reason = f"a pair slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
+        name = name_of_worst(runs.context, _slips(runs.context), run)
+        reason = f"{name} slipped {slip:.3g} m in {seconds[run]:.3g} s (limit {limit:g} m)"
         yield run, Finding(reason, first_step(window[run]))
 
 
@@ -179,7 +188,8 @@ def _deep(runs: MeasuredRuns, threshold: str) -> Found:
     inside, depths = hold_window(runs.context), contact_depths(runs.context)
     for run, depth, limit in runs.over("hold_penetration", threshold):
         step = max(first_step((each[run] > limit) & inside[run]) for _, each in depths)
-        yield run, Finding(f"held {depth:.3g} m deep on average (limit {limit:g} m)", step)
+        name = name_of_worst(runs.context, mean_depths(runs.context, inside), run)
+        yield run, Finding(f"{name} is {depth:.3g} m deep on average (limit {limit:g} m)", step)
 
 
 def _offsets(held: HeldPose) -> Floats:

@@ -11,6 +11,7 @@ from contactlab.measure.context import (
     cached,
     contact_depths,
     first_step,
+    name_of_worst,
     runs_where,
     worst_pair,
 )
@@ -27,7 +28,7 @@ _GROWTH = Threshold(
     "penetration_growth",
     1e-4,
     "m",
-    "Largest penetration that a resting pair gains at its rate of sinking in half the run: "
+    "Largest penetration that a resting pair gains from the third quarter of a run to the last: "
     "0.1 mm, the guideline for resting penetration on flat ground.",
 )
 _STEADY = Threshold(
@@ -108,28 +109,32 @@ def penetration_growth(context: Context) -> Floats:
     in proportion to the median normal force. Only pairs that touch in 90 % of the last half count,
     since others bounce.
     """
-    steps = context.trace.steps
-    quarter = steps // 4
+    quarter = context.trace.steps // 4
     if quarter == 0:
         return context.undefined()
-    apart = quarter * context.trace.timestep
-    half = slice(steps - 2 * quarter, None)
+    return worst_pair(context, _gains(context)) / (quarter * context.trace.timestep)
+
+
+@cached
+def _gains(context: Context) -> list[Floats]:
+    """Return for each pair (n,) how much deeper [m] it rests in the last quarter than before."""
+    quarter = context.trace.steps // 4
+    half = slice(context.trace.steps - 2 * quarter, None)
 
     def medians(values: Floats) -> tuple[Floats, Floats]:
         third, last = values[:, half][:, :quarter], values[:, half][:, quarter:]
         return np.median(third, axis=1), np.median(last, axis=1)
 
-    def slope(index: int, touching: NDArray[np.bool_], depth: Floats) -> Floats:
+    def gain(index: int, touching: NDArray[np.bool_], depth: Floats) -> Floats:
         before, after = medians(depth)
         resting = touching[:, half].mean(axis=1) >= _RESTING
         if context.series:
             # Contacts do not soften with depth: twice the load makes them at most twice as deep.
             load, later = medians(context.series[index].normal)
             before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
-        return np.where(resting, (after - before) / apart, np.nan)
+        return np.where(resting, after - before, np.nan)
 
-    pairs = enumerate(contact_depths(context))
-    return worst_pair(context, [slope(index, *pair) for index, pair in pairs])
+    return [gain(index, *pair) for index, pair in enumerate(contact_depths(context))]
 
 
 @metric("m", "higher", 1e-9, requires="depth")
@@ -163,10 +168,12 @@ def tunneling(runs: MeasuredRuns) -> Found:
 def sinking(runs: MeasuredRuns) -> Found:
     """A resting pair keeps sinking into each other."""
     rate, limit = runs.metrics["penetration_growth"], runs.limits["penetration_growth"]
-    sunk = rate * runs.context.seconds / 2
+    steps = runs.context.trace.steps
+    sunk = rate * runs.context.trace.timestep * (steps // 4)
     for run in runs_where(sunk > limit):
-        reason = f"a resting pair sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in half the run"
-        yield run, Finding(f"{reason} (limit {limit:g} m)", runs.context.trace.steps // 2)
+        name = name_of_worst(runs.context, _gains(runs.context), run)
+        reason = f"{name} sinks by {rate[run]:.3g} m/s, {sunk[run]:.3g} m in a quarter of the run"
+        yield run, Finding(f"{reason} (limit {limit:g} m)", steps // 2)
 
 
 @label(48, (_STEADY,))

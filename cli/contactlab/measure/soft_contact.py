@@ -1,10 +1,19 @@
 """Soft contact: the metric of restitution, and closed forms of impacts and of rest."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
 from contactlab.contact.contact_laws import rest_penetration as resting_depth
-from contactlab.contact.trace_arrays import DISTANCE, FOUND, NORMAL, Floats, PairTrace
+from contactlab.contact.trace_arrays import (
+    DISTANCE,
+    FORCE,
+    FOUND,
+    NORMAL,
+    POSITION,
+    Floats,
+    PairTrace,
+)
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import Context, cached, contact_depths, friction, gravity
 from contactlab.measure.entries import metric, oracle
@@ -15,6 +24,8 @@ _IMPACTS = 5
 _WEAKEST = 0.3
 _SLOWEST = 0.05
 """Approach speed [m/s] below which a contact is rest or a hop, not an impact."""
+_OFF_CENTRE = 0.1
+"""Share of a lever arm that may lie across the surface, in an impact that is central."""
 _CORNERS = 4
 """Contacts between two boxes, or a box and the floor, that meet face to face."""
 
@@ -23,13 +34,15 @@ _BALL = 2 / 7
 """What a hit at a solid ball's surface has to overcome sideways, as a share: 1 / (1 + 5 / 2)."""
 
 
-@metric("1", resolution=1e-6)
+@metric("1", resolution=1e-6, version=2)
 @cached
 def restitution_measured(context: Context) -> Floats:
     """Normal speed after an impact over that before, of a free body on a fixed surface.
 
     Both speeds are those of the free flight next to the contact. Mean over those of the first five
     impacts that are at least 0.3 times as fast as the first; impacts slower than 5 cm/s are rest.
+    Only central impacts count, whose force passes the body's centre: a box that slides hops from
+    corner to corner.
     """
     runs = context.trace.runs
     total, count = np.zeros(runs), np.zeros(runs)
@@ -50,7 +63,7 @@ def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
     first = np.zeros(context.trace.runs)
     first[touches.run[rank == 0]] = np.nan_to_num(approach[rank == 0])
     counts = (approach >= _SLOWEST) & (approach >= _WEAKEST * first[touches.run])
-    counts &= np.isfinite(rebound)
+    counts &= np.isfinite(rebound) & _central(context, barrier, touches)
     return touches.run[counts], rebound[counts] / approach[counts]
 
 
@@ -90,6 +103,20 @@ def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats,
 
     before = speed(touches.start - 1, touches.start, -1)
     return before, speed(touches.stop, touches.stop - 1, 1)
+
+
+def _central(context: Context, barrier: Barrier, touches: Spans) -> NDArray[np.bool_]:
+    """Return whether the line of the first force of each contact passes near the body's origin."""
+    slots = context.trace.pairs[barrier.pair].slots[touches.run, touches.start]
+    start = barrier.body.qpos
+    arms = (
+        slots[..., POSITION]
+        - context.trace.qpos[touches.run, touches.start][:, None, start : start + 3]
+    )
+    weights = slots[..., FORCE.start, None] + np.finfo(float).tiny * (slots[..., FOUND, None] > 0)
+    arm = (arms * weights).sum(axis=1)
+    across = arm - (arm @ barrier.normal)[:, None] * barrier.normal
+    return np.linalg.norm(across, axis=1) <= _OFF_CENTRE * np.linalg.norm(arm, axis=1)
 
 
 def _height(context: Context, barrier: Barrier, run: Rows, step: Rows | int) -> Floats:

@@ -124,7 +124,7 @@ def _geoms_of(model: mujoco.MjModel, name: str) -> tuple[int, ...]:
 def _default_slots(first: int, second: int) -> int:
     shapes = {first, second}
     if _GEOM.mjGEOM_HFIELD in shapes:
-        return _MANY_SLOTS
+        return mujoco.mjMAXCONPAIR
     if _GEOM.mjGEOM_SPHERE in shapes:
         return 1
     return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
