@@ -93,11 +93,6 @@ class ExpectedContact:
     force: tuple[float, float] = (-np.inf, np.inf)
     depth: float = np.inf
 
-    @property
-    def is_more_than_ends(self) -> bool:
-        """Whether it says anything but how pairs begin and end."""
-        return (self.mode, self.force, self.depth) != (None, (-np.inf, np.inf), np.inf)
-
 
 @dataclass(frozen=True)
 class Part:

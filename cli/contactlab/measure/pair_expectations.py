@@ -14,7 +14,6 @@ from contactlab.measure.stick_slip import spans
 
 PAIR_LABELS = frozenset({"unexpected_slide", "unexpected_stick", "pair_expectation"})
 _VERBS = {"stick": "stick", "slide": "slide", "apart": "be apart", "rolls": "roll"}
-_MODES = {"stick": STICK, "rolls": STICK, "slide": SLIDE}
 _MODE_HOLD = Threshold(
     "mode_hold",
     0.02,
@@ -26,85 +25,93 @@ _ROUNDING = 1e-6
 """Share of a step by which a time may miss the start of a step."""
 
 Mask = NDArray[np.bool_]
+Faults = Iterator[tuple[str, str, Mask]]
+"""What was expected, what is met instead, and the steps (N,) in which it is."""
 
 
 @label(24, (_MODE_HOLD,))
 def unexpected_slide(runs: MeasuredRuns) -> Found:
     """A pair slides that is expected to stick or to roll."""
-    return _unexpected(runs, SLIDE)
+    return _found(runs, SLIDE)
 
 
 @label(20, (_MODE_HOLD,))
 def unexpected_stick(runs: MeasuredRuns) -> Found:
     """A pair sticks that is expected to slide."""
-    return _unexpected(runs, STICK)
+    return _found(runs, STICK)
 
 
 @label(26, (_MODE_HOLD,))
 def pair_expectation(runs: MeasuredRuns) -> Found:
     """A pair does not press, touch, part or roll as expected, or is deeper."""
-    for each in runs.context.setup.expected:
-        inside = _inside(runs.context, each)
-        for run in runs_where(np.asarray(inside.any(axis=1))) if each.is_more_than_ends else ():
-            faults = _faults(runs.context, each, run, inside[run], runs.limits["mode_hold"])
-            for wanted, met, where in faults:
+    return _found(runs, NO_CONTACT)
+
+
+def _found(runs: MeasuredRuns, mode: int) -> Found:
+    """Find what pairs do unexpectedly: slide, stick, or anything else."""
+    context, hold = runs.context, runs.limits["mode_hold"]
+    for each in filter(lambda each: each.pairs, context.setup.expected):
+        start, stop = np.moveaxis(each.window[:, :, None], 1, 0)
+        time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
+        inside = (time >= start) & (time < stop)
+        for run in runs_where(np.asarray(inside.any(axis=1))):
+            width = max(int(np.ceil(hold / context.trace.timestep[run] - _ROUNDING)), 1)
+            found = (
+                _misfits(context, each, run, inside[run], width)
+                if mode == NO_CONTACT
+                else _wrong_modes(context, each, run, inside[run], width, mode)
+            )
+            for wanted, met, where in found:
                 step = first_step(where)
-                time = runs.context.trace.time[run, step]
-                yield run, Finding(f"{wanted}, but {met}, from {time:.4g} s on", step)
+                reason = f"{wanted}, but {met}, from {context.trace.time[run, step]:.4g} s on"
+                yield run, Finding(reason, step)
 
 
-def _unexpected(runs: MeasuredRuns, met: int) -> Found:
-    """Find pairs that slide or stick for long where they are expected to do the other."""
-    for each in runs.context.setup.expected:
-        asked = ((" first", each.first), (" last", each.last), ("", each.mode))
-        wanted = [(when, mode) for when, mode in asked if mode and _MODES.get(mode, met) != met]
-        for index in each.pairs if wanted else ():
-            series = runs.context.series[index]
-            mode = np.where(_inside(runs.context, each), series.mode, NO_CONTACT)
-            for run, lasting in _lasting_modes(mode, runs).items():
-                time = runs.context.trace.time[run]
-                for when, what in wanted:
-                    some = {" first": lasting[:1], " last": lasting[-1:]}.get(when, lasting)
-                    for start, stop in (
-                        (start, stop) for value, start, stop in some if value == met
-                    ):
-                        speed = series.slip[run, start:stop].max()
-                        slides = f"slides, at up to {speed:.3g} m/s," if met == SLIDE else "sticks"
-                        reason = (
-                            f"{series.name} should {_VERBS[what]}{when}, but {slides} "
-                            f"from {time[start]:.4g} to {time[stop]:.4g} s"
-                        )
-                        yield run, Finding(reason, start)
+def _wrong_modes(
+    context: Context, each: ExpectedContact, run: int, inside: Mask, width: int, met: int
+) -> Faults:
+    modes = {"slide": STICK} if met == STICK else {"stick": SLIDE, "rolls": SLIDE}
+    ends = (("first", each.first), ("last", each.last), ("", each.mode))
+    wanted = [(when, mode) for when, mode in ends if mode in modes]
+    for series in [context.series[index] for index in each.pairs] if wanted else ():
+        mode = series.mode[run]
+        bad = _lasting(inside & (mode == met), width)
+        good = np.flatnonzero(_lasting(inside & (mode == STICK + SLIDE - met), width)).tolist()
+        first, last = (good[0], good[-1]) if good else (None, None)
+        parts = {"first": slice(first), "last": slice(last, None), "": slice(None)}
+        for when, what in wanted:
+            where = np.zeros_like(bad)
+            where[parts[when]] = bad[parts[when]]
+            if where.any():
+                slides = f"slides, at up to {series.slip[run, where].max():.3g} m/s"
+                does = slides if met == SLIDE else "sticks"
+                yield f"{series.name} should {_VERBS[what]} {when}".rstrip(), does, where
 
 
-def _faults(
-    context: Context, each: ExpectedContact, run: int, inside: Mask, hold: float
-) -> Iterator[tuple[str, str, Mask]]:
-    """Yield what was expected, what is met instead and the steps (N,) in which it is."""
+def _misfits(context: Context, each: ExpectedContact, run: int, inside: Mask, width: int) -> Faults:
     timestep, (least, most) = float(context.trace.timestep[run]), each.force
-    width = max(round(hold / timestep), 1)
     series = [context.series[index] for index in each.pairs]
     touching = inside & np.any([one.mode[run] != NO_CONTACT for one in series], axis=0)
-    judged = inside if each.timed else touching
-    gaps = _lasting(inside & ~touching, width) if each.timed or not touching.any() else inside[:0]
-    if (each.mode in _MODES or least > 0) and gaps.any():
+    apart = _lasting(inside & ~touching, width) & (each.timed or not touching.any())
+    if (each.mode in {"stick", "slide", "rolls"} or least > 0) and apart.any():
         wanted = _VERBS[each.mode] if each.mode else f"press with {least:.3g} N or more"
-        met = f"touches nothing for {np.count_nonzero(gaps) * timestep:.3g} s"
-        yield f"{each.name} should {wanted}", met, gaps
+        met = f"touches nothing for {np.count_nonzero(apart) * timestep:.3g} s"
+        yield f"{each.name} should {wanted}", met, apart
     for index, one in zip(each.pairs, series, strict=True):
-        force, turning = one.normal[run], context.net[index].rolling[run]
+        force, depth = one.normal[run], contact_depths(context)[index][1][run]
         if each.mode == "apart" and (pressed := inside & (force > 0)).any():
             met = f"presses with up to {force[pressed].max():.3g} N"
             yield f"{one.name} should be apart", met, pressed
-        still = inside & (one.mode[run] == STICK) & (force > 0) & (turning <= TURNING)
-        if each.mode == "rolls" and (still := _lasting(still, width)).any():
+        still = inside & (force > 0) & (context.net[index].rolling[run] <= TURNING)
+        still = _lasting(still & (one.mode[run] == STICK), width)
+        if each.mode == "rolls" and still.any():
             met = f"does not turn for {np.count_nonzero(still) * timestep:.3g} s"
             yield f"{one.name} should roll", met, still
-        depth = contact_depths(context)[index][1][run]
         if (deep := inside & (depth > each.depth)).any():
             met = f"is up to {depth[deep].max():.3g} m deep"
             yield f"{one.name} should be at most {each.depth:.3g} m deep", met, deep
-    mean = _averaged(np.sum([one.normal[run] for one in series], axis=0), judged, width)
+    total = np.sum([one.normal[run] for one in series], axis=0)
+    mean = _averaged(total, inside if each.timed else touching, width)
     for beyond, worst, bound in (
         (mean < least, np.fmin, f"{least:.3g} N or more"),
         (mean > most, np.fmax, f"{most:.3g} N or less"),
@@ -114,17 +121,9 @@ def _faults(
             yield f"{each.name} should press with {bound}", met, beyond
 
 
-def _inside(context: Context, each: ExpectedContact) -> Mask:
-    """Return (n, N) the steps that begin in the window; none in runs that it is not said of."""
-    start, stop = np.moveaxis(each.window[:, :, None], 1, 0)
-    time = context.trace.time[:, :-1] + _ROUNDING * context.trace.timestep[:, None]
-    return (time >= start) & (time < stop)
-
-
 def _lasting(mask: Mask, shortest: int) -> Mask:
     """Return (N,) where a mask holds for at least so many steps together."""
-    found = spans(mask[None])
-    lasting = np.zeros(len(mask), np.bool_)
+    found, lasting = spans(mask[None]), mask.copy()
     for start, stop in zip(found.start, found.stop, strict=True):
         lasting[start:stop] = stop - start >= shortest
     return lasting
@@ -138,21 +137,3 @@ def _averaged(force: Floats, judged: Mask, width: int) -> Floats:
         total = np.cumsum([0.0, *force[start:stop]])
         means[start : stop - size + 1] = (total[size:] - total[:-size]) / size
     return means
-
-
-def _lasting_modes(
-    mode: NDArray[np.int8], runs: MeasuredRuns
-) -> dict[int, list[tuple[int, int, int]]]:
-    """Return by run the modes that last, in order, each with its first step and that after it."""
-    shortest = np.ceil(runs.limits["mode_hold"] / runs.context.trace.timestep - 1e-6)
-    lasting = sorted(
-        (run, start, stop, value)
-        for value in (STICK, SLIDE)
-        for found in [spans(mode == value)]
-        for run, start, stop in np.stack([found.run, found.start, found.stop], axis=1).tolist()
-        if stop - start >= shortest[run]
-    )
-    modes: dict[int, list[tuple[int, int, int]]] = {}
-    for run, start, stop, value in lasting:
-        modes.setdefault(run, []).append((value, start, stop))
-    return modes

@@ -136,9 +136,9 @@ def _check_axes(context: SweepContext) -> None:
 def _check_pairs(context: SweepContext, key: str, entries: Sequence[PairExpectation]) -> None:
     # How long a drive takes is known when it is read.
     duration = context.sweep.duration or (math.inf if context.sweep.drive else None)
+    check = context.vocabulary.mistake_in
     for index, each in enumerate(entries):
-        mistake = each.expects and context.vocabulary.mistake_in(each, duration)
-        if mistake:
+        if mistake := each.expects and check and check(each, duration):
             place = context.document.value(context.path(key, index, mistake[0]))
             context.document.add("bad-pair", place, mistake[1])
 

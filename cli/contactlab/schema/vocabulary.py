@@ -53,10 +53,6 @@ class Catalogue(Protocol):
         ...
 
 
-def _fits(expected: PairExpectation, duration: float | None) -> None:
-    del expected, duration
-
-
 @dataclass(frozen=True)
 class Vocabulary:
     """Every name that a sweep of one scene may use."""
@@ -65,5 +61,5 @@ class Vocabulary:
     metrics: Sequence[str]
     labels: Sequence[str]
     thresholds: Sequence[str] = ()
-    mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] = _fits
+    mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] | None = None
     """The key that is wrong in what is expected of pairs in runs of that duration, and why."""
