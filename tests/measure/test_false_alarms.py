@@ -53,6 +53,15 @@ SKIRT = (
     '<geom name="skirt" pos="0 0 -.03" size=".05" mass=".01" contype="0" conaffinity="0"/></body>'
 )
 SINKING = standing(2.0, 0.0)
+MARGIN = (
+    '<body pos="0 0 .08"><freejoint/><geom type="box" size=".03 .03 .03" mass="1" margin="{}"/>'
+    "</body>"
+)
+LID = (
+    '<body pos="0 0 .01"><joint type="slide" axis="0 0 1" damping="20"/>'
+    '<geom type="box" size=".1 .1 .01" mass="1"/></body>'
+)
+ASLEEP = '<option sleep_tolerance="{}"><flag sleep="enable"/></option>'
 WEIGHTLESS = '<option gravity="0 0 0"/>'
 
 # Healthy, failing, and the label of the failing one.
@@ -74,6 +83,16 @@ LOOKALIKES = {
         "missed_contact",
     ),
     "an undamped spring": (spring(1000, 0.005), spring(410000, 0.005), "energy_injection"),
+    "a small margin": (
+        world(MARGIN.format(0.004)),
+        world(MARGIN.format(0.03)),
+        "contact_at_distance",
+    ),
+    "a sleeper on the floor": (
+        world(LID, option=ASLEEP.format(1e-3)),
+        world(LID.replace("0 0 .01", "0 0 .5"), option=ASLEEP.format(2)),
+        "asleep_unsupported",
+    ),
     "a start a hair deep": (
         deep(0.002, 0.05, ".02 1"),
         deep(0.03, 0.05, ".01 .1"),

@@ -13,10 +13,10 @@ from contactlab.measure import LABELS, THRESHOLDS, AppliedLabel, assess, limits
 
 ORDER = (
     "crashed timeout invalid diverged solver_inconsistent solver_nonconvergence broken tunneling "
-    "missed_contact constraint_violated phantom_contact energy_injection energy_loss "
-    "penetration_growth exploited deep_penetration drift chatter constraint_gain step_dependent "
-    "slipping unsettled creep pair_expectation unexpected_slide unexpected_stick oracle_miss "
-    "contacts_cut stable"
+    "missed_contact constraint_violated phantom_contact asleep_unsupported contact_at_distance "
+    "energy_injection energy_loss penetration_growth exploited deep_penetration drift chatter "
+    "constraint_gain step_dependent slipping unsettled creep pair_expectation unexpected_slide "
+    "unexpected_stick oracle_miss contacts_cut stable"
 )
 
 

@@ -91,7 +91,7 @@ _BY_STATE = ("time", "qpos", "qvel")
 _ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
 _BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
-_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "given")
+_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "given", "sleeper")
 
 
 @dataclass(frozen=True)
@@ -125,6 +125,8 @@ class Trace:
             gravity and springs; NaN where not known.
         given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
             last, and what they had stored before it [J].
+        sleeper: (n, 3) of all that sleeps at the end, what would accelerate most if it were awake:
+            by how much [m/s^2], its joint, and the step since when; NaN where nothing sleeps.
         passages: for each run, what passed through what; empty where nobody looked.
     """
 
@@ -151,6 +153,7 @@ class Trace:
     equality_gaps: Floats | None = None
     work: Floats | None = None
     given: Floats | None = None
+    sleeper: Floats | None = None
     passages: tuple[tuple[Passage, ...], ...] = ()
 
     @property

@@ -185,7 +185,6 @@ class Setup:
         hold: when the subject should be held; None where nothing should.
         limits_act: (n,) whether limits of joints and tendons are on; None where all are.
         mechanism: what of the model can move and hold; None where that is not asked about.
-        weights: (P,) weight of the lighter side of each pair at 9.81 m/s^2 [N]; None if not known.
         springs: whether joints or tendons have springs.
     """
 
@@ -210,7 +209,6 @@ class Setup:
     hold: HoldWindow | None = None
     limits_act: NDArray[np.bool_] | None = None
     mechanism: Mechanism | None = None
-    weights: Floats | None = None
     springs: bool = False
 
     def select(self, runs: Sequence[int]) -> "Setup":

@@ -77,6 +77,7 @@ class Rollout:
             gravity and springs; NaN where not known; None likewise.
         given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
             last, and what they had stored before it [J]; None likewise.
+        sleeper: (n, 3) as `Trace` says; None likewise.
         passages: for each run, what passed through what; empty where nobody looked.
     """
 
@@ -93,6 +94,7 @@ class Rollout:
     equality_gaps: Floats | None = None
     work: Floats | None = None
     given: Floats | None = None
+    sleeper: Floats | None = None
     passages: tuple[tuple[Passage, ...], ...] = ()
 
     @classmethod

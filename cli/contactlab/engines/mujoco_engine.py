@@ -1,5 +1,6 @@
 """MuJoCo as an engine: in native batches since 3.17, stepped from Python before."""
 
+import copy
 import time
 from dataclasses import replace
 
@@ -29,6 +30,7 @@ _STEPS_OF_SAMPLE = 250
 """Steps for each sample, which takes as long as three or four of them."""
 _FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
 _EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+_SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 
 
 class MujocoEngine(SimulationEngine):
@@ -116,12 +118,12 @@ def _native_cost(runs: PreparedRuns, run: int, steps: int) -> float:
 
 
 def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
-    """Return a rollout with the ranges of its controls, and loads and gaps of its equalities."""
+    """Return a rollout with ranges of its controls, loads and gaps of its equalities, sleepers."""
     first = runs.prepared[0].model
     data = mujoco.MjData(first) if first.neq else None
     ranges = np.zeros((len(rollout.steps), first.nu, 2))
     loads = np.zeros((len(rollout.steps), first.neq))
-    gaps = np.zeros((*loads.shape, 2))
+    gaps, sleeper = np.zeros((*loads.shape, 2)), np.full((len(loads), 3), np.nan)
     for run, steps in enumerate(rollout.steps):
         model, start = runs.prepared[run].model, runs.starts.pick(run)
         controls = rollout.controls[run] if rollout.controls else None
@@ -129,10 +131,32 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
             ranges[run] = start.control_ranges(max(steps - 1, 0) * model.opt.timestep)
         else:
             ranges[run] = np.stack([controls.levels.min(axis=0), controls.levels.max(axis=0)], 1)
+        start = start if controls is None else start.acted_on([controls])
+        if model.opt.enableflags & _SLEEP:
+            sleeper[run] = _sleeper(model, start, rollout.state[run, : steps + 1])
         if data is not None and steps:
-            start = start if controls is None else start.acted_on([controls])
             loads[run], gaps[run] = _loads(model, data, start, rollout.state[run, : steps + 1])
-    return replace(rollout, control_ranges=ranges, equality_loads=loads, equality_gaps=gaps)
+    rollout = replace(rollout, control_ranges=ranges, sleeper=sleeper)
+    return replace(rollout, equality_loads=loads, equality_gaps=gaps)
+
+
+def _sleeper(model: mujoco.MjModel, start: InitialStates, states: Floats) -> Floats:
+    """Return (3,) the worst sleeper of a run, as `Trace` says: what sleeps does not move at all."""
+    moving = states[:, 1 + model.nq : 1 + model.nq + model.nv] != 0
+    stirring = np.isin(model.dof_treeid, model.dof_treeid[moving[-1]])
+    if stirring.all():
+        return np.full(3, np.nan)
+    awake, last = copy.copy(model), len(states) - 1
+    awake.opt.enableflags &= ~_SLEEP
+    data = mujoco.MjData(awake)
+    mujoco.mj_setState(awake, data, states[last], int(STATE))
+    apply_inputs(awake, data, start.inputs(0, model.opt.timestep, np.array([last]))[0])
+    mujoco.mj_forward(awake, data)
+    acceleration = np.where(stirring, -1, np.abs(data.qacc) * model.dof_length)
+    worst = int(acceleration.argmax())
+    tree = model.dof_treeid == model.dof_treeid[worst]
+    since = moving[:, tree].any(axis=1).cumsum().argmax()
+    return np.array([acceleration[worst], model.dof_jntid[worst], since])
 
 
 def sampled_steps(steps: int) -> np.ndarray:

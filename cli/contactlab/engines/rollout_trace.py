@@ -50,6 +50,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         equality_gaps=rollout.equality_gaps,
         work=rollout.work,
         given=rollout.given,
+        sleeper=rollout.sleeper,
         passages=rollout.passages,
     )
 

@@ -250,12 +250,14 @@ def _geometry(
     collided = (
         (colliding(model, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
     )
-    monitored = [each for each in collided if each[0] and not _has_fields(model, each[0])]
+    fields = np.flatnonzero(np.isin(model.geom_type, _FIELDS))
+    monitored = [each for each in collided if each[0] and not np.isin(each[0], fields).any()]
     for sample, step in enumerate(steps):
         data.qpos[:] = trace.qpos[run, step]
         mujoco.mj_kinematics(model, data)
         for geoms, traced in monitored:
-            distance = _distance(model, data, geoms)
+            # A function that shares nothing with contacts.
+            distance = min(mujoco.mj_geomDistance(model, data, *each, 1, None) for each in geoms)
             slots = traced.slots[run, step]
             touching = slots[:, 0] > 0
             if not touching.any():
@@ -263,16 +265,6 @@ def _geometry(
             elif distance > 0 and not speculative:
                 apart[sample] = max(apart[sample], distance - slots[touching, 7].min())
     return overlap, apart
-
-
-def _has_fields(model: mujoco.MjModel, geoms: list[tuple[int, int]]) -> bool:
-    """Return whether some geoms are height or distance fields, which have no convex distance."""
-    return bool(np.isin(model.geom_type[np.array(geoms)], _FIELDS).any())
-
-
-def _distance(model: mujoco.MjModel, data: mujoco.MjData, pairs: list[tuple[int, int]]) -> float:
-    """Return the signed distance of geoms by a function that shares nothing with contacts."""
-    return min(mujoco.mj_geomDistance(model, data, *pair, 1.0, None) for pair in pairs)
 
 
 def _is_speculative(model: mujoco.MjModel) -> bool:

@@ -8,21 +8,12 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from contactlab.contact.trace_arrays import (
-    DISTANCE,
-    FORCE,
-    Floats,
-    PairSeries,
-    SelfChecks,
-    Trace,
-)
+from contactlab.contact.trace_arrays import Floats, PairSeries, SelfChecks, Trace
 from contactlab.contact.trace_setup import FreeBody, Setup
 from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")
 
-_HAIR = 0.1
-"""Share of the thinner body's half extent that a start may be deep."""
 _ROUNDING = 1e-6
 """Share of a step by which a time may miss a whole number of steps."""
 
@@ -152,41 +143,6 @@ def energy_budget(context: Context) -> Floats:
     """
     heights = potential(context)
     return kinetic(context)[:, 0] + heights[:, 0] - heights.min(axis=1)
-
-
-@cached
-def level_energy(context: Context) -> Floats:
-    """Return (n, N) mechanical energy [J] without the swing that a step gives it at a spring.
-
-    Velocities of semi-implicit steps lag behind positions by half a step, so that the energy of an
-    oscillator swings by half its phase per step. A mean over two states, in which the later kinetic
-    and the earlier potential energy count three times, has the swing to its third power.
-    """
-    values = energy(context)
-    if not context.setup.springs or context.trace.steps < 2:
-        return values
-    moving, stored = kinetic(context), potential(context)
-    level = moving[:, :-1] + 3 * moving[:, 1:] + 3 * stored[:, :-1] + stored[:, 1:]
-    level = np.concatenate([level, level[:, -1:]], axis=1) / 4
-    return np.where(semi_implicit(context)[:, None] > 0, level, values)
-
-
-@cached
-def stored_at_start(context: Context) -> Floats:
-    """Return (n,) the energy [J] that contacts may have stored at the start: force times depth.
-
-    At most what lifts everything by a tenth of the half extent of the largest of their thinner
-    geoms: bodies that start deeper in each other, or are thrown higher, have no excuse.
-    """
-    stored, hair = np.zeros(context.trace.runs), np.zeros(context.trace.runs)
-    for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
-        first = pair.slots[:, 0]
-        depth = np.maximum(-first[..., DISTANCE], 0)
-        energies = (first[..., FORCE.start] * depth).sum(axis=1)
-        allowed = _HAIR * (thickness if np.isfinite(thickness) else 0)
-        stored += energies
-        hair = np.maximum(hair, np.where(energies > 0, allowed, 0))
-    return np.minimum(stored, context.setup.moving_mass * gravity(context) * hair)
 
 
 def free_mass(context: Context) -> Floats:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.contact.trace_setup import FreeBody
 from contactlab.measure.context import (
     Context,
@@ -12,12 +12,14 @@ from contactlab.measure.context import (
     energy_budget,
     first_step,
     free_mass,
+    gravity,
     kinetic,
     least_energy,
-    level_energy,
     peak_kinetic,
+    potential,
+    runs_where,
+    semi_implicit,
     speed_squared,
-    stored_at_start,
     worst_body,
 )
 from contactlab.measure.energy_balance import INTEGRATION_GAIN, integration_gains
@@ -42,7 +44,15 @@ _REST_SPEED = Threshold(
     "m/s",
     "Largest metric rest_speed; only scenes whose bodies should come to rest set it.",
 )
+_UNSUPPORTED = Threshold(
+    "asleep_acceleration",
+    0.1,
+    "1",
+    "Share of gravity with which what sleeps would accelerate: at rest up to 0.01, in mid-air 1.",
+)
 _SETTLED = 1e-6
+_HAIR = 0.1
+"""Share of the thinner body's half extent that a start may be deep."""
 _LENGTH = 1e-3
 _SPEED = 1e-3
 
@@ -63,8 +73,8 @@ def energy_gain(context: Context) -> Floats:
     """
     if not context.setup.passive:
         return context.undefined()
-    values = level_energy(context)
-    given = values[:, 0] + stored_at_start(context)
+    values = _level_energy(context)
+    given = values[:, 0] + _stored_at_start(context)
     return (values.max(axis=1) - given) / energy_scale(context)
 
 
@@ -219,8 +229,8 @@ def energy_injection(runs: MeasuredRuns) -> Found:
     the integrator added it.
     """
     for run, gain, limit in runs.over("energy_gain"):
-        values = level_energy(runs.context)[run]
-        given = values[0] + stored_at_start(runs.context)[run]
+        values = _level_energy(runs.context)[run]
+        given = values[0] + _stored_at_start(runs.context)[run]
         risen = values - given > limit * energy_scale(runs.context)[run]
         reason = f"energy rose by {gain:.3%} of that at the start (limit {limit:.3g})"
         yield run, Finding(reason, first_step(risen))
@@ -229,6 +239,20 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         step = _first_fast_step(runs.context, run, limit)
         yield run, Finding(f"{reason} (limit {limit:g})", step)
     yield from integration_gains(runs)
+
+
+@label(63, (_UNSUPPORTED,))
+def asleep_unsupported(runs: MeasuredRuns) -> Found:
+    """A body was put to sleep where nothing holds it."""
+    setup, sleeper = runs.context.setup, runs.context.trace.sleeper
+    if setup.mechanism is None or sleeper is None:
+        return
+    limit, pull = runs.limits["asleep_acceleration"], gravity(runs.context)
+    for run in runs_where((sleeper[:, 0] > limit * pull) & (pull > 0)):
+        acceleration, joint, step = sleeper[run]
+        what = f"{setup.mechanism.joints[int(joint)].name} sleeps, but would accelerate by"
+        reason = f"{what} {acceleration / pull[run]:.3g} of gravity (limit {limit:g})"
+        yield run, Finding(reason, int(step))
 
 
 @label(44, (_DRIFT,), name="drift")
@@ -247,6 +271,39 @@ def unsettled(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, _first_moving_step(runs.context, run, limit))
 
 
+@cached
+def _level_energy(context: Context) -> Floats:
+    """Return (n, N) mechanical energy [J] without the swing that a step gives it at a spring.
+
+    Semi-implicit velocities lag behind positions by half a step: the energy of an oscillator swings
+    by half its phase per step. Of a mean over two states, in which the later kinetic and the
+    earlier potential energy count three times, the part of second order does not swing either.
+    """
+    values = energy(context)
+    if not context.setup.springs or context.trace.steps < 2:
+        return values
+    moving, stored = kinetic(context), potential(context)
+    level = moving[:, :-1] + 3 * moving[:, 1:] + 3 * stored[:, :-1] + stored[:, 1:]
+    level = np.concatenate([level, level[:, -1:]], axis=1) / 4
+    return np.where(semi_implicit(context)[:, None] > 0, level, values)
+
+
+@cached
+def _stored_at_start(context: Context) -> Floats:
+    """Return (n,) the energy [J] that contacts have stored at the start: force times depth.
+
+    Of each pair at most what lifts everything by a tenth of the thinner geom's half extent: who
+    starts deeper than a hair, or is thrown higher, has no excuse.
+    """
+    most = _HAIR * context.setup.moving_mass * gravity(context)
+    stored = np.zeros(context.trace.runs)
+    for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
+        first = pair.slots[:, 0]
+        energies = first[..., FORCE.start] * np.maximum(-first[..., DISTANCE], 0)
+        stored += np.fmin(energies.sum(axis=1), most * thickness)
+    return stored
+
+
 def _first_fast_step(context: Context, run: int, limit: float) -> int:
     """Return the first step after which some free body is faster than it may be."""
     steps: list[int] = []
@@ -260,7 +317,7 @@ def _first_fast_step(context: Context, run: int, limit: float) -> int:
 
 def _speed_bound(context: Context, mass: Floats) -> Floats:
     """Return (n,) the speed [m/s] that a body of this mass has with all of the energy budget."""
-    energies = energy_budget(context) + stored_at_start(context)
+    energies = energy_budget(context) + _stored_at_start(context)
     return np.maximum(np.sqrt(2 * energies / mass), _SPEED)
 
 

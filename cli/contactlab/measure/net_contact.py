@@ -47,6 +47,7 @@ class NetContact:
         spinning: (n, N) the same about its normal.
         excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
         detached: (n,) most that one contact's normal force times its positive distance is [J].
+        standoff: (n,) mean positive distance of contacts, weighted by normal force [m].
     """
 
     series: PairSeries
@@ -56,6 +57,7 @@ class NetContact:
     spinning: Floats
     excess: Floats
     detached: Floats
+    standoff: Floats
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,7 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
     runs, steps, slots, _ = pair.slots.shape
     found = pair.found.astype(np.int32)
     contacts = np.minimum(found, slots)
-    series, worst = np.empty((8, runs, steps)), np.empty((2, runs))
+    series, worst = np.empty((8, runs, steps)), np.empty((3, runs))
     first, second = pair.friction[:, 0], pair.friction[:, 1]
     stretch = np.where(first == second, 1, first / second)
     cones = map(_Cone, first.tolist(), stretch.tolist(), elliptic.tolist())
@@ -126,8 +128,9 @@ def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) 
             np.sqrt(along * along + across * across),
             np.abs(spin),
         )
-        apart = (columns.normal * np.maximum(columns.distance, 0)).max(initial=0)
-        worst[:, run] = _excess(columns, cone), apart
+        apart = columns.normal * np.maximum(columns.distance, 0)
+        standoff = apart.sum() / max(columns.normal.sum(), np.finfo(float).tiny)
+        worst[:, run] = _excess(columns, cone), apart.max(initial=0), standoff
     normal, tangential, usage, slip, distance, grip, rolling, spinning = series
     mode = modes(normal > 0, usage, grip, slip, timestep)
     shown = PairSeries(pair.name, contacts, normal, tangential, usage, slip, distance, mode)

@@ -39,6 +39,13 @@ _STEADY = Threshold(
     "engine's default contact meets under light loads only; grasps over 5 mm count as broken. "
     "Unless set, half the smallest extent of the pair's thinnest geom applies where that is less.",
 )
+_STANDOFF = Threshold(
+    "standoff",
+    0.6,
+    "1",
+    "Largest metric standoff. Public robots with margins reach 0.28; a box that rests on a margin "
+    "as wide as half of it has 1.",
+)
 _RESTING = 0.9
 """Share of the last half in which a pair must touch to count as resting."""
 
@@ -137,6 +144,23 @@ def _gains(context: Context) -> list[Floats]:
     return [gain(index, *pair) for index, pair in enumerate(contact_depths(context))]
 
 
+@metric("1", "lower", 1e-9, kind="detail", requires="depth")
+def standoff(context: Context) -> Floats:
+    """Distance at which a pair's contacts bear, over half the extent of the thinner geom.
+
+    Positive distances, by which a margin carries bodies, averaged over all contacts with their
+    normal force as weight; worst pair. Forces below 1e-5 N for each kg that moves do not count.
+    Not defined for speculative contacts.
+    """
+    least, speculative = 1e-5 * context.setup.moving_mass, context.setup.speculative
+    shares = [
+        np.where(net.series.normal.mean(axis=1) >= least, net.standoff / thickness, 0)
+        for net, thickness in zip(context.net, context.setup.thickness, strict=True)
+    ]
+    worst = worst_pair(context, shares)
+    return worst if speculative is None else np.where(speculative, np.nan, worst)
+
+
 @metric("m", "higher", 1e-9, requires="depth")
 def distance_min(context: Context) -> Floats:
     """Least signed distance of any contact in the model, of monitored and of other pairs.
@@ -162,6 +186,14 @@ def tunneling(runs: MeasuredRuns) -> Found:
     ]
     found = [*_crossed(runs.context), *_pierced(runs), *passed]
     yield from sorted(found, key=lambda each: each[1].step)
+
+
+@label(62, (_STANDOFF,))
+def contact_at_distance(runs: MeasuredRuns) -> Found:
+    """A body is carried or pushed by contacts whose margin keeps it away."""
+    for run, share, limit in runs.over("standoff"):
+        reason = f"contacts bear at {share:.3g} of the thinner body's half extent (limit {limit:g})"
+        yield run, Finding(reason, first_step(runs.context.trace.contacts[run] > 0))
 
 
 @label(56, (_GROWTH,), name="penetration_growth")

@@ -76,10 +76,8 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
         pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
     rough = [bool((model.geom_type[[*each]] == _GEOM.mjGEOM_HFIELD).any()) for each in pairs]
     shared = min(_MOST_SLOTS, max(_MANY_SLOTS, _SLOTS_ON_FIELDS // max(sum(rough), 1)))
-    return tuple(
-        _geom_pair(model, *each, shared if on_field else None)
-        for each, on_field in zip(pairs, rough, strict=True)
-    )
+    slots = [shared if each else None for each in rough]
+    return tuple(_geom_pair(model, *each, most) for each, most in zip(pairs, slots, strict=True))
 
 
 def entry_pairs(model: mujoco.MjModel, entry: PairEntry) -> list[MonitoredPair]:

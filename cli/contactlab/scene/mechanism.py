@@ -12,7 +12,7 @@ from contactlab.scene.model_names import is_address
 _EQUALITY = mujoco.mjtEq
 _JOINT = mujoco.mjtJoint
 _KINDS: tuple[PartKind, ...] = ("free", "ball", "slide", "hinge")
-STANDARD_GRAVITY = 9.81
+_STANDARD_GRAVITY = 9.81
 AT_JOINT = [int(mujoco.mjtTrn.mjTRN_JOINT), int(mujoco.mjtTrn.mjTRN_JOINTINPARENT)]
 """Transmissions of actuators that act on one joint."""
 
@@ -40,7 +40,7 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
         forces=_force_limits(model),
         equalities=tuple(_equality(model, index) for index in range(model.neq)),
-        weight=float(model.body_mass.sum()) * STANDARD_GRAVITY,
+        weight=float(model.body_mass.sum()) * _STANDARD_GRAVITY,
         size=float(model.stat.meansize),
     )
 

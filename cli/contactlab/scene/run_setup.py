@@ -19,7 +19,7 @@ from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding, half_extent
 from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
-from contactlab.scene.mechanism import STANDARD_GRAVITY, find_mechanism
+from contactlab.scene.mechanism import find_mechanism
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.schema.drive import FileDrive
 from contactlab.schema.scene_manifest import SceneManifest
@@ -66,7 +66,6 @@ def make_setup(
         thresholds={**(manifest.thresholds if manifest else {}), **thresholds},
         hold=HoldWindow(*np.transpose(windows)) if holding else None,
         mechanism=find_mechanism(base.model),
-        weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
         springs=any(each.jnt_stiffness.any() or each.tendon_stiffness.any() for each in models),
     )
 
@@ -142,13 +141,6 @@ def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return half the smallest extent of the pair's thinnest geom that can collide [m]."""
     touching = {geom for both in colliding(model, pair) for geom in both}
     return min((half_extent(model, geom) for geom in touching), default=np.inf)
-
-
-def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
-    """Return the weight of the lighter side of a pair, with all that hangs on it [N]."""
-    roots = [int(model.body_weldid[model.geom_bodyid[side[0]]]) for side in pair.geoms]
-    masses = [model.body_subtreemass[root] if root else np.inf for root in roots]
-    return float(min(masses)) * STANDARD_GRAVITY
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:
