@@ -13,7 +13,7 @@ import numpy as np
 
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats, Passage
-from contactlab.scene.contact_pairs import half_extent, may_touch
+from contactlab.scene.contact_pairs import half_extent, may_touch, reaches
 
 _SLOW = 0.5
 """Share of the half thickness of two geoms that a step must move them by to carry one through."""
@@ -40,7 +40,7 @@ class Passages:
         off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         half = _half_extents(model)
         self._thinnest = np.inf if off else half.min(initial=np.inf)
-        self._lengths, self._reach = _lengths(model), _reach(model)
+        self._lengths, self._reach = _lengths(model), reaches(model)
         half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
         self._least = _SLOW * (half[:, None] + half)
         self._least[np.tril_indices(len(half))] = np.inf
@@ -106,7 +106,7 @@ def _half_extents(model: mujoco.MjModel) -> Floats:
 
 def _lengths(model: mujoco.MjModel) -> Floats:
     """Return (nv,) how far each degree of freedom moves a point at unit speed in 1 s [m]."""
-    reach = _reach(model)
+    reach = reaches(model)
     for body in range(model.nbody - 1, 0, -1):
         joints = range(model.body_jntadr[body], model.body_jntadr[body] + model.body_jntnum[body])
         slides = any(int(model.jnt_type[each]) in _TRANSLATIONS for each in joints)
@@ -117,14 +117,6 @@ def _lengths(model: mujoco.MjModel) -> Floats:
     for kind, dof in zip(model.jnt_type, model.jnt_dofadr, strict=True):
         lengths[dof : dof + _TRANSLATIONS.get(int(kind), 0)] = 1
     return lengths
-
-
-def _reach(model: mujoco.MjModel) -> Floats:
-    """Return (nbody,) how far geoms reach from the frame of their body [m]."""
-    reach = np.zeros(model.nbody)
-    ends = np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
-    np.maximum.at(reach, model.geom_bodyid, ends)
-    return reach
 
 
 def _centre(model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int) -> Floats:

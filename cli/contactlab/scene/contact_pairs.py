@@ -13,6 +13,7 @@ from itertools import combinations, pairwise, product
 import mujoco
 import numpy as np
 
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
 from contactlab.scene.initial_states import QPOS0, start_data
 from contactlab.scene.model_names import known_id, matching
@@ -143,6 +144,14 @@ def half_extent(model: mujoco.MjModel, geom: int) -> float:
     if kind == _GEOM.mjGEOM_CYLINDER:
         return float(size[:2].min())
     return float(model.geom_aabb[geom, 3:].min())
+
+
+def reaches(model: mujoco.MjModel) -> Floats:
+    """Return (nbody,) how far the geoms of each body reach from its frame [m]; 0 without geoms."""
+    reach = np.zeros(model.nbody)
+    ends = np.linalg.norm(model.geom_pos, axis=1) + model.geom_rbound
+    np.maximum.at(reach, model.geom_bodyid, ends)
+    return reach
 
 
 def may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:

@@ -7,6 +7,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import QUARTER_TURN, Equality, Mechanism, Part, PartKind
+from contactlab.scene.contact_pairs import reaches
 from contactlab.scene.model_names import is_address
 
 _EQUALITY = mujoco.mjtEq
@@ -107,11 +108,8 @@ def _tendon_scale(model: mujoco.MjModel, tendon: int) -> float:
 
 
 def _reach(model: mujoco.MjModel, body: int) -> float:
-    """Return how far the geoms of a body reach from its frame [m]."""
-    geoms = np.flatnonzero(model.geom_bodyid == body)
-    if not len(geoms):
-        return float(model.stat.meansize)
-    return float((np.linalg.norm(model.geom_pos[geoms], axis=1) + model.geom_rbound[geoms]).max())
+    """Return how far the geoms of a body reach from its frame [m]; of one without, a mean size."""
+    return float(reaches(model)[body] or model.stat.meansize)
 
 
 def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
