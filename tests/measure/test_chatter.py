@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, TORQUE, PairTrace, Trace
 from contactlab.measure import assess
-from contactlab.measure.chatter import lost_contacts
 from contactlab.measure.context import context_of
+from contactlab.measure.friction import lost_contacts
 
 STEPS = 500
 

@@ -21,8 +21,8 @@ from contactlab.contact.trace_arrays import (
 )
 from contactlab.contact.trace_setup import HoldWindow, Setup
 from contactlab.measure import METRICS, assess
-from contactlab.measure.chatter import hold_switch_masks
 from contactlab.measure.context import context_of, hold_window
+from contactlab.measure.friction import hold_switch_masks
 
 Make = Callable[..., Any]
 HELD = [name for name in METRICS if name.startswith("hold_")]

@@ -5,7 +5,7 @@ from pkgutil import iter_modules
 
 # The order of these imports is the order of metrics, and so of columns.
 # isort: off
-from contactlab.measure import penetration, motion, soft_contact, friction, chatter
+from contactlab.measure import penetration, motion, soft_contact, friction
 from contactlab.measure import grasp_hold, solver_work, oracle_error
 
 # isort: on
@@ -71,7 +71,7 @@ __all__ = [
     "worst_pair",
 ]
 
-TOPICS = penetration, motion, soft_contact, friction, chatter, grasp_hold, solver_work, oracle_error
+TOPICS = penetration, motion, soft_contact, friction, grasp_hold, solver_work, oracle_error
 """Modules that declare metrics, in the order of the table's columns; others come after them."""
 
 for _module in iter_modules(__path__):

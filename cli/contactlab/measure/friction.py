@@ -1,12 +1,34 @@
-"""Friction: slip, creep and what the cone allows."""
+"""Friction: slip, creep, what the cone allows, and chatter.
+
+A pair chatters that keeps losing its contact, or switching between stick and slide. One that sticks
+well inside its friction bound has no reason to part: losing all its contacts and regaining them,
+over and over, is the chatter of a contact too stiff or too weakly damped for its timestep. Sliding
+bodies hop too, but at the bound; bodies that bounce to rest touch less hard every time.
+"""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import NO_CONTACT, STICK, Floats, PairSeries
-from contactlab.measure.context import Context, cached, name_of_worst, runs_where, worst_pair
+from contactlab.contact.trace_arrays import (
+    FORCE,
+    LINEAR_VELOCITY,
+    NO_CONTACT,
+    STICK,
+    TORQUE,
+    Floats,
+    PairSeries,
+)
+from contactlab.measure.context import (
+    Context,
+    cached,
+    hold_seconds,
+    hold_window,
+    name_of_worst,
+    runs_where,
+    worst_pair,
+)
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
-from contactlab.measure.stick_slip import changes
+from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold(
     "creep_speed",
@@ -14,6 +36,39 @@ _CREEP_SPEED = Threshold(
     "m/s",
     "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
 )
+_MODE_SWITCHES = Threshold(
+    "mode_switches",
+    5,
+    "1/s",
+    "Largest metric mode_switches; the guideline for a pad that does not chatter.",
+)
+_CONTACT_LOSSES = Threshold(
+    "contact_losses",
+    5,
+    "1/s",
+    "Largest metric contact_losses, as for mode_switches: contacts that hold keep their contact, "
+    "and a pad that bounces on what it holds loses it 70 times.",
+)
+_FEWEST = Threshold(
+    "mode_switch_count",
+    3,
+    "1",
+    "Fewest switches that chatter has: one stop and one start are none.",
+)
+_FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)
+"""Two tangential forces, the torsion and two rolling torques, in the order of the coefficients."""
+
+_IMPACT = 0.05
+"""Speed [m/s] from which contacts are impacts; slower ones are rest, which hops by a step."""
+
+_AS_HARD = 0.99
+"""Share of the last peak force that the next contact must have; bounces lose more."""
+
+_SPREAD = 0.25
+"""Share of the time in contact that the middle half of chatter's events spans at least."""
+
+Events = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Runs and steps of events, in order of run and time."""
 
 
 @cached
@@ -110,3 +165,138 @@ def creep(runs: MeasuredRuns) -> Found:
         name = name_of_worst(runs.context, _creeps(runs.context), run)
         reason = f"{name} sticks, but slips at {speed:.3g} m/s (limit {limit:g} m/s)"
         yield run, Finding(reason, runs.context.last_fifth.start)
+
+
+@metric("1/s", "lower", tolerance=5.0)
+def contact_losses(context: Context) -> Floats:
+    """How often a sticking pair loses all contact and regains it, over simulated time; worst pair.
+
+    Counted are gaps no longer than the contact before, on both sides of which the pair uses less
+    than 0.9 of its friction bound, and after which it meets as hard as before, at 5 cm/s or
+    faster. A pad with more than 5 a second chatters.
+    """
+    runs = context.trace.runs
+    counts = [
+        np.bincount(each.run, minlength=runs).astype(np.float64) for each in _all_losses(context)
+    ]
+    return worst_pair(context, counts) / context.seconds
+
+
+@label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST))
+def chatter(runs: MeasuredRuns) -> Found:
+    """A pair keeps switching between stick and slide, or keeps losing its contact while it sticks.
+
+    Switches while bodies come to rest do not count. If the scene has a hold window, only that
+    window is judged.
+    """
+    context = runs.context
+    held = context.setup.hold is not None
+    masks = hold_switch_masks(context) if held else switch_masks(context)
+    between = "stick, slide and no contact in its hold" if held else "stick and slide"
+    for series, mask in zip(context.series, masks, strict=True):
+        run, step = np.nonzero(mask)
+        what = f"{series.name} switched {{}} times between {between}"
+        yield from _often(runs, series, (run, step + 1), what, "mode_switches")
+    for series, gaps in zip(context.series, () if held else _all_losses(context), strict=not held):
+        what = f"{series.name} lost its contact {{}} times while it stuck"
+        yield from _often(runs, series, (gaps.run, gaps.start), what, "contact_losses")
+
+
+@cached
+def hold_switch_masks(context: Context) -> list[NDArray[np.bool_]]:
+    """Return for each monitored pair (n, N - 1) where its mode changes within the hold window.
+
+    What is held has no reason to part from its holder, so that contact that a sticking pair loses
+    or regains counts too. Sliding pairs hop; their gaps do not.
+    """
+    inside = hold_window(context)[:, 1:]
+    pairs = zip(context.series, switch_masks(context), strict=True)
+    return [(mask | _parts_or_meets(series)) & inside for series, mask in pairs]
+
+
+def _parts_or_meets(series: PairSeries) -> NDArray[np.bool_]:
+    bearing, stick = series.normal > 0, series.mode == STICK
+    parts = bearing[:, :-1] & stick[:, :-1] & ~bearing[:, 1:]
+    meets = ~bearing[:, :-1] & bearing[:, 1:] & stick[:, 1:]
+    return parts | meets
+
+
+def lost_contacts(context: Context, index: int) -> Spans:
+    """Return the gaps between contacts of a monitored pair that sticks before, in and after them.
+
+    A gap counts if it is at most as long as the contact before it, if on both of its sides every
+    contact uses less than 0.9 of its bound on force, torsion and rolling together, and if the pair
+    then meets at 5 cm/s or faster and at least as hard, by peak force to within 1 %, as before.
+    """
+    series = context.series[index]
+    bearing = series.normal > 0
+    touch, gap = spans(bearing), spans(~bearing)
+    inner = (gap.start > 0) & (gap.stop < bearing.shape[1])
+    found = Spans(gap.run[inner], gap.start[inner], gap.stop[inner])
+    before = _ending(touch, found)
+    kept = found.stop - found.start <= touch.stop[before] - touch.start[before]
+    kept &= series.mode[found.run, found.start] == STICK
+    for step in (found.start - 1, found.stop):
+        kept[kept] &= _is_held(context, index, found.run[kept], step[kept])
+    meeting = context.trace.pairs[index].slots[found.run[kept], found.stop[kept]]
+    speed = np.abs(meeting[..., LINEAR_VELOCITY.start]).max(axis=1, initial=0)
+    kept[kept] &= speed >= _IMPACT
+    peaks = [_peak(series, touch, place) for place in (before[kept], before[kept] + 1)]
+    kept[kept] = peaks[1] >= _AS_HARD * peaks[0]
+    return Spans(found.run[kept], found.start[kept], found.stop[kept])
+
+
+@cached
+def _all_losses(context: Context) -> list[Spans]:
+    """Return for each monitored pair the gaps in which it loses contact while it sticks."""
+    return [lost_contacts(context, index) for index in range(len(context.series))]
+
+
+def _is_held(
+    context: Context, index: int, run: NDArray[np.intp], step: NDArray[np.intp]
+) -> NDArray[np.bool_]:
+    """Return where a pair sticks and each of its contacts is well inside its whole cone."""
+    pair = context.trace.pairs[index]
+    slots = pair.slots[run, step]
+    acting = np.abs(slots[..., _FRICTIONAL])
+    bound = slots[..., FORCE.start, None] * pair.friction[run][:, None]
+    share = np.divide(acting, bound, out=np.zeros_like(acting), where=acting > 0)
+    elliptic = context.setup.elliptic[run][:, None]
+    used = np.where(elliptic, np.sqrt((share * share).sum(axis=2)), share.sum(axis=2))
+    return (context.series[index].mode[run, step] == STICK) & (used < HELD_USAGE).all(axis=1)
+
+
+def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
+    """Return the places of the contacts that end where the gaps start; the next follow them."""
+    width = int(max(touch.stop.max(initial=0), gap.stop.max(initial=0))) + 1
+    return np.searchsorted(touch.run * width + touch.stop, gap.run * width + gap.start)
+
+
+def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
+    return np.array(
+        [
+            series.normal[touch.run[place], touch.start[place] : touch.stop[place]].max()
+            for place in places
+        ]
+    )
+
+
+def _often(
+    runs: MeasuredRuns, series: PairSeries, events: Events, what: str, threshold: str
+) -> Found:
+    """Find runs with too many events a second that do not end as the run settles."""
+    limit, fewest = runs.limits[threshold], runs.limits["mode_switch_count"]
+    held = runs.context.setup.hold is not None
+    seconds = hold_seconds(runs.context) if held else runs.context.seconds
+    counts = np.bincount(events[0], minlength=runs.context.trace.runs)
+    for run in runs_where((counts / seconds > limit) & (counts >= fewest)):
+        steps = events[1][events[0] == run]
+        touching = series.mode[run] != NO_CONTACT
+        if held:
+            touching &= hold_window(runs.context)[run]
+        # Parts that tumble to rest switch often, but only for a while.
+        early, late = np.quantile(steps, (0.25, 0.75))
+        if late - early >= _SPREAD * touching.sum():
+            rate = counts[run] / seconds[run]
+            reason = f"{what.format(counts[run])}, {rate:.3g} times a second (limit {limit:g})"
+            yield run, Finding(reason, int(steps[0]))

@@ -15,7 +15,6 @@ from contactlab.contact.trace_arrays import (
     HeldPose,
     PairTrace,
 )
-from contactlab.measure.chatter import hold_switch_masks
 from contactlab.measure.context import (
     Context,
     cached,
@@ -29,6 +28,7 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
 
 _EXPLOITED = Threshold(
