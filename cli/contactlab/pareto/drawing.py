@@ -1,5 +1,6 @@
 """The chart of a trade-off, as a file or as a specification; needs the extra `figures`."""
 
+from collections.abc import Collection
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -56,12 +57,12 @@ def draw(report: TradeoffReport, path: Path) -> None:
     save_figure(specification(report), path)
 
 
-def specify(report: TradeoffReport) -> dict[str, Any]:
-    """Return the same chart as a Vega-Lite specification.
+def specify(report: TradeoffReport, places: Collection[int] | None = None) -> dict[str, Any]:
+    """Return the same chart, or some configurations of it, as a Vega-Lite specification.
 
     Its data are named `lines`, `points`, `failures`, `front`, `chosen`, ...; rows of points have
     the place of their configuration in the report.
     """
     from contactlab.pareto.tradeoff_chart import specification  # noqa: PLC0415 - needs the extra
 
-    return specification(report).to_dict()
+    return specification(report, places).to_dict()

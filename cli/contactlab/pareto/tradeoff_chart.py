@@ -51,8 +51,8 @@ class ChartData:
     floors: list[Row]
 
 
-def chart_data(report: TradeoffReport) -> ChartData:
-    """Return the rows of every layer of a report's chart.
+def chart_data(report: TradeoffReport, places: Collection[int] | None = None) -> ChartData:
+    """Return the rows of every layer of a report's chart; of some places, if given.
 
     At most eight methods get a colour: the recommended first, then those on the front, then the
     most accurate.
@@ -61,7 +61,7 @@ def chart_data(report: TradeoffReport) -> ChartData:
     shown = {
         place: each
         for place, each in enumerate(report.configurations)
-        if method_key(each.configuration) in keys
+        if method_key(each.configuration) in keys and (places is None or place in places)
     }
     feasible = [place for place, each in shown.items() if each.feasible]
     front = [feasible[index] for index in front_of([shown[place] for place in feasible])]
@@ -181,10 +181,12 @@ _MOST_LABELS = 24
 _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 
 
-def specification(report: TradeoffReport) -> alt.TopLevelMixin:
-    """Return the chart of a report."""
+def specification(
+    report: TradeoffReport, places: Collection[int] | None = None
+) -> alt.TopLevelMixin:
+    """Return the chart of a report, or of the configurations at some places of it."""
     return (
-        alt.layer(*_layers(report, chart_data(report)))
+        alt.layer(*_layers(report, chart_data(report, places)))
         .properties(width=_SIZE[0], height=_SIZE[1], title=_title(report))
         .configure(background="white", font="sans-serif")
         .configure_view(stroke="#999999")

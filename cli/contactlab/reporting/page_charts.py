@@ -1,6 +1,5 @@
 """The charts of a page beside its map: labels, accuracy against time, a run over time."""
 
-import re
 from collections.abc import Iterator
 
 import altair as alt
@@ -28,7 +27,6 @@ MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 _BAR = 700, 26
 _LEAST_WITH_TEXT = 0.03
 _MOST_CONFIGURATIONS = 600
-_COUNT = re.compile(r"^\d+ of \d+")
 _TIMELINE_WIDTH = 620
 _TIMELINE_HEIGHTS = {"motion": 120, "force": 120, "depth": 90}
 
@@ -76,19 +74,10 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     configurations = report.configurations if report else ()
     if report is None or all(each.time is None or each.error is None for each in configurations):
         return None
-    places = _drawn_places(report)
-    drawn = tuple(configurations[place] for place in places)
-    spec = specify(report.model_copy(update={"configurations": drawn}))
-    for layer in spec["layer"]:
-        for row in layer["data"]["values"]:
-            if "place" in row:
-                row["place"] = places[row["place"]]
-    subtitle, feasible = spec["title"]["subtitle"], sum(each.feasible for each in configurations)
-    subtitle[0] = _COUNT.sub(f"{feasible} of {len(configurations)}", subtitle[0])
-    return themed(spec)
+    return themed(specify(report, _drawn_places(report)))
 
 
-def _drawn_places(report: TradeoffReport) -> list[int]:
+def _drawn_places(report: TradeoffReport) -> set[int]:
     """Return the configurations to draw: whole methods, those of the fronts before others."""
     by_method: dict[MethodKey, list[int]] = {}
     for place, each in enumerate(report.configurations):
@@ -100,7 +89,7 @@ def _drawn_places(report: TradeoffReport) -> list[int]:
     for key in dict.fromkeys((*best_methods, *_spread(list(by_method)))):
         if len(places) < _MOST_CONFIGURATIONS:
             places += by_method[key]
-    return sorted(places)
+    return set(places)
 
 
 def _spread(keys: list[MethodKey]) -> Iterator[MethodKey]:
