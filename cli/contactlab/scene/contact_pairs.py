@@ -136,13 +136,8 @@ def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int
 
 def half_extent(model: mujoco.MjModel, geom: int) -> float:
     """Return half the smallest extent of a geom [m]; infinite for what has no other side."""
-    kind, size = int(model.geom_type[geom]), model.geom_size[geom]
-    if kind in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD):
+    if model.geom_type[geom] in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD):
         return np.inf
-    if kind in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE):
-        return float(size[0])
-    if kind == _GEOM.mjGEOM_CYLINDER:
-        return float(size[:2].min())
     return float(model.geom_aabb[geom, 3:].min())
 
 
