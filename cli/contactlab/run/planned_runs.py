@@ -19,11 +19,12 @@ from contactlab.plan.grid import Plan
 from contactlab.run.evidence_record import RunPlan
 from contactlab.run.tasks import Job, PlannedRun, Task
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
+from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ID_BYTES, ResolvedRun
 from contactlab.scene.row_resolution import ResolvedRow, RowGroup, RowResolver
-from contactlab.scene.scene import Scene, stored_drive
+from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import SweepIdentity
@@ -221,8 +222,10 @@ def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
     source = stored_scene(folder, identity.scene_model, identity.scene)
     scene = Scene(source, ENGINES, read_control_table)
     scene = scene.with_effects(effects_base(identity.resolved.get("effects", {})))
-    drive = identity.resolved.get("drive")
-    return scene if drive is None else stored_drive(scene, parse_drive(drive), folder.parent)
+    if (stored := identity.resolved.get("drive")) is None:
+        return scene
+    drive = parse_drive(stored)
+    return scene.with_drive(drive, folder.parent / (LocatedDrive(drive).hash or ""))
 
 
 _MAX_MODELS = 64

@@ -315,9 +315,3 @@ class Scene:
     def compile_without_sensors(self, run: ResolvedRun) -> mujoco.MjModel:
         """Compile the structure of a run without the sensors that record."""
         return compile_model(self.source, run.structure, lambda spec: remove(spec, run.without))
-
-
-def stored_drive(scene: Scene, drive: Drive | None, folder: Path) -> Scene:
-    """Return a stored scene with the drive of its sweep, if any, from the folder of the scenes."""
-    place = LocatedDrive("none" if drive is None else drive).hash or ""
-    return scene.with_drive(drive, folder / place)
