@@ -68,16 +68,14 @@ def read_signals(trace: StoredTrace) -> Iterator[Signal]:
             ("tangential", "N", "force", pair.tangential),
             ("depth", "m", "depth", np.maximum(-pair.distance, 0.0)),
         ):
-            full = np.zeros(len(trace.contacts))
-            full[pair.steps] = values
+            full = pair.over(len(trace.contacts), values)
             yield _signal(f"{pair.name} {name}", unit, panel, trace.time[:-1], full)
 
 
 def read_mode_bands(trace: StoredTrace) -> Iterator[ModeBand]:
     """Yield when each pair of a run stuck, slid, or was apart."""
     for pair in trace.pairs:
-        modes = np.full(len(trace.contacts), NO_CONTACT, dtype=np.int8)
-        modes[pair.steps] = pair.mode
+        modes = pair.over(len(trace.contacts), pair.mode, NO_CONTACT)
         changes = np.flatnonzero(np.diff(modes)) + 1
         starts = np.concatenate(([0], changes))[:_POINTS]
         yield ModeBand(pair.name, trace.time[starts], modes[starts], float(trace.time[-1]))

@@ -122,9 +122,7 @@ def _series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
             "mode": pair.mode.astype(np.float64),
         }
         for name, values in columns.items():
-            series = np.zeros(len(trace.kinetic))
-            series[pair.steps] = values
-            yield _entity("pairs", pair.name, name), series
+            yield _entity("pairs", pair.name, name), pair.over(len(trace.kinetic), values)
 
 
 def _index(time: Floats) -> rr.TimeColumn:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,8 @@ from contactlab.errors import StoreError, did_you_mean
 
 ACTIVATIONS = "activations"
 """Entry of a trace's metadata: actuator activations, which are hashed but not in the trace."""
+
+_Number = TypeVar("_Number", bound=np.generic)
 
 
 @dataclass(frozen=True)
@@ -60,6 +62,12 @@ class StoredPair:
     def point_steps(self) -> Integers:
         """(K,) step of each contact point."""
         return np.repeat(self.steps, self.contacts)
+
+    def over(self, steps: int, values: NDArray[_Number], apart: float = 0) -> NDArray[_Number]:
+        """(N,) values (M,) of the steps with contact over all N, `apart` in the others."""
+        spread = np.full(steps, apart, dtype=values.dtype)
+        spread[self.steps] = values
+        return spread
 
 
 @dataclass(frozen=True)
