@@ -122,7 +122,7 @@ def print_summary(path: opt.Address, manifest: "StoreManifest", output: opt.Form
     echo(f"{manifest.runs:,} runs, {manifest.traces:,} traces in {path}")
     runs = columns.to_pydict(["label", "run_id"])
     flagged = next((row for row, label in enumerate(runs["label"]) if label != "stable"), 0)
-    echo(f"look closer: contactlab show {path} {_short_id(runs['run_id'][flagged])}")
+    echo(f"look closer: contactlab show {path} {runs['run_id'][flagged][:_ID_DIGITS]}")
 
 
 def _print_missing_effects(columns: "RunColumns") -> None:
@@ -141,7 +141,7 @@ def _print_runs(axes: Sequence[str], rows: Sequence[Mapping[str, object]]) -> No
     shown = [name for name, _ in headed if any(row.get(name) for row in rows)]
     headings = [heading for name, heading in headed if name in shown]
     columns = [*axes, "label", *shown, "expectation_met"]
-    cells = [[*(row[name] for name in columns), _short_id(row["run_id"])] for row in rows]
+    cells = [[*(row[name] for name in columns), str(row["run_id"])[:_ID_DIGITS]] for row in rows]
     print_table([*axes, "label", *headings, "as expected", "run"], cells)
 
 
@@ -163,10 +163,6 @@ def _value_row(axis: str, value: object, labels: Counter[str]) -> tuple[object, 
     most = ", ".join(f"{label} {count}" for label, count in others.most_common(2))
     stable = f"{labels['stable'] / labels.total():.0%}"
     return axis, format_value(value), labels.total(), stable, most
-
-
-def _short_id(run_id: object) -> str:
-    return str(run_id)[:_ID_DIGITS]
 
 
 def format_value(value: object) -> str:

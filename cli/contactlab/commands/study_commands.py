@@ -15,7 +15,6 @@ from contactlab.resources import RESULTS
 if TYPE_CHECKING:
     from contactlab.schema.check_report import CheckReport, StabilityResult
     from contactlab.schema.effects_report import EffectFinding, EffectsReport, Ratio
-    from contactlab.schema.judged_check import AcceptedCheck
 
 CheckFormat = Literal["text", "json", "junit", "github"]
 _MOST_NOTES = 4
@@ -58,6 +57,8 @@ def check(
 ) -> None:
     """Check a model; exit with 1 if there is an error that is not accepted."""
     from contactlab.plan.overrides import drive_option
+    from contactlab.plan.sweep_file import read_yaml_as
+    from contactlab.schema.judged_check import Acceptances
     from contactlab.studies.check.model_check import CheckRequest, run
     from contactlab.studies.session import model_name
 
@@ -69,7 +70,7 @@ def check(
         kind=None if kind == "auto" else kind,
         drive=drive_option(drive),
         limits=dict(opt.read_limit(text) for text in limit or ()),
-        accepted=_accepted(accept),
+        accepted=read_yaml_as(accept, Acceptances).accept if accept else (),
         remedies=remedies,
     )
     target = folder or RESULTS / "check" / model_name(model)
@@ -78,15 +79,6 @@ def check(
     _print_check(report, target, output)
     if failed := [each.name for each in report.findings if each.outcome == "failed"]:
         raise ExpectationError(f"{model} fails {', '.join(failed)}")
-
-
-def _accepted(file: Path | None) -> "Sequence[AcceptedCheck]":
-    if file is None:
-        return ()
-    from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.judged_check import Acceptances
-
-    return read_yaml_as(file, Acceptances).accept
 
 
 def _print_check(report: "CheckReport", folder: Path, output: CheckFormat) -> None:

@@ -86,9 +86,7 @@ class Verification(Model):
     scenarios: tuple[dict[str, Setting], ...]
     runs: int = Field(description="Matched pairs.")
     pasted: bool | None = Field(
-        default=None,
-        description="Whether a copy of the model with the lines of MJCF in its file keeps every "
-        "result too; null if that was not run, as of a model that is no MJCF.",
+        default=None, description="Whether it holds as lines in a copy of the MJCF; null without."
     )
     holds: bool
     reason: str

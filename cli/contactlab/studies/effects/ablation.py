@@ -210,16 +210,15 @@ def _worthwhile(findings: Sequence[EffectFinding]) -> list[str]:
     Numerical effects stay unless toggling them saves time: most of them are there to save time, or
     guard against settings that this scene does not have.
     """
-    worthwhile = [each for each in findings if each.need == "saves" or _is_spare(each)]
+    faster = {each.effect for each in findings if each.cost is not None and each.cost.high < 1}
+    worthwhile = [
+        each
+        for each in findings
+        if each.need == "saves"
+        or (each.need == "free" and (each.kind != "numerical" or each.effect in faster))
+    ]
     ranked = sorted(worthwhile, key=lambda each: 1.0 if each.cost is None else each.cost.ratio)
     return [each.effect for each in ranked]
-
-
-def _is_spare(finding: EffectFinding) -> bool:
-    if finding.need != "free":
-        return False
-    cost = finding.cost
-    return finding.kind != "numerical" or (cost is not None and cost.high < 1)
 
 
 def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> SmallestSet:
