@@ -244,9 +244,8 @@ def _geometry(
         return overlap, apart
     speculative = _is_speculative(model)
     # Effects that are off where nothing needs them take the function that measures distances along.
-    own = base.model.opt.disableflags & _NATIVE_CCD
     model = copy.copy(model)
-    model.opt.disableflags = model.opt.disableflags & ~_NATIVE_CCD | own
+    model.opt.disableflags &= ~_NATIVE_CCD | base.model.opt.disableflags
     collided = (
         (colliding(model, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
     )

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import Floats
+from contactlab.contact.trace_arrays import FORCE, Floats
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import (
     Context,
@@ -113,8 +113,8 @@ def penetration_growth(context: Context) -> Floats:
 
     Median penetration of the last quarter minus that of the third quarter, over a quarter of the
     run; worst pair. What follows a load that grows is no sinking: the earlier penetration counts
-    in proportion to the median normal force. Only pairs that touch in 90 % of the last half count,
-    since others bounce.
+    in proportion to the median of the hardest contact's force. Only pairs that touch in 90 % of the
+    last half count, since others bounce.
     """
     quarter = context.trace.steps // 4
     if quarter == 0:
@@ -137,7 +137,7 @@ def _gains(context: Context) -> list[Floats]:
         resting = touching[:, half].mean(axis=1) >= _RESTING
         if context.series:
             # Contacts do not soften with depth: twice the load makes them at most twice as deep.
-            load, later = medians(context.series[index].normal)
+            load, later = medians(context.trace.pairs[index].slots[..., FORCE.start].max(axis=2))
             before = before * np.where(later > load, later / np.where(load > 0, load, later), 1)
         return np.where(resting, after - before, np.nan)
 
