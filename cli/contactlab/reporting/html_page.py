@@ -26,6 +26,7 @@ from contactlab.reporting.report_columns import number_with_unit, summary_metric
 from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
 from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.schema.evidence import StoreManifest
+from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import trace_warning
@@ -119,6 +120,8 @@ def expectations(manifest: StoreManifest) -> list[tuple[str, str, str]]:
         conditions += [each.where.where] if each.where.where else []
         expected = [" or ".join(each.label)] if each.label else []
         expected += [_bounds(name, bounds.min, bounds.max) for name, bounds in each.metrics.items()]
+        said = each.model_dump(include=set(PairExpectation.model_fields), exclude_none=True)
+        expected += [f"{name} {value}".replace("'", "") for name, value in said.items()]
         rows.append((", ".join(conditions) or "all runs", "; ".join(expected), each.reason or ""))
     return rows
 
