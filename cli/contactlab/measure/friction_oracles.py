@@ -4,13 +4,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import FreeBody
-from contactlab.measure.context import (
-    Context,
-    distance_from_rest,
-    friction,
-    gravity,
-    semi_implicit,
-)
+from contactlab.measure.context import Context, distance_from_rest, friction, gravity, semi_implicit
 from contactlab.measure.entries import oracle
 
 _LADDER_LENGTH = 1.0

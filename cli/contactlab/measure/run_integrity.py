@@ -3,15 +3,7 @@
 import numpy as np
 
 from contactlab.measure.context import Context, energy, first_step, runs_where
-from contactlab.measure.entries import (
-    LABELS,
-    Finding,
-    Found,
-    Label,
-    MeasuredRuns,
-    Threshold,
-    label,
-)
+from contactlab.measure.entries import LABELS, Finding, Found, Label, MeasuredRuns, Threshold, label
 
 LABELS.add(Label("crashed", "The process that simulated the run died.", 100, voids=True))
 LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, voids=True))

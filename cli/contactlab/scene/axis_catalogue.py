@@ -12,10 +12,7 @@ from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.initial_states import QPOS0, keyframe_names
 from contactlab.scene.model_edits import MODEL_ENGINE, field_axis
-from contactlab.scene.mujoco_versions import (
-    in_this_version,
-    missing_flags,
-)
+from contactlab.scene.mujoco_versions import in_this_version, missing_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.setting_values import choice, integer, number, switch
 from contactlab.schema.scene_manifest import InitialValue, SceneManifest, StructureValue

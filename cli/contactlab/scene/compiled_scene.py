@@ -18,13 +18,7 @@ from contactlab.scene.contact_pairs import (
 )
 from contactlab.scene.drive.hold import Servos
 from contactlab.scene.effects.effect import EffectRequest, EffectState
-from contactlab.scene.effects.effect_table import (
-    EFFECTS,
-    choose,
-    is_straight,
-    leave_out,
-    remove,
-)
+from contactlab.scene.effects.effect_table import EFFECTS, choose, is_straight, leave_out, remove
 from contactlab.scene.effects.proofs import ModelFacts, RunState
 from contactlab.scene.initial_states import (
     QPOS0,

@@ -8,13 +8,7 @@ import numpy as np
 
 from contactlab.contact.rotations import rotate_back
 from contactlab.contact.trace_arrays import Floats
-from contactlab.contact.trace_setup import (
-    Barrier,
-    FreeBody,
-    HoldWindow,
-    Joints,
-    Setup,
-)
+from contactlab.contact.trace_setup import Barrier, FreeBody, HoldWindow, Joints, Setup
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import MonitoredPair, colliding, half_extent
 from contactlab.scene.expected_contacts import Asked, expected_contacts
