@@ -20,6 +20,7 @@ from mcap.writer import Writer
 
 from contactlab.contact.trace_arrays import (
     FOUND,
+    POINT_FIELDS,
     SLOT_WIDTH,
     STICK,
     Floats,
@@ -27,7 +28,6 @@ from contactlab.contact.trace_arrays import (
     PairTrace,
     Trace,
 )
-from contactlab.store.mcap.message_encoder import POINT_FIELDS
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 

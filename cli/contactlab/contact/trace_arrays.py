@@ -26,6 +26,17 @@ TANGENT = slice(14, 17)
 LINEAR_VELOCITY = slice(17, 20)
 ANGULAR_VELOCITY = slice(20, 23)
 SLOT_WIDTH = 23
+POINT_FIELDS = {
+    "position": POSITION,
+    "normal": NORMAL,
+    "tangent": TANGENT,
+    "distance": DISTANCE,
+    "force": FORCE,
+    "torque": TORQUE,
+    "linear_velocity": LINEAR_VELOCITY,
+    "angular_velocity": ANGULAR_VELOCITY,
+}
+"""The parts of a slot that describe its contact point, by name."""
 
 ACTUATORS, CONSTRAINTS, OTHERS = 0, 1, 2
 """The last axis of `Trace.work`."""

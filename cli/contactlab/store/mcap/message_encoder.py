@@ -10,16 +10,9 @@ import zstandard
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import (
-    ANGULAR_VELOCITY,
-    DISTANCE,
-    FORCE,
     FOUND,
-    LINEAR_VELOCITY,
-    NORMAL,
-    POSITION,
+    POINT_FIELDS,
     SLOT_WIDTH,
-    TANGENT,
-    TORQUE,
     Floats,
     PairSeries,
     PairTrace,
@@ -71,17 +64,6 @@ Rows = NDArray[np.intp]
 Items = NDArray[np.void]
 
 STATE_CHANNEL = 1
-
-POINT_FIELDS = {
-    "position": POSITION,
-    "normal": NORMAL,
-    "tangent": TANGENT,
-    "distance": DISTANCE,
-    "force": FORCE,
-    "torque": TORQUE,
-    "linear_velocity": LINEAR_VELOCITY,
-    "angular_velocity": ANGULAR_VELOCITY,
-}
 
 STEP_ARRAYS = {
     "kinetic": ("kinetic_energy", np.float64),

@@ -11,16 +11,11 @@ from mcap.reader import SeekingReader
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import FOUND, SLOT_WIDTH, Floats
+from contactlab.contact.trace_arrays import FOUND, POINT_FIELDS, SLOT_WIDTH, Floats
 from contactlab.errors import StoreError
 from contactlab.store.mcap.file_parts import CHUNK_HEAD, INDEX_HEAD, overlapping
 from contactlab.store.mcap.mcap_survey import UNREADABLE, find_damage, unpacked
-from contactlab.store.mcap.message_encoder import (
-    MOMENTUM_ARRAYS,
-    PAIR_ARRAYS,
-    POINT_FIELDS,
-    STEP_ARRAYS,
-)
+from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
