@@ -13,7 +13,7 @@ from itertools import chain, groupby, pairwise
 from statistics import mean
 from time import thread_time
 from types import ModuleType
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import mujoco
 import numpy as np
@@ -54,20 +54,8 @@ class _PolicyFailureError(Exception):
     """A policy cannot act; the message says why."""
 
 
-class _Flown(NamedTuple):
-    """What one run leaves beside the arrays.
-
-    Attributes:
-        cost: its share of the CPU time of stepping [s].
-        warnings: (kinds,) how often each was raised.
-        error: of engine or policy, or None.
-        controls: what the policy did; None if the run failed.
-    """
-
-    cost: float
-    warnings: np.ndarray
-    error: str | None
-    controls: RecordedControls | None
+_Flown = tuple[float, np.ndarray, str | None, RecordedControls | None]
+"""What one run leaves: its share of CPU time [s], counts of warnings, its error, its controls."""
 
 
 def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) -> Rollout:
@@ -77,13 +65,14 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
     take, of the time of all. If the sweep should stop, the first run alone goes on to its end.
     """
     arrays = buffers.arrays(runs.models[0], len(runs.prepared), runs.steps)
-    record_starts(runs.models[0], runs.starts, arrays)
+    record_starts(runs.starts, arrays)
     flown: list[_Flown] = []
     for _, group in groupby(range(len(runs.prepared)), lambda run: _pace(runs.resolved[run])):
         places = list(group)
         if places[0] and not proceed():
             break
-        flown += _together(runs.rows(places), _rows(arrays, places), watch, proceed)
+        rows = arrays.rows(slice(places[0], places[-1] + 1))
+        flown += _together(runs.rows(places), rows, watch, proceed)
         if len(flown) <= places[-1]:
             break
     cost, warnings, errors, controls = zip(*flown, strict=True)
@@ -100,11 +89,6 @@ def _pace(run: ResolvedRun) -> tuple[float, ...]:
     return run.timestep, _drive(run).rate, _drive(run).latency_seconds
 
 
-def _rows(arrays: RolloutArrays, places: Sequence[int]) -> RolloutArrays:
-    rows = slice(places[0], places[-1] + 1)
-    return RolloutArrays(arrays.state[rows], arrays.sensors[rows], arrays.iterations[rows])
-
-
 def _together(
     runs: PreparedRuns, arrays: RolloutArrays, watch: Watch, proceed: Proceed
 ) -> list[_Flown]:
@@ -115,12 +99,13 @@ def _together(
             return _Flight(runs, arrays).fly(watch, proceed)
     except _PolicyFailureError as failure:
         if count == 1:
-            return [_Flown(0.0, np.zeros(_KINDS, np.int32), str(failure), None)]
+            return [(0.0, np.zeros(_KINDS, np.int32), str(failure), None)]
     flown: list[_Flown] = []
     for run in range(count):
         if run and not proceed():
             break
-        flown += _together(runs.rows([run]), _rows(arrays, [run]), watch, proceed)
+        rows = arrays.rows(slice(run, run + 1))
+        flown += _together(runs.rows([run]), rows, watch, proceed)
     return flown
 
 
@@ -337,7 +322,7 @@ class _Flight:
                 rows = [*range(acted), acted - 1]
                 times = np.append(steps[:acted] * self._timestep, duration)
                 controls = RecordedControls(times, levels[rows, run])
-            flown.append(_Flown(float(cost[run]), warnings[run], self._errors[run], controls))
+            flown.append((float(cost[run]), warnings[run], self._errors[run], controls))
         return flown
 
 

@@ -46,13 +46,16 @@ def proceed_always() -> bool:
     return True
 
 
-@dataclass(frozen=True)
-class RolloutArrays:
+class RolloutArrays(NamedTuple):
     """Where a rollout records; see `Rollout` for shapes."""
 
     state: Floats
     sensors: Floats
     iterations: np.ndarray
+
+    def rows(self, runs: slice) -> "RolloutArrays":
+        """Return those of some runs, which share memory with these."""
+        return RolloutArrays(*(array[runs] for array in self))
 
 
 @dataclass(frozen=True)
@@ -69,16 +72,7 @@ class Rollout:
         warnings: engine warnings of each run by name, with their counts.
         errors: the error of the engine or of the policy in each run, or None.
         controls: what policies did in each run, None where one failed; empty without policies.
-        control_ranges: (n, nu, 2) least and greatest control of each actuator; None if not known.
-        equality_loads: (n, neq) largest force of each equality at sampled steps; None likewise.
-        equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
-            largest, and the median in the last quarter; None likewise.
-        work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
-            gravity and springs; NaN where not known; None likewise.
-        given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
-            last, and what they had stored before it [J]; None likewise.
-        sleeper: (n, 3) as `Trace` says; None likewise.
-        passages: for each run, what passed through what; empty where nobody looked.
+        control_ranges: as `Trace` has it, like all that follow; None if not known.
     """
 
     state: Floats
@@ -101,15 +95,9 @@ class Rollout:
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":
         """Return the first n runs that were recorded, completed without warnings at (n,) costs."""
         count, steps = len(cost), arrays.sensors.shape[1]
-        return cls(
-            state=arrays.state[:count],
-            sensors=arrays.sensors[:count],
-            iterations=arrays.iterations[:count],
-            steps=(steps,) * count,
-            cost=cost,
-            warnings=tuple({} for _ in range(count)),
-            errors=(None,) * count,
-        )
+        first = arrays.rows(slice(count))
+        warnings = tuple(dict[str, int]() for _ in range(count))
+        return cls(*first, (steps,) * count, cost, warnings, (None,) * count)
 
 
 @dataclass

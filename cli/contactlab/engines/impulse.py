@@ -60,11 +60,16 @@ class _PointMass:
     mass: float
     radius: float
     point: Floats  # (3,) of the plane
-    normal: Floats  # (3,) of the plane
+    frame: Floats  # (3, 3) normal of the plane, and two tangents
     gravity: Floats  # (3,)
     timestep: float
     restitution: float  # ratio of rebound to approach speed
     friction: float
+
+    @property
+    def normal(self) -> Floats:
+        """(3,) of the plane."""
+        return self.frame[0]
 
 
 class _Step(NamedTuple):
@@ -130,8 +135,7 @@ def _simulate(
 ) -> None:
     """Simulate one run and record it."""
     state, sensors = arrays.state[run], arrays.sensors[run]
-    count = ball.axes.shape[1]
-    first = 1 + base.model.nq
+    count, first = ball.axes.shape[1], 1 + base.model.nq
     position, velocity = ball.axes @ start.qpos[0, :count], ball.axes @ start.qvel[0, :count]
     now = _Step(position, velocity, np.zeros(3))
     state[:, 1:first] = start.qpos[0]
@@ -169,25 +173,22 @@ def _record(base: CompiledScene, ball: _PointMass, row: Floats, now: _Step, step
         row[layout.potential] = -ball.mass * ball.gravity @ (ball.origin + now.position)
     if not step.impulse.any():
         return
-    tangent = _tangent(ball.normal)
-    frame = np.stack([ball.normal, tangent, np.cross(ball.normal, tangent)])
     slot = row[layout.pairs[0] : layout.pairs[0] + SLOT_WIDTH]
     slot[FOUND] = row[layout.contacts] = 1
-    slot[FORCE] = frame @ step.impulse / ball.timestep
+    slot[FORCE] = ball.frame @ step.impulse / ball.timestep
     slot[DISTANCE] = 0.0
     slot[POSITION] = ball.origin + now.position - ball.radius * ball.normal
-    slot[NORMAL], slot[TANGENT] = ball.normal, tangent
-    slot[LINEAR_VELOCITY] = frame @ now.velocity
-
-
-def _tangent(normal: Floats) -> Floats:
-    tangent = np.asarray(np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))]), np.float64)
-    return tangent / np.linalg.norm(tangent)
+    slot[NORMAL], slot[TANGENT] = ball.frame[:2]
+    slot[LINEAR_VELOCITY] = ball.frame @ now.velocity
 
 
 def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     model = prepared.model
-    plane, sphere = _plane_and_sphere(base, model)
+    geoms = [side[0] for side in base.pairs[0].geoms] if len(base.pairs) == 1 else []
+    found = {int(model.geom_type[geom]): geom for geom in geoms}
+    if found.keys() != {_PLANE, _SPHERE} or base.pairs[0].bodies:
+        raise SceneError(_NEEDS)
+    plane, sphere = found[_PLANE], found[_SPHERE]
     data = mujoco.MjData(model)
     data.qpos[:] = 0
     axes = _axes(model, int(model.geom_bodyid[sphere]))
@@ -195,13 +196,16 @@ def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
         data.qpos[3] = 1
     mujoco.mj_kinematics(model, data)
     record = next(iter(prepared.pairs.values()))
+    normal = np.array(data.geom_xmat[plane]).reshape(3, 3)[:, 2]
+    tangent = np.cross(normal, np.eye(3)[np.argmin(np.abs(normal))])
+    tangent /= np.linalg.norm(tangent)
     return _PointMass(
         axes=axes,
         origin=np.array(data.geom_xpos[sphere]),
         mass=float(model.body_mass[model.geom_bodyid[sphere]]),
         radius=float(model.geom_size[sphere, 0]),
         point=np.array(data.geom_xpos[plane]),
-        normal=np.array(data.geom_xmat[plane]).reshape(3, 3)[:, 2],
+        frame=np.stack([normal, tangent, np.cross(normal, tangent)]),
         gravity=np.array(model.opt.gravity),
         timestep=float(model.opt.timestep),
         restitution=float(restitution_of(damping_ratio(record.solref))),
@@ -209,23 +213,13 @@ def _point_mass(base: CompiledScene, prepared: PreparedModel) -> _PointMass:
     )
 
 
-def _plane_and_sphere(base: CompiledScene, model: mujoco.MjModel) -> tuple[int, int]:
-    if len(base.pairs) == 1 and not base.pairs[0].bodies:
-        found = {int(model.geom_type[side[0]]): side[0] for side in base.pairs[0].geoms}
-        if found.keys() == {_PLANE, _SPHERE}:
-            return found[_PLANE], found[_SPHERE]
-    raise SceneError(_NEEDS)
-
-
 def _axes(model: mujoco.MjModel, body: int) -> Floats:
     """Return the velocity of the body for each unit velocity of its joints, the only ones."""
-    joints = list(range(model.njnt))
-    if model.body_parentid[body] != 0 or any(model.jnt_bodyid[joint] != body for joint in joints):
+    if model.body_parentid[body] != 0 or (model.jnt_bodyid != body).any():
         raise SceneError(_NEEDS)
-    kinds = {int(model.jnt_type[joint]) for joint in joints}
+    kinds, axes = set(model.jnt_type.tolist()), np.array(model.jnt_axis.T)
     if kinds == {_FREE}:
         return np.eye(3)
-    axes = np.array([model.jnt_axis[joint] for joint in joints]).T
-    if kinds != {_SLIDE} or not np.allclose(axes.T @ axes, np.eye(len(joints)), atol=1e-9):
+    if kinds != {_SLIDE} or not np.allclose(axes.T @ axes, np.eye(model.njnt), atol=1e-9):
         raise SceneError(_NEEDS)
     return axes

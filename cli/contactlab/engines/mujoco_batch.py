@@ -92,7 +92,7 @@ def roll_out(
     count = len(models)
     batch = start_batch(models, starts)
     arrays = buffers.arrays(models[0], count, steps)
-    record_starts(models[0], starts, arrays)
+    record_starts(starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
     books, passages = Books(models, steps), Passages(models[0], count, steps)
@@ -126,14 +126,10 @@ def roll_out(
     return replace(rollout, work=books.work[:count], given=books.given[:count])
 
 
-def record_starts(model: mujoco.MjModel, starts: InitialStates, arrays: RolloutArrays) -> None:
-    """Record the state before the first step of each run."""
-    velocity = 1 + model.nq
-    activation = velocity + model.nv
-    arrays.state[:, 0] = 0.0
-    arrays.state[:, 0, 1:velocity] = starts.qpos
-    arrays.state[:, 0, velocity:activation] = starts.qvel
-    arrays.state[:, 0, activation:] = starts.act
+def record_starts(starts: InitialStates, arrays: RolloutArrays) -> None:
+    """Record the state before the first step of each run, at time 0."""
+    arrays.state[:, 0, 0] = 0.0
+    arrays.state[:, 0, 1:] = np.concatenate([starts.qpos, starts.qvel, starts.act], axis=1)
 
 
 def recorded(
@@ -156,9 +152,7 @@ def recorded(
             arrays.sensors[run] = 0.0
             arrays.iterations[run] = 0
     return Rollout(
-        state=arrays.state[:count],
-        sensors=arrays.sensors[:count],
-        iterations=arrays.iterations[:count],
+        *arrays.rows(slice(count)),
         steps=tuple(_valid_steps(arrays.state[run, :, 0]) for run in range(count)),
         cost=cost,
         warnings=tuple(map(_warnings, warnings)),

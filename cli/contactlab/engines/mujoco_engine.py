@@ -59,9 +59,13 @@ class MujocoEngine(SimulationEngine):
         Runs with a policy advance together, and share theirs.
         """
         if runs.policy is not None:
-            return with_loads(runs, fly(runs, buffers, watch, proceed))
-        rollout = roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
-        return with_loads(runs, rollout)
+            rollout = fly(runs, buffers, watch, proceed)
+        else:
+            rollout = roll_out(runs.models, runs.starts, runs.steps, buffers, watch, proceed)
+        return self._with_cost(runs, with_loads(runs, rollout))
+
+    def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:  # noqa: ARG002
+        return rollout
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
         """Return how long a step takes [s], without what a batch takes around its steps."""
@@ -77,15 +81,8 @@ class MujocoEngine(SimulationEngine):
 class OlderMujocoEngine(MujocoEngine):
     """MuJoCo before 3.17: the same bits, more slowly, and costs from stepping a second time."""
 
-    def roll_out(
-        self,
-        runs: PreparedRuns,
-        buffers: Buffers,
-        watch: Watch = no_limit,
-        proceed: Proceed = proceed_always,
-    ) -> Rollout:
-        """Simulate runs; their cost is that of the same steps without Python between them."""
-        rollout = super().roll_out(runs, buffers, watch, proceed)
+    def _with_cost(self, runs: PreparedRuns, rollout: Rollout) -> Rollout:
+        """Return a rollout with the cost of the same steps without Python between them."""
         cost = [_native_cost(runs, run, made) for run, made in enumerate(rollout.steps)]
         return replace(rollout, cost=np.array(cost))
 

@@ -6,8 +6,7 @@ bit for bit as contact sensors do since, with reduction `none` for pairs and `mi
 contacts.
 """
 
-from collections.abc import Generator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import mujoco
@@ -135,11 +134,14 @@ class StepLoop:
         mujoco.mj_setState(model, data, self.state[run], _INTEGRATION)
         counts = data.warning.number
         before = counts.copy()
-        with _sensor_callback(ContactSlots.of(model) if rows else None):
+        mujoco.set_mjcb_sensor(ContactSlots.of(model) if rows else None)
+        try:
             if rows or inputs is not None:
                 _record(model, data, steps, inputs, rows)
             else:
                 mujoco.mj_step(model, data, nstep=steps)
+        finally:
+            mujoco.set_mjcb_sensor(None)
         self.warning[run, :, _COUNT] += data.warning.number - before
         mujoco.mj_getState(model, data, self.state[run], _INTEGRATION)
 
@@ -176,19 +178,6 @@ def _record(
             for array in rows.values():
                 array[step + 1 :] = array[step]
             return
-
-
-@contextmanager
-def _sensor_callback(slots: "ContactSlots | None") -> Generator[None]:
-    """Fill contact slots within MuJoCo's steps, if there are any to fill."""
-    if slots is None:
-        yield
-        return
-    mujoco.set_mjcb_sensor(slots)
-    try:
-        yield
-    finally:
-        mujoco.set_mjcb_sensor(None)
 
 
 class ContactSlots:
@@ -240,7 +229,10 @@ def _fill_pair(
     A contact whose geoms are in the other order has its normal and tangent flipped, not its third
     axis, and the opposite force: components along two axes stay, along the third they change sign.
     """
-    sides = _sides(model, data, body=bool(model.sensor_objtype[sensor] == _BODY))
+    sides = np.asarray(data.contact.geom)
+    if model.sensor_objtype[sensor] == _BODY:
+        # A flex has no geom, and no body.
+        sides = np.where(sides >= 0, model.geom_bodyid[sides], -1)
     pair = np.array([model.sensor_objid[sensor], model.sensor_refid[sensor]])
     flipped = (sides == pair[::-1]).all(axis=1)
     contacts = np.flatnonzero(flipped | (sides == pair).all(axis=1))
@@ -259,12 +251,6 @@ def _sleeps(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> bool:
     bodies = pair if model.sensor_objtype[sensor] == _BODY else model.geom_bodyid[pair]
     states = data.body_awake[bodies]
     return not (states == _AWAKE).any() and bool((states == _ASLEEP).any())
-
-
-def _sides(model: mujoco.MjModel, data: mujoco.MjData, *, body: bool) -> np.ndarray:
-    """Return (ncon, 2) the geoms of each contact, or their bodies; -1 for a flex."""
-    geoms = np.asarray(data.contact.geom)
-    return np.where(geoms >= 0, model.geom_bodyid[geoms], -1) if body else geoms
 
 
 def _measure(model: mujoco.MjModel, data: mujoco.MjData) -> Floats:

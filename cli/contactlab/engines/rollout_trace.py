@@ -26,6 +26,10 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
     # MuJoCo gives as many islands as it could need; there is at most one a tree.
     iterations = rollout.iterations[:, :, : max(1, model.ntree)]
     mass = np.array([each.model.body_subtreemass[0] for each in models])
+    held = None
+    if layout.held is not None:
+        pose = sensors[:, :, layout.held : layout.held + 7]
+        held = HeldPose(pose[:, :, :3], pose[:, :, 3:])
     return Trace(
         timestep=np.array([each.model.opt.timestep for each in models]),
         steps_asked=sensors.shape[1],
@@ -42,7 +46,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         angular_momentum=_vector(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
         pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
         warnings=rollout.warnings,
-        held=_held(sensors, layout.held),
+        held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
         control_ranges=rollout.control_ranges,
@@ -67,12 +71,6 @@ def _number(sensors: Floats, address: int | None) -> Floats:
 
 def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | None:
     return None if address is None else sensors[:, :, address : address + 3] * factor
-
-
-def _held(sensors: Floats, address: int | None) -> HeldPose | None:
-    if address is None:
-        return None
-    return HeldPose(sensors[:, :, address : address + 3], sensors[:, :, address + 3 : address + 7])
 
 
 def _pair_trace(

@@ -68,7 +68,7 @@ class _Copies:
         """Make room for them."""
         model, count = runs.models[0], len(runs.models)
         self._runs, self._arrays = runs, Buffers().arrays(model, count, runs.steps)
-        record_starts(model, runs.starts, self._arrays)
+        record_starts(runs.starts, self._arrays)
         self._passages = Passages(model, count, runs.steps)
         self.ends: list[tuple[_Rolled, _Rolled, _Rolled]] = []
 

@@ -74,7 +74,7 @@ def integrate_to(
 
 
 def _go_on(
-    model: mujoco.MjModel, start: InitialStates, states: Floats, steps: Floats, rest: Floats
+    model: mujoco.MjModel, start: InitialStates, states: Floats, steps: np.ndarray, rest: Floats
 ) -> None:
     """Go on from (T, nstate) states after (T,) steps, in place, for what rests of another [s]."""
     short, data = copy.copy(model), mujoco.MjData(model)

@@ -46,9 +46,7 @@ def is_driven(drive: Drive) -> bool:
 class Driving:
     """Drives the runs of one structure that start from one keyframe.
 
-    Attributes:
-        servos: springs of the actuators that are held; others are driven by a file or by the scene
-            itself.
+    Its `servos` are of the actuators that are held; a file or the scene itself drives the others.
     """
 
     def __init__(
@@ -133,8 +131,7 @@ class Driving:
 
     def _seedless(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if self._recorded is not None:
-            self._recorded.require(run.duration)
-            return self._recorded.snapped(run.timestep)
+            return self._recorded.during(run.duration, run.timestep)
         if self._drive != "exercise" or not self._model.nu:
             return Signals.none()
         begin = min(max(self._support.settling, _HOLDING * run.duration), 0.4 * run.duration)

@@ -52,19 +52,12 @@ _LENGTHS = _TRN.mjTRN_JOINT, _TRN.mjTRN_JOINTINPARENT, _TRN.mjTRN_SLIDERCRANK, _
 
 @dataclass(frozen=True)
 class Servos:
-    """Springs and dampers along the lengths of actuators, written into models.
+    """Springs and dampers along the lengths of S actuators, written into models."""
 
-    Attributes:
-        actuators: (S,) those that get one.
-        stiffness: (S,) force by length.
-        damping: (S,) force by rate of length, added to the actuator's own.
-        forces: (S, 2) what they may exert, as their range of controls allows.
-    """
-
-    actuators: NDArray[np.intp]
-    stiffness: Floats
-    damping: Floats
-    forces: Floats
+    actuators: NDArray[np.intp]  # (S,)
+    stiffness: Floats  # (S,) force by length
+    damping: Floats  # (S,) force by rate of length, added to the actuator's own
+    forces: Floats  # (S, 2) what they may exert, as their range of controls allows
 
     def of(self, actuators: NDArray[np.intp]) -> "Servos":
         """Return those of some actuators."""
@@ -88,29 +81,17 @@ class Servos:
 
 @dataclass(frozen=True)
 class Posture:
-    """What holds one configuration.
+    """What holds one configuration."""
 
-    Attributes:
-        qpos: (nq,) the configuration.
-        lengths: (nu,) lengths of the actuators.
-        rates: (nu,) how they change with the joint that each depends on most.
-        forces: (nu,) of the actuators there.
-        gain: (nu,) how forces change with their inputs.
-        inputs: (nu,) what their forces follow: activations where there are any, else controls.
-        ctrl: (nu,) controls.
-        act: (na,) activations.
-        strained: (nu,) whether forces are at their limits and too small.
-    """
-
-    qpos: Floats
-    lengths: Floats
-    rates: Floats
-    forces: Floats
-    gain: Floats
-    inputs: Floats
-    ctrl: Floats
-    act: Floats
-    strained: NDArray[np.bool_]
+    qpos: Floats  # (nq,) the configuration
+    lengths: Floats  # (nu,) of the actuators
+    rates: Floats  # (nu,) of lengths with the joint that each depends on most
+    forces: Floats  # (nu,) of the actuators
+    gain: Floats  # (nu,) how forces change with their inputs
+    inputs: Floats  # (nu,) what forces follow: activations where there are any, else controls
+    ctrl: Floats  # (nu,)
+    act: Floats  # (na,)
+    strained: NDArray[np.bool_]  # (nu,) whether forces are at their limits and too small
 
 
 class Support(NamedTuple):
@@ -151,16 +132,15 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
 def hold_posture(
     model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floats, support: Floats | float = 0.0
 ) -> Posture:
-    """Return the controls that hold a configuration, or the next one within limits of joints.
+    """Return what holds qpos (nq,), or the next configuration within limits, of a model as written.
 
-    Args:
-        model: as written.
-        servos: of its actuators.
-        qpos: (nq,) the configuration.
-        ctrl: (nu,) controls of actuators with feedback that are kept; NaN where there is none.
-        support: (nu,) forces beside those that balance gravity and springs.
+    Actuators with feedback keep their ctrl (nu,), but where it is NaN. The support (nu,) is forces
+    beside those that balance gravity and springs.
     """
-    qpos = _within_limits(model, qpos)
+    qpos, limited = qpos.copy(), np.asarray(model.jnt_limited).astype(bool)
+    scalar = np.flatnonzero(limited & np.isin(model.jnt_type, _SCALARS))
+    places = np.asarray(model.jnt_qposadr)[scalar]
+    qpos[places] = np.clip(qpos[places], *np.asarray(model.jnt_range)[scalar].T)
     data = _at(model, qpos)
     gain, bias = _force_law(model, qpos)
     moment = _moment(model, data)
@@ -225,15 +205,6 @@ def _settled(model: mujoco.MjModel, posture: Posture, qpos: Floats) -> tuple[Flo
         if np.abs(data.qvel).max(initial=0.0) < _STILL:
             return *looks[-1], float(data.time)
     return *np.mean(looks[len(looks) // 2 :], axis=0), _LONGEST
-
-
-def _within_limits(model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """Return a configuration (nq,) with hinges and slides within their limits."""
-    qpos, limited = qpos.copy(), np.asarray(model.jnt_limited).astype(bool)
-    scalar = np.flatnonzero(limited & np.isin(model.jnt_type, _SCALARS))
-    places = np.asarray(model.jnt_qposadr)[scalar]
-    qpos[places] = np.clip(qpos[places], *np.asarray(model.jnt_range)[scalar].T)
-    return qpos
 
 
 def unheld(model: mujoco.MjModel, posture: Posture) -> str:

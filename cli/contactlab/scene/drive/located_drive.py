@@ -20,11 +20,9 @@ _HASH_DIGITS = 16
 
 @dataclass(frozen=True)
 class LocatedDrive:
-    """A drive whose files are found.
+    """A drive, with the names and the hash of its files, and where these lie.
 
-    Attributes:
-        drive: the drive, with the names and the hash of its files, wherever they lie.
-        files: what it names, the first being the one that drives; empty for drives without files.
+    The first file is the one that drives; there are none for drives without files.
     """
 
     drive: Drive
@@ -59,11 +57,7 @@ class LocatedDrive:
 
 
 def locate(drive: Drive, folder: Path) -> LocatedDrive:
-    """Find the files of a drive.
-
-    Args:
-        drive: as a sweep, a scene or an option names it.
-        folder: where relative paths start.
+    """Find the files of a drive, whose relative paths start at a folder.
 
     Raises:
         SceneError: a file is missing, or is not what it was when a record or store stated its hash.
@@ -72,18 +66,14 @@ def locate(drive: Drive, folder: Path) -> LocatedDrive:
         return LocatedDrive(drive)
     files = tuple(folder / Path(each).expanduser() for each in drive_files(drive))
     sha256 = drive.sha256 or _hash(files)
-    located = LocatedDrive(_named(drive, sha256), files)
+    if isinstance(drive, FileDrive):
+        names: dict[str, object] = {"file": Path(drive.file).name}
+    else:
+        own = tuple(Path(each).name for each in drive.files)
+        names = {"policy": Path(drive.policy).name, "files": own}
+    located = LocatedDrive(drive.model_copy(update={**names, "sha256": sha256}), files)
     located.check()
     return located
-
-
-def _named(drive: FileDrive | PolicyDrive, sha256: str) -> Drive:
-    """Return a drive that names its files without their folders, and has their hash."""
-    if isinstance(drive, FileDrive):
-        return drive.model_copy(update={"file": Path(drive.file).name, "sha256": sha256})
-    files = tuple(Path(each).name for each in drive.files)
-    policy = Path(drive.policy).name
-    return drive.model_copy(update={"policy": policy, "files": files, "sha256": sha256})
 
 
 def _hash(files: tuple[Path, ...]) -> str:

@@ -25,12 +25,7 @@ TableReader = Callable[[Path], Mapping[str, Floats]]
 
 @dataclass(frozen=True)
 class DriveTable:
-    """The table that a drive names.
-
-    Attributes:
-        name: its file's name, for messages.
-        columns: its columns by name, each (T,).
-    """
+    """The file of this name that a drive names: its columns by name, each (T,)."""
 
     name: str
     columns: Mapping[str, Floats]
@@ -44,41 +39,26 @@ class DriveTable:
 
 @dataclass(frozen=True)
 class RecordedInputs:
-    """What a table says about the runs of a model.
-
-    Attributes:
-        name: of the table, for messages.
-        signals: what drives the runs.
-        start: the part of the start state that the first row has, by field: (index, value).
-    """
+    """What the table of this name says of runs: what drives them, and parts of their start."""
 
     name: str
     signals: Signals
     start: tuple[tuple[StateCoordinate, float], ...]
 
-    @property
-    def end(self) -> float:
-        """Time of the last row [s]."""
-        return float(self.signals.times[0, -1])
-
-    def require(self, duration: float) -> None:
-        """Require that the table covers a run of some duration [s].
-
-        Raises:
-            SceneError: its last row is earlier.
-        """
-        if self.end < duration * (1 - _SNAP):
-            raise SceneError(
-                f"{self.name}: its last row is at {self.end:g} s of column `{TIME}`, but runs take "
-                f"{duration:g} s; write duration: {self.end:g}, or add rows"
-            )
-
-    def snapped(self, timestep: float) -> Signals:
-        """Return the signals for runs of a timestep [s]: rows at its steps are so to the bit.
+    def during(self, duration: float, timestep: float) -> Signals:
+        """Return the signals for runs of some duration [s]; rows at steps are so to the bit.
 
         Clocks that add up timesteps are off by their rounding.
+
+        Raises:
+            SceneError: the last row is earlier.
         """
         times = self.signals.times
+        if (end := float(times[0, -1])) < duration * (1 - _SNAP):
+            raise SceneError(
+                f"{self.name}: its last row is at {end:g} s of column `{TIME}`, but runs take "
+                f"{duration:g} s; write duration: {end:g}, or add rows"
+            )
         steps = np.round(times / timestep)
         near = np.abs(times / timestep - steps) < _SNAP
         exact = np.where(near, steps * timestep, times)
@@ -106,32 +86,27 @@ def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> Re
     times = columns[TIME] - columns[TIME][0]
     if (back := np.flatnonzero(np.diff(times) < 0)).size:
         raise SceneError(f"{name}: `{TIME}` decreases in row {back[0] + 2}; sort the rows by time")
-    found = {column: _coordinate(model, column, name, columns) for column in columns}
-    driven = {
-        place: columns[column]
-        for column, each in found.items()
-        if each is not None and (place := input_index(model, each)) is not None
-    }
+    driven: dict[int, Floats] = {}
+    start: list[tuple[StateCoordinate, float]] = []
+    for column in [each for each in columns if each != TIME]:
+        at = _coordinate(model, column, name, columns)
+        if (place := input_index(model, at)) is None:
+            start.append((at, float(columns[column][0])))
+        else:
+            driven[place] = columns[column]
     if not driven:
         raise SceneError(
             f"{name}: no column is an actuator, BODY.fx to .tz, or MOCAP_BODY.x to .qz; "
             "name at least one"
         )
     signals = Signals(np.array(list(driven), np.intp), times[None], np.array(list(driven.values())))
-    start = tuple(
-        (each, float(columns[column][0]))
-        for column, each in found.items()
-        if each is not None and input_index(model, each) is None
-    )
-    return RecordedInputs(name, _stepped(signals) if held else signals, start)
+    return RecordedInputs(name, _stepped(signals) if held else signals, tuple(start))
 
 
 def _coordinate(
     model: mujoco.MjModel, column: str, name: str, columns: Mapping[str, Floats]
-) -> StateCoordinate | None:
-    """Return the input, or coordinate of the start, that a column holds; None for the time."""
-    if column == TIME:
-        return None
+) -> StateCoordinate:
+    """Return the input, or coordinate of the start, that a column holds."""
     element = _ELEMENT.fullmatch(column)
     sizes = {"ctrl": model.nu, "qpos": model.nq, "qvel": model.nv}
     if element and int(element[2]) < sizes[element[1]]:
@@ -147,13 +122,10 @@ def _coordinate(
     if (place := known.get(column.removesuffix(".qpos"))) is not None:
         return place
     names = [each.removesuffix(".ctrl") for each in known]
-    close = did_you_mean(column, names) or _some(names)
+    some = [each for each in names if not fnmatch.fnmatch(each, "*.?*")][:4]
+    such = f"; name them such as {', '.join(some)}" if some else ""
+    close = did_you_mean(column, names) or such
     raise SceneError(f"{name}: column `{column}` is no actuator, joint or body of the model{close}")
-
-
-def _some(names: list[str]) -> str:
-    controls = [each for each in names if not fnmatch.fnmatch(each, "*.?*")][:4]
-    return f"; name them such as {', '.join(controls)}" if controls else ""
 
 
 def _actuators_of_joints(model: mujoco.MjModel) -> dict[str, str]:

@@ -37,17 +37,11 @@ def exercise_duration(model: mujoco.MjModel) -> float:
 
 @dataclass(frozen=True)
 class ControlRoom:
-    """What controls may do.
+    """What controls may do."""
 
-    Attributes:
-        half: (nu,) half the range of each control; 0 where there is none.
-        travel: (nu, 2) how far an exercise goes from the held controls, to both sides.
-        speed: (nu,) how fast an exercise moves a control at most [1/s]; 0 where any speed will do.
-    """
-
-    half: Floats
-    travel: Floats
-    speed: Floats
+    half: Floats  # (nu,) half the range of each; 0 where there is none
+    travel: Floats  # (nu, 2) how far an exercise goes from those held, to both sides
+    speed: Floats  # (nu,) how fast it moves each at most [1/s]; 0 where any speed will do
 
 
 def control_room(model: mujoco.MjModel, servos: Servos, posture: Posture) -> ControlRoom:
@@ -116,14 +110,8 @@ def noise_signals(
     """Return noise around held controls: each a sum of sines of equal size and random phase.
 
     Their frequencies are evenly spaced up to the highest, 64 or more, and so close that the sum
-    repeats after the run only.
-
-    Args:
-        posture: what is held.
-        half: (nu,) half the range of each control.
-        noise: its share of that, as root mean square, and its highest frequency.
-        span: when it begins and ends [s]; it grows over the first period of that frequency.
-        seed: of the random numbers.
+    repeats after the run only. Its root mean square is a share of half the range of each control,
+    (nu,). It grows over the first period of its highest frequency in its span, begin and end [s].
     """
     begin, end = span
     sines = _LEAST_SINES
