@@ -14,7 +14,6 @@ import mujoco
 from contactlab.schema.vocabulary import AxisSpec
 
 VERSION: str = mujoco.__version__
-OLDEST = "3.3.0"
 # Contact sensors came with 3.3.5, the velocities among what they measure with this one.
 _CONTACT_SENSORS = "3.16.0"
 _BATCH = "3.17.0"

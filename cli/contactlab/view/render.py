@@ -83,20 +83,15 @@ def _write_pictures(
 ) -> BodyMotion:
     suffix = target.suffix.lower()
     with optional("view", target.suffix):
-        from contactlab.view.film import (  # noqa: PLC0415 - an extra
-            RunPictures,
-            write_gif,
-            write_mp4,
-            write_sheet,
-        )
+        from contactlab.view import film  # noqa: PLC0415 - an extra
     rate = _FILMS.get(suffix, _RATE) / (options.speed or 1.0)
     motion = read_motion(replay.prepared, trace, rate, options.at)
     size, qpos = options.size or _SIZE, trace.qpos[motion.rows]
-    pictures = RunPictures(replay, motion, qpos, size, options.camera)
+    pictures = film.RunPictures(replay, motion, qpos, size, options.camera)
     if suffix == _SHEET:
-        write_sheet(target, pictures.sheet(options.at))
+        film.write_sheet(target, pictures.sheet(options.at))
     else:
-        write_film = write_mp4 if suffix == ".mp4" else write_gif
+        write_film = film.write_mp4 if suffix == ".mp4" else film.write_gif
         write_film(target, pictures.film(rate), _FILMS[suffix])
     return motion
 
