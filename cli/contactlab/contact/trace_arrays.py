@@ -259,9 +259,9 @@ class SelfChecks:
         apart: (n, L) largest excess of a pair's geometric distance over that of its contact [m].
         geometry_steps: (L,) the steps of these states.
         repeats: (n,) whether a second rollout gave every state again, bit for bit.
-        refined: the refined copies, before and after the steps of their runs.
+        refined: the refined copy of each run, in the steps of the run.
         rest: (n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy,
-            each by its own steps; NaN where one did not complete, like the next.
+            each by its own steps; NaN for copies where one did not complete.
         travel: (n, 3, nbody) how far bodies ended from their start, likewise [mean body sizes].
         bodies: their names.
     """
@@ -273,7 +273,7 @@ class SelfChecks:
     apart: Floats
     geometry_steps: NDArray[np.intp]
     repeats: NDArray[np.bool_]
-    refined: Trace
+    refined: tuple[Trace, ...]
     rest: Floats
     travel: Floats
     bodies: tuple[str, ...]
@@ -283,18 +283,20 @@ class SelfChecks:
         """Number of runs that were checked."""
         return len(self.repeats)
 
+    @property
+    def compared(self) -> NDArray[np.bool_]:
+        """(n,) whether both copies of a run completed."""
+        return np.isfinite(self.rest.sum(axis=(1, 2, 3)))
+
     def only(self, run: int) -> "SelfChecks":
         """Return the checks of one of the runs."""
         row = slice(run, run + 1)
         arrays = {name: getattr(self, name)[row] for name in _BY_RUN}
-        return replace(self, refined=self.refined.select([run]), **arrays)
+        return replace(self, refined=(self.refined[run],), **arrays)
 
 
 def motion_at_rest(velocity: Floats) -> Floats:
-    """Return (2, nv) of velocities (T, nv) how fast the end of a run is, and how it changes.
-
-    The root mean square over its last quarter, and the median of the change from row to row.
-    """
+    """Return (2, nv): root mean square and median change of the last quarter of (T, nv) speeds."""
     late = velocity[3 * len(velocity) // 4 :]
     change = np.abs(np.diff(late, axis=0, prepend=late[:1]))
     return np.stack((np.sqrt((late**2).mean(axis=0)), np.median(change, axis=0)))

@@ -1,6 +1,6 @@
 """Every metric, label and series of a trace."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, TypeVar
 
@@ -12,7 +12,7 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, context_of
 from contactlab.measure.coverage import coverages
-from contactlab.measure.entries import LABELS, METRICS, Finding, Label, MeasuredRuns, Metric
+from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric
 from contactlab.measure.run_integrity import STABLE, invalid
 from contactlab.measure.step_dependence import suspects
 from contactlab.schema.coverage import Coverage
@@ -20,8 +20,8 @@ from contactlab.schema.coverage import Coverage
 Failures = dict[int, list[str]]
 """Why metrics and labels fail, by run."""
 
-_TRACED = ("tunneling", "energy_injection", "penetration_growth", "chatter")
-_OF_CONTROL = ("chatter", "penetration_growth")
+_TRACED = {"tunneling", "energy_injection", "penetration_growth", "chatter"}
+_OF_CONTROL = {"chatter", "penetration_growth"}
 """Labels that controls which change may be the cause of, where the step is not."""
 _NUMERICAL = "numerical, since a copy at a quarter of the step is free of it"
 _MODELLED = "modelled, or not resolved by a quarter of the step either"
@@ -45,15 +45,15 @@ class Assessment:
         metrics: every metric by name, (n,) each; NaN where it does not apply.
         labels: for each run the labels that apply, worst first; `stable` if none does.
         series: net quantities of each monitored pair over time.
+        suspect: (n,) whether a second pass is due: for a label, or a sign that none judges.
         coverage: what each run exercised; None where the setup does not ask.
-        suspect: (n,) whether a run without a label deserves a second pass too.
     """
 
     metrics: dict[str, Floats]
     labels: tuple[tuple[AppliedLabel, ...], ...]
     series: tuple[PairSeries, ...]
+    suspect: NDArray[np.bool_]
     coverage: tuple[Coverage, ...] | None = None
-    suspect: NDArray[np.bool_] | None = None
 
 
 def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
@@ -67,8 +67,10 @@ def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Asse
     metrics = {name: _values(metric, context, failures) for name, metric in METRICS.items()}
     with np.errstate(all="ignore"):
         labels = _labels(MeasuredRuns(context, metrics), failures)
-        suspect = suspects(context) if checks is None else None
-    return Assessment(metrics, labels, context.series, coverages(context), suspect)
+        suspect = np.array([own[0].label != STABLE.name for own in labels])
+        if checks is None and trace.steps:
+            suspect |= suspects(context)
+    return Assessment(metrics, labels, context.series, suspect, coverages(context))
 
 
 def _values(metric: Metric, context: Context, failures: Failures) -> Floats:
@@ -83,11 +85,10 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
     applied: list[list[AppliedLabel]] = [[] for _ in range(runs.context.trace.runs)]
     for name, label in LABELS.items():
         findings = _tried(f"label '{name}'", label.of, runs, failures, None)
-        if name in _TRACED:
-            findings = _traced(runs, label, findings)
         for own, finding in zip(applied, findings, strict=True):
             if finding:
                 own.append(AppliedLabel(name, *finding))
+    applied = [[*_with_causes(runs.context, *each)] for each in enumerate(applied)]
     for run, reasons in failures.items():
         others = [each for each in applied[run] if each.label != invalid.__name__]
         applied[run] = [AppliedLabel(invalid.__name__, "; ".join(reasons), 0), *others]
@@ -95,36 +96,24 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
     return tuple(tuple(labels) or none for labels in applied)
 
 
-def _traced(
-    runs: MeasuredRuns, label: Label, findings: Sequence[Finding | None]
-) -> Sequence[Finding | None]:
-    """Add to what was found whether it is numerical: whether the refined copies are free of it.
+def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
+    """Yield labels of a run with whether they are numerical: the refined copy is free of them.
 
     What is not, and may be the doing of controls that change, is no finding.
     """
-    checks = runs.context.checks
-    if checks is None or not any(findings):
-        return findings
-    context = context_of(checks.refined, runs.context.setup)
-    metrics = {name: _values(metric, context, {}) for name, metric in METRICS.items()}
-    known = [bool(np.isfinite(each).all()) for each in checks.rest]
-    found = _tried("", label.of, MeasuredRuns(context, metrics), {}, None)
-    excused = _driven(runs.context.trace) & (label.name in _OF_CONTROL)
-    traced = list(findings)
-    for run, own in enumerate(findings):
-        if own and known[run]:
-            cause = _MODELLED if found[run] else _NUMERICAL
-            dropped = excused[run] and found[run]
-            traced[run] = None if dropped else own._replace(reason=f"{own.reason}; {cause}")
-    return traced
-
-
-def _driven(trace: Trace) -> NDArray[np.bool_]:
-    """Return (n,) whether controls of a run change."""
-    ranges = trace.control_ranges
-    if ranges is None:
-        return np.zeros(trace.runs, np.bool_)
-    return (ranges[..., 0] != ranges[..., 1]).any(axis=1)
+    checks, ranges = context.checks, context.trace.control_ranges
+    if not checks or not checks.compared[run] or _TRACED.isdisjoint(each[0] for each in labels):
+        yield from labels
+        return
+    refined = assess(checks.refined[run], context.setup.select([run])).labels[0]
+    kept = {each.label for each in refined}
+    driven = ranges is not None and bool(np.diff(ranges[run]).any())
+    for each in labels:
+        if each.label not in _TRACED:
+            yield each
+        elif not (driven and each.label in kept & _OF_CONTROL):
+            cause = _MODELLED if each.label in kept else _NUMERICAL
+            yield each._replace(reason=f"{each.reason}; {cause}")
 
 
 def _tried(

@@ -253,24 +253,20 @@ def solver_inconsistent(runs: MeasuredRuns) -> Found:
 @label(68, (_MISSED,))
 def missed_contact(runs: MeasuredRuns) -> Found:
     """A monitored pair overlaps without a contact."""
-    checks = runs.context.checks
-    if checks is None:
-        return
-    for run, depth, limit in runs.over("overlap_missed", "missed_contact"):
-        reason = f"a pair overlaps by {depth:.3g} m without any contact (limit {limit:g} m)"
-        yield (
-            run,
-            Finding(reason, int(checks.geometry_steps[first_step(checks.overlap[run] > limit)])),
-        )
+    if checks := runs.context.checks:
+        yield from _misjudged(runs, checks.overlap, _MISSED, "a pair overlaps without any contact")
 
 
 @label(64, (_PHANTOM,))
 def phantom_contact(runs: MeasuredRuns) -> Found:
     """A contact is reported between separated bodies."""
-    checks = runs.context.checks
-    if checks is None:
-        return
-    for run, depth, limit in runs.over("distance_phantom", "phantom_contact"):
-        deeper = f"a contact is {depth:.3g} m deeper than the distance of its bodies"
-        step = checks.geometry_steps[first_step(checks.apart[run] > limit)]
-        yield run, Finding(f"{deeper} (limit {limit:g} m)", int(step))
+    if checks := runs.context.checks:
+        yield from _misjudged(runs, checks.apart, _PHANTOM, "a contact is deeper than its bodies")
+
+
+def _misjudged(runs: MeasuredRuns, amounts: Floats, threshold: Threshold, what: str) -> Found:
+    limit, checks = runs.limits[threshold.name], runs.context.checks
+    for run in runs_where(amounts.max(axis=1) > limit):
+        first = first_step(amounts[run] > limit)
+        reason = f"{what}, by {amounts[run].max():.3g} m (limit {limit:g} m)"
+        yield run, Finding(reason, int(checks.geometry_steps[first]) if checks else 0)

@@ -24,7 +24,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.measure import Assessment, assess
+from contactlab.measure import assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (
     MeasuredGroup,
@@ -80,7 +80,8 @@ def _checked(
     Some of the latter are missing if the second pass is cut short.
     """
     assessment = assess(trace, setup)
-    suspects = [row for row in range(trace.runs) if _selects(rule, assessment, row)]
+    asked = np.full(trace.runs, rule == "all") | (assessment.suspect & (rule == "flagged"))
+    suspects: list[int] = np.flatnonzero(asked).tolist()
     others = sorted(set(range(trace.runs)) - set(suspects))
     yield MeasuredGroup({places[row]: row for row in others}, trace, assessment)
     if suspects:
@@ -90,12 +91,6 @@ def _checked(
         checked, known = picked.select(done), setup.select([suspects[row] for row in done])
         again = assess(checked, known, checks)
         yield MeasuredGroup({places[suspects[row]]: row for row in done}, checked, again)
-
-
-def _selects(rule: str, assessment: Assessment, row: int) -> bool:
-    flagged = assessment.labels[row][0].label != "stable"
-    suspect = assessment.suspect is not None and bool(assessment.suspect[row])
-    return rule == "all" or (rule == "flagged" and (flagged or suspect))
 
 
 def _without_momentum(trace: Trace, setup: Setup) -> Trace:
