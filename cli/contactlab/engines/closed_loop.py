@@ -104,8 +104,7 @@ def _together(
     for run in range(count):
         if run and not proceed():
             break
-        rows = arrays.rows(slice(run, run + 1))
-        flown += _together(runs.rows([run]), rows, watch, proceed)
+        flown += _together(runs.rows([run]), arrays.rows(slice(run, run + 1)), watch, proceed)
     return flown
 
 
@@ -114,13 +113,12 @@ class _Flight:
 
     def __init__(self, runs: PreparedRuns, arrays: RolloutArrays) -> None:
         self._runs, self._models, self._arrays = runs, runs.models, arrays
-        self._drives = [_drive(run) for run in runs.resolved]
         self._batch = start_batch(self._models, runs.starts)
         self._controls = self._batch.bind("ctrl")
         self._pushed = bool((runs.starts.driven >= self._controls.shape[1]).any())
         self._timestep = runs.resolved[0].timestep
         self._calls = self._call_steps()
-        self._delay = _first_step(self._drives[0].latency_seconds / self._timestep)
+        self._delay = _first_step(_drive(runs.resolved[0]).latency_seconds / self._timestep)
         self._noise = [self._drawn(run) for run in runs.resolved]
         self._sensors = _own_sensors(runs.base.model)
         self._flying = list(range(len(self._models)))
@@ -159,7 +157,7 @@ class _Flight:
         return self._flown(count)
 
     def _call_steps(self) -> list[int]:
-        rate, timestep = self._drives[0].rate, self._timestep
+        rate, timestep = _drive(self._runs.resolved[0]).rate, self._timestep
         period = 1 / (rate * timestep)
         if period < 1 - _SNAP:
             raise _PolicyFailureError(
@@ -333,10 +331,8 @@ def _first_step(time: float) -> int:
 
 def _own_sensors(model: mujoco.MjModel) -> int:
     """Return how many numbers a model's own sensors measure; those that record come after them."""
-    ends = model.sensor_adr + model.sensor_dim
-    names = (model.sensor(sensor).name for sensor in range(model.nsensor))
-    own = (int(end) for end, name in zip(ends, names, strict=True) if not name.startswith(PREFIX))
-    return max(own, default=0)
+    own = [each for each in range(model.nsensor) if not model.sensor(each).name.startswith(PREFIX)]
+    return int((model.sensor_adr + model.sensor_dim)[own].max(initial=0))
 
 
 def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None:

@@ -285,19 +285,12 @@ class ChecksRuns(Protocol):
 
 
 class SampledStates(NamedTuple):
-    """States of one run at T times.
+    """States of one run at T times."""
 
-    Attributes:
-        states: (T, nstate) time, qpos, qvel, act.
-        qpos: (T, nq) configuration.
-        qvel: (T, nv) velocity.
-        impacts: how often the number of contacts changed from one step to the next.
-    """
-
-    states: Floats
-    qpos: Floats
-    qvel: Floats
-    impacts: int
+    states: Floats  # (T, nstate) time, qpos, qvel, act
+    qpos: Floats  # (T, nq)
+    qvel: Floats  # (T, nv)
+    impacts: int  # how often the number of contacts changed from one step to the next
 
 
 @runtime_checkable
@@ -332,37 +325,23 @@ SEGMENTS = 8
 
 
 class Work(NamedTuple):
-    """What the engine did in all steps of a run.
-
-    Attributes:
-        iterations: solver iterations, summed over contact islands.
-        contacts: contacts in the whole model.
-        rows: constraint rows.
-        places: (P,) steps before which states were kept.
-        states: (P, nstate) these states, all that decides what follows.
-    """
+    """What the engine did in all steps of a run."""
 
     steps: int
-    iterations: int
-    contacts: int
-    rows: int
-    places: tuple[int, ...]
-    states: Floats
+    iterations: int  # of the solver, summed over contact islands
+    contacts: int  # in the whole model
+    rows: int  # of constraints
+    places: tuple[int, ...]  # (P,) steps before which states were kept
+    states: Floats  # (P, nstate) these states, all that decides what follows
 
 
 @dataclass(frozen=True)
 class Segments:
-    """Parts of one run that are timed, each from a state that the run passes through.
+    """Parts of one run that are timed, each from a state that the run passes through."""
 
-    Attributes:
-        model: without the sensors that record.
-        start: where the run starts, n being 1; what drives it.
-        work: of the run, with the steps and states that segments begin with.
-    """
-
-    model: mujoco.MjModel
-    start: InitialStates
-    work: Work
+    model: mujoco.MjModel  # without the sensors that record
+    start: InitialStates  # of the run, n being 1; what drives it
+    work: Work  # of the run, with the steps and states that segments begin with
 
     def lengths(self, most: int) -> list[int]:
         """Return the steps of each segment: up to the next one, at most so many."""

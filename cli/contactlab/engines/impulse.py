@@ -66,11 +66,6 @@ class _PointMass:
     restitution: float  # ratio of rebound to approach speed
     friction: float
 
-    @property
-    def normal(self) -> Floats:
-        """(3,) of the plane."""
-        return self.frame[0]
-
 
 class _Step(NamedTuple):
     """Position [m] and velocity [m/s] at the end of a step, and the impulse within it [N s]."""
@@ -151,14 +146,14 @@ def _simulate(
 
 def _step(ball: _PointMass, now: _Step) -> _Step:
     """Make one step; if the gap closes within it, the impulse acts at that moment."""
-    timestep, position = ball.timestep, now.position
+    timestep, position, normal = ball.timestep, now.position, ball.frame[0]
     velocity = now.velocity + timestep * ball.gravity
-    gap = (ball.origin + position - ball.point) @ ball.normal - ball.radius
-    approach = velocity @ ball.normal
+    gap = (ball.origin + position - ball.point) @ normal - ball.radius
+    approach = velocity @ normal
     if approach >= 0 or gap + timestep * approach >= 0:
         return _Step(position + timestep * velocity, velocity, np.zeros(3))
     before = min(max(-gap / approach, 0.0), timestep)
-    impact = resolve_impact(ball.mass, velocity, ball.normal, ball.restitution, ball.friction)
+    impact = resolve_impact(ball.mass, velocity, normal, ball.restitution, ball.friction)
     after = impact.velocity[0]
     position = position + before * velocity + (timestep - before) * after
     return _Step(position, after, impact.impulse[0])
@@ -177,7 +172,7 @@ def _record(base: CompiledScene, ball: _PointMass, row: Floats, now: _Step, step
     slot[FOUND] = row[layout.contacts] = 1
     slot[FORCE] = ball.frame @ step.impulse / ball.timestep
     slot[DISTANCE] = 0.0
-    slot[POSITION] = ball.origin + now.position - ball.radius * ball.normal
+    slot[POSITION] = ball.origin + now.position - ball.radius * ball.frame[0]
     slot[NORMAL], slot[TANGENT] = ball.frame[:2]
     slot[LINEAR_VELOCITY] = ball.frame @ now.velocity
 

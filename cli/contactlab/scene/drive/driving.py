@@ -109,10 +109,8 @@ class Driving:
         """Return what of a run's start is not held, though nothing else drives it."""
         if self._recorded or (self._drive == "exercise" and not self._model.nu):
             return ""
-        qpos = self._rule.nominal(run.initial)
-        return unheld(
-            self._model, hold_posture(self._model, self.servos, qpos, self._rule.held_ctrl)
-        )
+        start = self._rule.nominal(run.initial), self._rule.held_ctrl
+        return unheld(self._model, hold_posture(self._model, self.servos, *start))
 
     def _signals(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if isinstance(self._drive, NoiseDrive):

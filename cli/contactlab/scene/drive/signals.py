@@ -96,11 +96,9 @@ def _ways(model: mujoco.MjModel, posture: Posture) -> Floats:
     for kind, limited, ranges in tables:
         for actuator in np.flatnonzero(kinds == int(kind)):
             if limited[items[actuator]]:
-                ends = np.sort(ranges[items[actuator]] * model.actuator_gear[actuator, 0])
-                ways[actuator] = (
-                    np.minimum(ends[0], lengths[actuator]),
-                    np.maximum(ends[1], lengths[actuator]),
-                )
+                ends = ranges[items[actuator]] * model.actuator_gear[actuator, 0]
+                reached = [*ends, lengths[actuator]]
+                ways[actuator] = min(reached), max(reached)
     return ways
 
 
