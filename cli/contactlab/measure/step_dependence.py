@@ -83,10 +83,14 @@ def _degrees(context: Context) -> tuple[list[str], Floats]:
 @cached
 def _ends(context: Context) -> _Ends:
     trace, checks = context.trace, context.checks
+    joints = context.setup.mechanism.joints if context.setup.mechanism else ()
     own = [[motion_at_rest(each)] for each in trace.qvel] if checks is None else checks.rest
     speed, change = np.moveaxis(np.array(own) / _degrees(context)[1], 2, 0)
     steps = trace.timestep[:, None] / [1, REFINEMENT, 1]
-    return _Ends(speed, speed * steps[:, : len(own[0]), None], change >= _UNRESOLVED * speed)
+    # A free body hops as it slides or rattles, which chatter and energy judge.
+    hinged = [each.kind != "free" for each in joints for _ in _ALONG[each.kind]] or [True]
+    shaking = (change >= _UNRESOLVED * speed) & hinged
+    return _Ends(speed, speed * steps[:, : len(own[0]), None], shaking)
 
 
 @metric("1", "lower", 1e-9, kind="detail")
@@ -94,7 +98,8 @@ def unresolved_motion(context: Context) -> Floats:
     """Largest motion per step of a degree of freedom that oscillates from step to step at the end.
 
     Root mean square speed in the last quarter times the timestep, in rad or mean body sizes, of
-    those whose velocity changes by 0.3 of that speed in half of the steps.
+    those whose velocity changes by 0.3 of that speed in half of the steps. Free joints do not
+    count, since bodies hop as they slide.
     """
     ends = _ends(context)
     return (ends.motion * ends.shaking)[:, 0].max(axis=1, initial=0)
