@@ -84,6 +84,7 @@ def make_setup(trace: Trace, **changes: Any) -> Setup:
         iterations=np.full(runs, 100, dtype=np.int32),
         gravity=np.tile([0.0, 0.0, -GRAVITY], (runs, 1)),
         moving_mass=np.ones(runs),
+        steered=False,
         passive=True,
         conservative=False,
         quaternions=(3,),

@@ -53,6 +53,7 @@ def result(name: str, trace: Trace, bodies: int = 0, **values: object) -> list[f
         iterations=np.full(1, 100, np.int32),
         gravity=np.array([[0.0, 0.0, -GRAVITY]]),
         moving_mass=np.ones(1),
+        steered=False,
         passive=True,
         conservative=False,
         quaternions=(3,) if bodies else (0,),

@@ -168,6 +168,7 @@ class Setup:
         iterations: (n,) the solver's iteration limit.
         gravity: (n, 3) gravity [m/s^2, world].
         moving_mass: (n,) mass of all that is not fixed to the world [kg].
+        steered: whether a drive keeps changing the controls.
         passive: whether nothing but gravity and contact acts, so that energy cannot grow.
         conservative: whether it is passive, and loses energy in contacts only.
         quaternions: indices in qpos where a unit quaternion starts.
@@ -193,6 +194,7 @@ class Setup:
     iterations: NDArray[np.int32]
     gravity: Floats
     moving_mass: Floats
+    steered: bool
     passive: bool
     conservative: bool
     quaternions: tuple[int, ...]

@@ -99,19 +99,18 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
     """Yield labels of a run with whether they are numerical: the refined copy is free of them.
 
-    What is not, and may be the doing of controls that change, is no finding.
+    What is not, and may be the doing of a drive that keeps changing controls, is no finding.
     """
-    checks, ranges = context.checks, context.trace.control_ranges
+    checks = context.checks
     if not checks or not checks.compared[run] or _TRACED.isdisjoint(each[0] for each in labels):
         yield from labels
         return
     refined = assess(checks.refined[run], context.setup.select([run])).labels[0]
     kept = {each.label for each in refined}
-    driven = ranges is not None and bool(np.diff(ranges[run]).any())
     for each in labels:
         if each.label not in _TRACED:
             yield each
-        elif not (driven and each.label in kept & _OF_CONTROL):
+        elif not (context.setup.steered and each.label in kept & _OF_CONTROL):
             cause = _MODELLED if each.label in kept else _NUMERICAL
             yield each._replace(reason=f"{each.reason}; {cause}")
 

@@ -21,6 +21,7 @@ from contactlab.schema.scene_manifest import SceneManifest
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
 _NO_LIMITS = int(mujoco.mjtDisableBit.mjDSBL_LIMIT)
+_STEADY = ("none", "hold")
 _PUSH = re.compile(r"\.[ft][xyz]$")
 
 
@@ -44,6 +45,7 @@ def make_setup(
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([_gravity(model) for model in models]),
         moving_mass=np.array([_moving_mass(model) for model in models]),
+        steered=any(run.drive not in _STEADY for run in runs),
         passive=passive,
         conservative=passive and all(map(is_conservative, models)),
         quaternions=quaternions(base.model),
