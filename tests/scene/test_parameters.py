@@ -1,5 +1,6 @@
 """What an axis value becomes in the resolved settings and in the model."""
 
+import pickle
 from typing import Any
 
 import mujoco
@@ -187,3 +188,11 @@ def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:
 def test_mjcf_has_a_place_for_every_parameter_and_flag() -> None:
     assert {parameter.sets for parameter in PARAMETERS.values()} <= {*OPTIONS, *CONTACT}
     assert set(FLAGS) <= MJCF_FLAGS
+
+
+@pytest.mark.parametrize("name", ["solimp", "friction"])
+def test_how_a_vector_is_split_reaches_workers(name: str) -> None:
+    """Workers are sent what a sweep's axes need; what a process cannot be sent ends the sweep."""
+    split = pickle.loads(pickle.dumps(PARAMETERS[name].split))  # noqa: S301 - made here
+    values = (0.5, 0.1, 0.1, 0.5, 2.0)[: len(PARAMETERS[name].parts)]
+    assert split(values) == dict(zip(PARAMETERS[name].parts, values, strict=True))

@@ -176,8 +176,8 @@ def _part(name: str, unit: str, description: str, parse: Parser, *places: int) -
     )
 
 
-def _split_by(parts: tuple[str, ...]) -> Callable[[object], dict[str, float]]:
-    return lambda value: dict(zip(parts, as_vector(value), strict=True))
+def _split(parts: tuple[str, ...], value: object) -> dict[str, float]:
+    return dict(zip(parts, as_vector(value), strict=True))
 
 
 _set_standard = partial(_set_places, "solref", form=_standard_form)
@@ -245,7 +245,7 @@ for each in (
         _parse_solimp,
         conflicts=_SOLIMP,
         parts=_SOLIMP,
-        split=_split_by(_SOLIMP),
+        split=partial(_split, _SOLIMP),
     ),
     _part("solimp.dmin", "1", "impedance at zero depth", _SHARE, 0),
     _part("solimp.dmax", "1", "impedance at full depth", _SHARE, 1),
@@ -259,7 +259,7 @@ for each in (
         numbers(3, "slide torsion roll; for one of them, sweep friction.slide", _friction_mistake),
         conflicts=_FRICTION,
         parts=_FRICTION,
-        split=_split_by(_FRICTION),
+        split=partial(_split, _FRICTION),
         update=_set_friction,
     ),
     _part("friction.slide", "1", "sliding friction", _NOT_NEGATIVE, 0, 1),
