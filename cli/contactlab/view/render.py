@@ -83,15 +83,20 @@ def _write_pictures(
 ) -> BodyMotion:
     suffix = target.suffix.lower()
     with optional("view", target.suffix):
-        from contactlab.view import film  # noqa: PLC0415 - an extra
+        from contactlab.view.film import (  # noqa: PLC0415 - an extra
+            RunPictures,
+            write_gif,
+            write_mp4,
+            write_sheet,
+        )
     rate = _FILMS.get(suffix, _RATE) / (options.speed or 1.0)
     motion = read_motion(replay.prepared, trace, rate, options.at)
     size, qpos = options.size or _SIZE, trace.qpos[motion.rows]
-    pictures = film.RunPictures(replay, motion, qpos, size, options.camera)
+    pictures = RunPictures(replay, motion, qpos, size, options.camera)
     if suffix == _SHEET:
-        film.write_sheet(target, pictures.sheet(options.at))
+        write_sheet(target, pictures.sheet(options.at))
     else:
-        write_film = film.write_mp4 if suffix == ".mp4" else film.write_gif
+        write_film = write_mp4 if suffix == ".mp4" else write_gif
         write_film(target, pictures.film(rate), _FILMS[suffix])
     return motion
 
