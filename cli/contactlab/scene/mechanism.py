@@ -28,8 +28,12 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     controls = _limits(model.actuator_ctrllimited, model.actuator_ctrlrange)
     springs = np.asarray(model.tendon_stiffness) != 0
     springs |= np.any(getattr(model, "tendon_stiffnesspoly", springs[:, None]), axis=1)
+    places = _limits(model.jnt_limited, model.jnt_range)
+    reach = reaches(model)
+    # A body without geoms counts as large as bodies are on average.
+    reach[reach == 0] = model.stat.meansize
     return Mechanism(
-        joints=tuple(_joint(model, index) for index in range(model.njnt)),
+        joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
             Part(model.tendon(index).name, "tendon", index, *lengths[index], margin=margins[index])
             for index in range(model.ntendon)
@@ -40,28 +44,28 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         ),
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
         forces=_force_limits(model),
-        equalities=tuple(_equality(model, index) for index in range(model.neq)),
+        equalities=tuple(_equality(model, index, places, reach) for index in range(model.neq)),
         weight=float(model.body_mass.sum()) * _STANDARD_GRAVITY,
         size=float(model.stat.meansize),
     )
 
 
-def _equality(model: mujoco.MjModel, index: int) -> Equality:
+def _equality(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
     second, name = int(model.eq_obj2id[index]), model.equality(index).name
     if kind in (_EQUALITY.mjEQ_CONNECT, _EQUALITY.mjEQ_WELD):
         bodies = np.array([first, second])
         if int(model.eq_objtype[index]) == mujoco.mjtObj.mjOBJ_SITE:
             bodies = np.asarray(model.site_bodyid)[bodies]
-        return Equality(name, "m", min(_reach(model, body) for body in bodies[bodies > 0].tolist()))
+        return Equality(name, "m", float(reach[bodies[bodies > 0]].min()))
     if kind == _EQUALITY.mjEQ_TENDON:
         return Equality(name, "m", _tendon_scale(model, first))
     if kind != _EQUALITY.mjEQ_JOINT:
         return Equality(name, "m", np.inf)
-    low, high = _limits(model.jnt_limited, model.jnt_range)[first]
+    low, high = places[first].tolist()
     if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
         return Equality(name, "rad", min(high - low, QUARTER_TURN))
-    return Equality(name, "m", min(high - low, _reach(model, int(model.jnt_bodyid[first]))))
+    return Equality(name, "m", min(high - low, float(reach[model.jnt_bodyid[first]])))
 
 
 def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:
@@ -70,11 +74,11 @@ def _limits(limited: np.ndarray, ranges: np.ndarray) -> Floats:
     return np.where(np.asarray(limited, bool)[:, None], ranges, infinite).reshape(-1, 2)
 
 
-def _joint(model: mujoco.MjModel, index: int) -> Part:
+def _joint(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> Part:
     joint = model.joint(index)
     body = int(joint.bodyid[0])
     borrowed = is_address(joint.name) and model.body_jntnum[body] == 1
-    low, high = _limits(model.jnt_limited, model.jnt_range)[index].tolist()
+    low, high = places.tolist()
     kind = _KINDS[int(joint.type[0])]
     return Part(
         name=model.body(body).name if borrowed else joint.name,
@@ -84,7 +88,7 @@ def _joint(model: mujoco.MjModel, index: int) -> Part:
         low=-np.inf if kind == "ball" else low,
         high=high,
         margin=float(model.jnt_margin[index]),
-        reach=_reach(model, body),
+        reach=float(reach[body]),
     )
 
 
@@ -105,11 +109,6 @@ def _tendon_scale(model: mujoco.MjModel, tendon: int) -> float:
     if model.wrap_type[wraps.start] != int(mujoco.mjtWrap.mjWRAP_JOINT):
         return float(model.tendon_length0[tendon])
     return float(np.abs(model.wrap_prm[wraps]).max() * QUARTER_TURN)
-
-
-def _reach(model: mujoco.MjModel, body: int) -> float:
-    """Return how far the geoms of a body reach from its frame [m]; of one without, a mean size."""
-    return float(reaches(model)[body] or model.stat.meansize)
 
 
 def actuated_limbs(model: mujoco.MjModel) -> dict[str, int]:
