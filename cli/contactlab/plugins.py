@@ -93,12 +93,17 @@ def _entry_points(distribution: Distribution) -> list[EntryPoint]:
 
 def _describe(distribution: Distribution) -> Plugin:
     names = {entry.module.partition(".")[0] for entry in _entry_points(distribution)}
+    return Plugin(distribution.name, distribution.version, hash_of_packages(names))
+
+
+def hash_of_packages(names: Iterable[str]) -> str:
+    """Return a SHA-256 of all files of packages or modules."""
     digest = hashlib.sha256()
     for name in sorted(names):
         for label, path in _files(name):
             data = path.read_bytes()
             digest.update(f"{label}\0{len(data)}\0".encode() + data)
-    return Plugin(distribution.name, distribution.version, digest.hexdigest())
+    return digest.hexdigest()
 
 
 def _files(package: str) -> list[tuple[str, Path]]:

@@ -15,6 +15,8 @@ import pytest
 from mcap.writer import Writer
 
 from contactlab.errors import StoreError
+from contactlab.plugins import hash_of_packages
+from contactlab.run.evidence_record import definitions
 from contactlab.run.recomputed_runs import recomputed_problems, simulated_problems, unplanned
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.finished_store import Store
@@ -268,7 +270,7 @@ def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None
     [
         ({"provenance": {"contactlab": "0.0"}}, "contactlab 0.0 wrote it"),
         ({"sweep": {"resolved": {"include": {"file": "runs.csv"}}}}, "a file beside the sweep"),
-        ({"sweep": {"metric_versions": {}}}, "other metrics or plug-ins"),
+        ({"sweep": {"definitions": "0" * 64}}, "other definitions of metrics and labels"),
     ],
 )
 def test_what_cannot_be_planned_again_is_said(bent: Path, change: Any, why: str) -> None:
@@ -307,6 +309,32 @@ def test_an_edited_table_is_not_opened(bent: Path) -> None:
     redo(bent)
     with pytest.raises(StoreError, match=r"runs is 8, but runs\.parquet has 7"):
         Store.open(bent)
+
+
+@pytest.mark.parametrize("repair", [False, True])
+def test_runs_of_other_definitions_are_not_mixed(
+    sweeper: Any, ball: str, half: Path, whole: Any, monkeypatch: pytest.MonkeyPatch, repair: bool
+) -> None:
+    with monkeypatch.context() as patch:
+        patch.setattr("contactlab.run.sweep_runner.definitions", lambda: "0" * 64)
+        with pytest.raises(StoreError, match=r"prepares, measures or labels .* with --fresh$"):
+            sweeper.run(ball, repair=repair)
+    identity = json.loads((half / "sweep.json").read_text())
+    assert identity.pop("definitions") == definitions()
+    # As older versions wrote it.
+    (half / "sweep.json").write_text(json.dumps(identity))
+    sweeper.run(ball)
+    assert sweeper.outcome() == whole
+
+
+def test_definitions_are_the_code_that_makes_rows(tmp_path: Path, monkeypatch: Any) -> None:
+    (tmp_path / "judged").mkdir()
+    (tmp_path / "judged" / "labels.py").write_text("LIMIT = 1\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    before = hash_of_packages(["judged"])
+    assert hash_of_packages(["judged"]) == before
+    (tmp_path / "judged" / "labels.py").write_text("LIMIT = 2\n")
+    assert hash_of_packages(["judged"]) != before
 
 
 class StopError(Exception):

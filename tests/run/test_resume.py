@@ -108,7 +108,8 @@ def test_a_garbled_line_of_the_journal_is_named_and_repaired(
 
 def test_half_written_files_are_removed(sweeper: Any, ball: str, whole: Any, half: Path) -> None:
     trace = next((half / "traces").rglob("*.mcap"))
-    leftovers = [half / "runs.parquet.tmp", trace.with_name(trace.name + ".tmp")]
+    names = ("runs.parquet.tmp", "journal.jsonl.0123abcd.tmp")
+    leftovers = [*map(half.joinpath, names), trace.with_name(trace.name + ".0123abcd.tmp")]
     for leftover in leftovers:
         leftover.write_bytes(b"half")
     sweeper.run(ball)

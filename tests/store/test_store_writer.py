@@ -13,7 +13,7 @@ import pytest
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
-from contactlab.store.atomic_files import atomic_write, write_error
+from contactlab.store.atomic_files import atomic_write, target_name, write_error
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import record_to_row
 
@@ -215,6 +215,18 @@ def test_a_failure_leaves_the_file_as_it_was(tmp_path: Path) -> None:
     with pytest.raises(KeyError):
         fail()
     assert [path.read_text() for path in tmp_path.iterdir()] == ["before"]
+
+
+def test_two_writers_of_one_file_do_not_share_what_they_write(tmp_path: Path) -> None:
+    target = tmp_path / "file"
+    with atomic_write(target) as first:
+        first.write_text("first, longer")
+        with atomic_write(target) as second:
+            second.write_text("second")
+        assert target.read_text() == "second"
+    assert target.read_text() == "first, longer"
+    assert [target_name(path.name) for path in (first, second)] == ["file", "file"]
+    assert list(tmp_path.iterdir()) == [target]
 
 
 @pytest.mark.parametrize(

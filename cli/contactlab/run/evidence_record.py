@@ -21,6 +21,7 @@ from contactlab.engines import engine_of
 from contactlab.engines.engine import Rollout
 from contactlab.engines.rollout_trace import trajectory_hash
 from contactlab.measure import METRICS, Assessment
+from contactlab.plugins import hash_of_packages
 from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.tasks import PlannedRun, Task
 from contactlab.scene.effects.effect import EffectState
@@ -44,6 +45,13 @@ def metric_units() -> dict[str, str]:
 def metric_versions() -> dict[str, int]:
     """Return the version of every metric's definition, of plug-ins too."""
     return {name: metric.version for name, metric in METRICS.items()}
+
+
+@cache
+def definitions() -> str:
+    """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
+    packages = ("accuracy", "contact", "engines", "measure", "scene")
+    return hash_of_packages(f"contactlab.{name}" for name in packages)
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
-from contactlab.run.evidence_record import engine, metric_versions, provenance
+from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.sweep_request import SweepRequest, supported
@@ -57,8 +57,8 @@ def unplanned(store: Store) -> str | None:
     if isinstance(identity.resolved.get("include"), dict):
         return "the plan: a file beside the sweep names some of its runs"
     theirs, ours = (sorted(p.sha256 for p in x) for x in (identity.plugins, loaded_plugins()))
-    if theirs != ours or identity.metric_versions != metric_versions():
-        return "the plan: other metrics or plug-ins are loaded"
+    if (*theirs, identity.definitions) != (*ours, definitions()):
+        return "the plan: other definitions of metrics and labels, or other plug-ins, are loaded"
     return None
 
 

@@ -12,6 +12,7 @@ from contactlab.measure import LABELS, METRICS, Metric
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import (
     as_written,
+    definitions,
     engine,
     metric_units,
     metric_versions,
@@ -152,6 +153,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         scene_model=scene.source.content.model.as_posix(),
         engine=engine(),
         metric_versions=metric_versions(),
+        definitions=definitions(),
         runs_asked=len(index),
         lacking=_null_fields(index, driven=timed),
         plan_hash=index.hash,

@@ -274,6 +274,11 @@ class SweepIdentity(Model):
     scene_model: InnerName = Field(description="The model file, relative to scenes/<hash>.")
     engine: Engine
     metric_versions: dict[str, int]
+    definitions: Sha256 | None = Field(
+        default=None,
+        description="Hash of the code that prepares runs, rolls them out, measures and labels "
+        "them; null in stores of older versions.",
+    )
     runs_asked: int
     lacking: dict[str, str] = Field(
         default_factory=dict,

@@ -4,6 +4,8 @@ import ctypes
 import errno
 import hashlib
 import os
+import re
+import secrets
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +14,7 @@ from threading import Event, Thread
 from contactlab.errors import OutputError
 
 TEMPORARY_SUFFIX = ".tmp"
+_TEMPORARY = re.compile(r"(\.[0-9a-f]{8})?\.tmp$")
 _COMMIT_INTERVAL = 0.5
 """Pause between two syncs [s]; with the sync itself, well within a second."""
 _AT_CWD, _RENAME_EXCHANGE = -100, 2
@@ -23,15 +26,14 @@ _LIBC = ctypes.CDLL(None, use_errno=True)
 def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     """Yield a temporary path beside the target, which replaces the target on success.
 
-    Where it is durable, it is synced to the disk.
+    No other process, nor a link that one left, has its name. Where it is durable, it is synced to
+    the disk.
 
     Raises:
         OutputError: the file cannot be written; nothing is left behind.
     """
-    temporary = target.with_name(target.name + TEMPORARY_SUFFIX)
+    temporary = target.with_name(f"{target.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
     try:
-        # One that was left may be a link to another place.
-        temporary.unlink(missing_ok=True)
         yield temporary
         if durable:
             _sync(temporary)
@@ -43,6 +45,11 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
         if isinstance(error, OSError):
             raise write_error(target, error) from error
         raise
+
+
+def target_name(name: str) -> str:
+    """Return the name of the file that a temporary one was to replace; any other name as it is."""
+    return _TEMPORARY.sub("", name)
 
 
 def write_error(path: object, error: OSError) -> OutputError:

@@ -15,6 +15,7 @@ from contactlab.store.atomic_files import (
     atomic_write,
     sha256_of,
     sync_filesystem,
+    target_name,
     write_errors,
 )
 from contactlab.store.store_files import (
@@ -118,16 +119,19 @@ class FolderBackend:
 
     def foreign_names(self) -> list[str]:
         """Return the names of what does not belong to a store, sorted."""
-        own = _OWN | {name + TEMPORARY_SUFFIX for name in _OWN}
-        return sorted(self.top_names() - own)
+        return sorted(name for name in self.top_names() if target_name(name) not in _OWN)
+
+    def temporaries(self) -> list[str]:
+        """Return the names of temporary files at the top that stopped processes have left."""
+        found = self.top_names().difference(_FILES)
+        return [name for name in found if target_name(name) in _FILES]
 
     @contextmanager
     def write_session(self) -> Generator["FolderSession"]:
         """Hold the store's lock, which the system releases when the process ends."""
         self.address.mkdir(parents=True, exist_ok=True)
-        for name in _OWN:
-            for each in (name, name + TEMPORARY_SUFFIX):
-                check_tree(self.address / each)
+        for name in (name for name in self.top_names() if target_name(name) in _OWN):
+            check_tree(self.address / name)
         with (self.address / LOCK).open("a") as lock:
             try:
                 fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -203,13 +207,14 @@ class FolderSession:
 
     def remove_journal(self) -> None:
         """Remove the rows and notes of a finished store."""
-        self._backend.delete([JOURNAL, NOTES, JOURNAL + TEMPORARY_SUFFIX])
+        self._backend.delete([JOURNAL, NOTES, *self._backend.temporaries()])
 
     def remove_temporaries(self) -> None:
         """Remove temporary files that stopped processes have left."""
-        self._backend.delete(name + TEMPORARY_SUFFIX for name in _FILES)
-        for leftover in (self.folder / TRACES).rglob("*" + TEMPORARY_SUFFIX):
-            leftover.unlink()
+        self._backend.delete(self._backend.temporaries())
+        for name in (TRACES, CONTROLS):
+            for leftover in (self.folder / name).rglob("*" + TEMPORARY_SUFFIX):
+                leftover.unlink()
 
 
 Backend: TypeAlias = "FolderBackend | ObjectBackend"

@@ -29,10 +29,17 @@ def document_json(document: BaseModel) -> str:
 
 
 def check_same_sweep(store: Address, stored: SweepIdentity, requested: SweepIdentity) -> None:
-    """Raise a StoreError unless a store is of the requested sweep, by the same metrics."""
+    """Raise a StoreError unless a store is of the requested sweep, by the same definitions."""
     ours, theirs = requested.model_dump(), stored.model_dump()
     names = [*ours, *(name for name in theirs if name not in ours)]
-    differing = [each for each in names if ours.get(each) != theirs.get(each) and each != "source"]
+    ignored = {"source"} if stored.definitions else {"source", "definitions"}
+    differing = [each for each in names if ours.get(each) != theirs.get(each)]
+    differing = [each for each in differing if each not in ignored]
+    if differing == ["definitions"]:
+        raise StoreError(
+            f"{store} holds runs of another contactlab, which prepares, measures or labels them "
+            "otherwise; write elsewhere with -o, or replace it with --fresh"
+        )
     if differing:
         raise StoreError(
             f"{store} holds another sweep (other {', '.join(differing)}"

@@ -222,8 +222,8 @@ def _prepare(
     stored = rows.backend.read(IDENTITY)
     if stored is None:
         _refuse_foreign(rows.backend, "choose another place with -o")
-    elif not rows.repair:
-        check_same_sweep(address, parse_identity(stored, address), rows.identity)
+    else:
+        _check_begun(rows, stored)
     session.fetch_journal()
     has_lines = (folder / JOURNAL).is_file() and (folder / JOURNAL).stat().st_size > 0
     if stored is None and not rows.repair and has_lines:
@@ -245,6 +245,19 @@ def _prepare(
         rows.backend.delete(name for name in rows.backend.trace_names() if name not in named)
     session.replace_journal()
     return mended
+
+
+def _check_begun(rows: ResumedRows, stored: bytes) -> None:
+    """Check the identity of a begun store; to repair it, no more than by what runs were judged."""
+    try:
+        begun = parse_identity(stored, rows.backend.address)
+    except StoreError:
+        if rows.repair:
+            return
+        raise
+    if rows.repair:
+        begun = rows.identity.model_copy(update={"definitions": begun.definitions})
+    check_same_sweep(rows.backend.address, begun, rows.identity)
 
 
 def _copy(files: CopyableFiles, folder: Path, *, is_begun: bool) -> None:
