@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeGuard, cast
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole
+from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
 
 Role = Literal["knob", "scenario"]
 MOST_VALUES = 1_000_000
@@ -34,55 +34,54 @@ def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
 class Ranged(Model):
     """Fields that every form of an axis has besides its values."""
 
-    role: Role = Field(
-        default="knob",
-        description="knob: a setting that you may choose; scenario: an external condition",
+    role: Role = about(
+        "knob: a setting that you may choose; scenario: an external condition", default="knob"
     )
 
 
 class Values(Ranged):
     """Values as listed, with a role."""
 
-    values: tuple[Value, ...] = Field(min_length=1, description="the values, in order")
+    values: tuple[Value, ...] = about("the values, in order", min_length=1)
 
 
 class Linspace(Ranged):
     """Evenly spaced values."""
 
-    linspace: tuple[Number, Number, Count] = Field(
-        description="[first, last, count]: evenly spaced, both ends included"
+    linspace: tuple[Number, Number, Count] = about(
+        "[first, last, count]: evenly spaced, both ends included"
     )
 
 
 class Logspace(Ranged):
     """Geometrically spaced values."""
 
-    logspace: tuple[Positive, Positive, Count] = Field(
-        description="[first, last, count]: values, not exponents; both ends included"
+    logspace: tuple[Positive, Positive, Count] = about(
+        "[first, last, count]: values, not exponents; both ends included"
     )
 
 
 class Range(Ranged):
     """Values at a fixed step."""
 
-    range: Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)] = Field(
-        description="[first, last, step]: the last is included where the steps reach it"
+    range: Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)] = about(
+        "[first, last, step]: the last is included where the steps reach it"
     )
 
 
 class Uniform(Ranged):
     """Values sampled uniformly."""
 
-    uniform: Annotated[tuple[Number, Number], AfterValidator(_ordered)] = Field(
-        description="[low, high]: sampled; needs `sample`"
+    uniform: Annotated[tuple[Number, Number], AfterValidator(_ordered)] = about(
+        "[low, high]: sampled; needs `sample`"
     )
 
 
 class Loguniform(Ranged):
     """Values sampled log-uniformly."""
 
-    loguniform: Annotated[tuple[Positive, Positive], AfterValidator(_ordered)] = Field(
-        description="[low, high], both positive: sampled by logarithm; needs `sample`"
+    loguniform: Annotated[tuple[Positive, Positive], AfterValidator(_ordered)] = about(
+        "[low, high], both positive: sampled by logarithm; needs `sample`"
     )
 
 

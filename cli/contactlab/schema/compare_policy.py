@@ -7,7 +7,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.judged_check import Acceptances, Count
-from contactlab.schema.strict_model import Model, Sha256, Tolerance, Word
+from contactlab.schema.strict_model import Model, Sha256, Tolerance, Word, about
 
 Level = Literal["gate", "warn", "note"]
 Better = Literal["lower", "higher", "none"]
@@ -32,37 +32,36 @@ LEVEL = "gate: fails the job; warn: a warning; note: reported only"
 class Require(Model):
     """What both stores must have in common."""
 
-    same: tuple[Sameness, ...] = Field(
-        default=("scene_hash", "metric_versions", "thresholds"),
-        description="what must be the same; otherwise what depends on it is not comparable; "
+    same: tuple[Sameness, ...] = about(
+        "what must be the same; otherwise what depends on it is not comparable; "
         "a changed scene is only reported when runs are matched by axes",
+        default=("scene_hash", "metric_versions", "thresholds"),
     )
-    warn_if_different: tuple[Sameness, ...] = Field(
-        default=("engine", "contactlab", "numpy", "cpu_model", "cpu_flags"),
-        description="reported if different",
+    warn_if_different: tuple[Sameness, ...] = about(
+        "reported if different", default=("engine", "contactlab", "numpy", "cpu_model", "cpu_flags")
     )
 
 
 class AllowedTransition(Model):
     """A change of the worst label that is known and accepted."""
 
-    from_: Word = Field(alias="from", description="worst label in the baseline")
-    to: Word = Field(description="worst label in the candidate")
-    max: Count = Field(description="how many runs may change this way")
-    reason: Word = Field(description="why it is accepted")
-    until: date | None = Field(default=None, description="last accepted day, YYYY-MM-DD")
+    from_: Word = about("worst label in the baseline", alias="from")
+    to: Word = about("worst label in the candidate")
+    max: Count = about("how many runs may change this way")
+    reason: Word = about("why it is accepted")
+    until: date | None = about("last accepted day, YYYY-MM-DD", default=None)
 
 
 class LabelRules(Model):
     """How labels are compared."""
 
-    severity: tuple[Word, ...] | None = Field(
-        default=None, description="labels, worst first; as stored if left out"
+    severity: tuple[Word, ...] | None = about(
+        "labels, worst first; as stored if left out", default=None
     )
-    level: Level = Field(default="gate", description=f"of a new label; {LEVEL}")
-    by: tuple[Word, ...] = Field(default=(), description="axes; each value is judged separately")
-    allow: tuple[AllowedTransition, ...] = Field(
-        default=(), description="changes of the worst label that are accepted"
+    level: Level = about(f"of a new label; {LEVEL}", default="gate")
+    by: tuple[Word, ...] = about("axes; each value is judged separately", default=())
+    allow: tuple[AllowedTransition, ...] = about(
+        "changes of the worst label that are accepted", default=()
     )
 
     @model_validator(mode="after")
@@ -76,77 +75,66 @@ class LabelRules(Model):
 class MetricRule(Model):
     """How a metric is compared; keys left out come from a wider pattern or the defaults."""
 
-    better: Better | None = Field(
-        default=None, description="lower, higher or none; as stored with the metric if left out"
+    better: Better | None = about(
+        "lower, higher or none; as stored with the metric if left out", default=None
     )
-    rel: Tolerance | None = Field(
-        default=None, description="largest accepted change, relative to the baseline's value"
+    rel: Tolerance | None = about(
+        "largest accepted change, relative to the baseline's value", default=None
     )
-    abs: Tolerance | None = Field(
-        default=None, description="further accepted change, in the metric's unit"
-    )
-    statistic: Statistic | None = Field(
-        default=None,
-        description="what is compared: each run, the mean, median or worst of all runs, or the "
+    abs: Tolerance | None = about("further accepted change, in the metric's unit", default=None)
+    statistic: Statistic | None = about(
+        "what is compared: each run, the mean, median or worst of all runs, or the "
         "median ratio of the pairs",
+        default=None,
     )
-    by: tuple[Word, ...] | None = Field(
-        default=None, description="axes; each of their values is judged separately"
+    by: tuple[Word, ...] | None = about(
+        "axes; each of their values is judged separately", default=None
     )
-    budget: Tolerance | None = Field(
-        default=None, description="share of the runs that may regress, with a warning"
+    budget: Tolerance | None = about(
+        "share of the runs that may regress, with a warning", default=None
     )
-    level: Level | None = Field(default=None, description=LEVEL)
-    needs_same: tuple[Sameness, ...] | None = Field(
-        default=None, description="what must be the same for this metric to be comparable"
+    level: Level | None = about(LEVEL, default=None)
+    needs_same: tuple[Sameness, ...] | None = about(
+        "what must be the same for this metric to be comparable", default=None
     )
 
 
 class KnifeEdgeRules(Model):
     """How runs are treated whose label changes from a start 1e-6 away."""
 
-    exclude: Annotated[bool, Field(strict=True)] = Field(
-        default=True, description="whether they are counted and reported, never gated"
+    exclude: Annotated[bool, Field(strict=True)] = about(
+        "whether they are counted and reported, never gated", default=True
     )
-    max_share: Tolerance = Field(
-        default=0.05, description="accepted share of such runs, if larger than the baseline's"
+    max_share: Tolerance = about(
+        "accepted share of such runs, if larger than the baseline's", default=0.05
     )
-    level: Level = Field(default="warn", description=f"beyond that share; {LEVEL}")
+    level: Level = about(f"beyond that share; {LEVEL}", default="warn")
 
 
 class RecommendationRules(Model):
     """How a change of the recommended configuration is treated."""
 
-    changed: Level = Field(default="warn", description=f"of a changed recommendation; {LEVEL}")
+    changed: Level = about(f"of a changed recommendation; {LEVEL}", default="warn")
 
 
 class ComparePolicy(Acceptances):
     """What counts as regressed, and what fails the job."""
 
-    match: Literal["id", "axes"] = Field(
-        default="id", description="how runs are paired: by run id, or by axis values and seed"
+    match: Literal["id", "axes"] = about(
+        "how runs are paired: by run id, or by axis values and seed", default="id"
     )
-    baseline_digest: Sha256 | None = Field(
-        default=None, description="digest of the only baseline, as `baseline update` prints it"
+    baseline_digest: Sha256 | None = about(
+        "digest of the only baseline, as `baseline update` prints it", default=None
     )
-    require: Require = Field(default_factory=Require, description="what must be the same")
-    labels: LabelRules = Field(default_factory=LabelRules, description="how labels are compared")
-    metrics: dict[str, MetricRule] = Field(
-        default={},
-        description="metric name, or a pattern such as solver_*, to its rule; the closest one wins",
+    require: Require = about("what must be the same", default_factory=Require)
+    labels: LabelRules = about("how labels are compared", default_factory=LabelRules)
+    metrics: dict[str, MetricRule] = about(
+        "metric name, or a pattern such as solver_*, to its rule; the closest one wins", default={}
     )
-    expectations: Level = Field(
-        default="gate", description=f"of runs that are no longer as expected; {LEVEL}"
-    )
-    missing_runs: Level = Field(
-        default="gate", description=f"of runs that only the baseline has; {LEVEL}"
-    )
-    new_runs: Level = Field(
-        default="note", description=f"of runs that only the candidate has; {LEVEL}"
-    )
-    knife_edge: KnifeEdgeRules = Field(
-        default_factory=KnifeEdgeRules, description="knife-edge runs"
-    )
-    recommendation: RecommendationRules = Field(
-        default_factory=RecommendationRules, description="the recommended configuration"
+    expectations: Level = about(f"of runs that are no longer as expected; {LEVEL}", default="gate")
+    missing_runs: Level = about(f"of runs that only the baseline has; {LEVEL}", default="gate")
+    new_runs: Level = about(f"of runs that only the candidate has; {LEVEL}", default="note")
+    knife_edge: KnifeEdgeRules = about("knife-edge runs", default_factory=KnifeEdgeRules)
+    recommendation: RecommendationRules = about(
+        "the recommended configuration", default_factory=RecommendationRules
     )

@@ -2,12 +2,10 @@
 
 from typing import Literal
 
-from pydantic import Field
-
 from contactlab.schema.compare_policy import Level
 from contactlab.schema.evidence import Setting
 from contactlab.schema.judged_check import JudgedCheck
-from contactlab.schema.strict_model import Model
+from contactlab.schema.strict_model import Model, about
 
 COMPARISON_VERSION = 1
 
@@ -34,7 +32,7 @@ class Difference(Model):
     what: str
     baseline: str
     candidate: str
-    required: bool = Field(description="Whether the policy requires it to be the same.")
+    required: bool = about("Whether the policy requires it to be the same.")
 
 
 class RunPair(Model):
@@ -51,15 +49,15 @@ class Check(JudgedCheck):
     """One thing that was judged; the list of checks does not depend on their outcomes."""
 
     kind: CheckKind
-    group: str = Field(description="Axis values of its runs, such as cone=elliptic; or empty.")
+    group: str = about("Axis values of its runs, such as cone=elliptic; or empty.")
     level: Level
-    verdict: Verdict = Field(description="Its result for the evidence.")
-    runs: int = Field(description="Runs, or groups of them, that were judged.")
-    failing: int = Field(description="How many of these fail.")
-    counts: dict[Verdict, int] = Field(description="How many have each verdict.")
+    verdict: Verdict = about("Its result for the evidence.")
+    runs: int = about("Runs, or groups of them, that were judged.")
+    failing: int = about("How many of these fail.")
+    counts: dict[Verdict, int] = about("How many have each verdict.")
     unit: str = ""
-    accepted: str | None = Field(default=None, description="Why the policy accepts it.")
-    worst: tuple[RunPair, ...] = Field(default=(), description="The worst few.")
+    accepted: str | None = about("Why the policy accepts it.", default=None)
+    worst: tuple[RunPair, ...] = about("The worst few.", default=())
 
     @property
     def is_open(self) -> bool:
@@ -80,11 +78,11 @@ class PairCounts(Model):
     """How many runs there are, by how they were paired."""
 
     paired: int
-    missing: int = Field(description="Only in the baseline.")
-    new: int = Field(description="Only in the candidate.")
-    bitwise_equal: int = Field(description="Every state of the trajectory is equal.")
-    knife_edge: int = Field(description="Set apart, since a start 1e-6 away changes the label.")
-    knife_edge_flipped: int = Field(description="Of these, those whose label changed.")
+    missing: int = about("Only in the baseline.")
+    new: int = about("Only in the candidate.")
+    bitwise_equal: int = about("Every state of the trajectory is equal.")
+    knife_edge: int = about("Set apart, since a start 1e-6 away changes the label.")
+    knife_edge_flipped: int = about("Of these, those whose label changed.")
 
 
 class ComparisonReport(Model):
@@ -94,11 +92,11 @@ class ComparisonReport(Model):
     verdict: Verdict
     exit_code: int
     headline: str
-    baseline: ComparedStore | None = Field(description="Null if it cannot be read.")
-    candidate: ComparedStore | None = Field(description="Null if it cannot be read.")
+    baseline: ComparedStore | None = about("Null if it cannot be read.")
+    candidate: ComparedStore | None = about("Null if it cannot be read.")
     match: Literal["id", "axes"]
     pairs: PairCounts
     differences: tuple[Difference, ...]
     transitions: tuple[Transition, ...]
     checks: tuple[Check, ...]
-    advice: tuple[str, ...] = Field(description="Commands to run next.")
+    advice: tuple[str, ...] = about("Commands to run next.")

@@ -8,9 +8,9 @@ from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, get_args
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator
 
-from contactlab.schema.strict_model import Model
+from contactlab.schema.strict_model import Model, about
 
 # Of runs that diverged; rounded, the largest number there is would be infinite.
 _LARGEST = 1e300
@@ -70,20 +70,18 @@ _FEATURES: Mapping[str, Feature] = {
 class Travel(Model):
     """How far a joint, a tendon or a control went through its range."""
 
-    moved: Short = Field(
-        default=0.0,
-        description="Greatest less least value; of free joints the diagonal of the box "
+    moved: Short = about(
+        "Greatest less least value; of free joints the diagonal of the box "
         "that their path fills [m], of ball joints the largest angle from it [rad].",
+        default=0.0,
     )
-    share: Short | None = Field(default=None, description="The same over its range, if limited.")
-    ends: tuple[End, ...] = Field(
-        default=(), description="Limits that acted, or that a control went beyond."
+    share: Short | None = about("The same over its range, if limited.", default=None)
+    ends: tuple[End, ...] = about("Limits that acted, or that a control went beyond.", default=())
+    turned: Short | None = about(
+        "Largest angle of a free joint from its start [rad].", default=None
     )
-    turned: Short | None = Field(
-        default=None, description="Largest angle of a free joint from its start [rad]."
-    )
-    stretched: Short | None = Field(
-        default=None, description="How far a tendon's spring left the lengths at which it is slack."
+    stretched: Short | None = about(
+        "How far a tendon's spring left the lengths at which it is slack.", default=None
     )
 
     @property
@@ -96,38 +94,36 @@ class Travel(Model):
 class ActuatorUse(Travel):
     """How far an actuator's control went through its range, and its force."""
 
-    force: Short = Field(default=0.0, description="Largest force, as the actuator has it.")
-    saturated: Short = Field(default=0.0, description="Share of time at a limit of its force.")
+    force: Short = about("Largest force, as the actuator has it.", default=0.0)
+    saturated: Short = about("Share of time at a limit of its force.", default=0.0)
 
 
 class PairUse(Model):
     """What a monitored pair did, each as the share of time."""
 
-    touched: Short = Field(default=0.0, description="It bore a force.")
-    stuck: Short = Field(default=0.0, description="It touched, or hopped, without sliding.")
-    slid: Short = Field(default=0.0, description="It slid.")
-    rolled: Short = Field(default=0.0, description="It stuck, and turned about a tangent.")
-    spun: Short = Field(default=0.0, description="It turned about the normal.")
-    friction: Short = Field(
-        default=0.0, description="Largest tangential over the largest normal force."
-    )
+    touched: Short = about("It bore a force.", default=0.0)
+    stuck: Short = about("It touched, or hopped, without sliding.", default=0.0)
+    slid: Short = about("It slid.", default=0.0)
+    rolled: Short = about("It stuck, and turned about a tangent.", default=0.0)
+    spun: Short = about("It turned about the normal.", default=0.0)
+    friction: Short = about("Largest tangential over the largest normal force.", default=0.0)
 
 
 class Coverage(Model):
     """What a run exercised: what moved, was loaded, and touched."""
 
-    joints: dict[str, Travel] = Field(default_factory=dict, description="Every joint.")
-    tendons: dict[str, Travel] = Field(default_factory=dict, description="Every tendon.")
-    actuators: dict[str, ActuatorUse] = Field(default_factory=dict, description="Every actuator.")
-    equalities: dict[str, Short] = Field(
-        default_factory=dict,
-        description="Largest force of each equality at sampled steps [N or N m]; 0 below 1e-4 of "
+    joints: dict[str, Travel] = about("Every joint.", default_factory=dict)
+    tendons: dict[str, Travel] = about("Every tendon.", default_factory=dict)
+    actuators: dict[str, ActuatorUse] = about("Every actuator.", default_factory=dict)
+    equalities: dict[str, Short] = about(
+        "Largest force of each equality at sampled steps [N or N m]; 0 below 1e-4 of "
         "the model's weight.",
+        default_factory=dict,
     )
-    pairs: dict[str, PairUse] = Field(
-        default_factory=dict, description="The monitored pairs that touched; no others did."
+    pairs: dict[str, PairUse] = about(
+        "The monitored pairs that touched; no others did.", default_factory=dict
     )
-    touched: Short = Field(default=0.0, description="Share of time with any contact in the model.")
+    touched: Short = about("Share of time with any contact in the model.", default=0.0)
 
     @property
     def present(self) -> frozenset[Feature]:

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal, cast
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, TypeAdapter
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.strict_model import Model, Number, Positive, Word, listed
+from contactlab.schema.strict_model import Model, Number, Positive, Word, about, listed
 
 _WORDS = ("none", "hold", "exercise")
 _CLASS = r"^.+\.py:[A-Za-z_]\w*$"
@@ -26,21 +26,21 @@ def _checked_class(text: str) -> str:
 class NoiseDrive(Model):
     """Band-limited random controls around those that hold the start posture."""
 
-    noise: Annotated[float, Field(strict=True, gt=0, le=1)] = Field(
-        description="root mean square over half the range of each control"
+    noise: Annotated[float, Field(strict=True, gt=0, le=1)] = about(
+        "root mean square over half the range of each control"
     )
-    rate: Positive = Field(default=10.0, description="highest frequency [Hz]")
+    rate: Positive = about("highest frequency [Hz]", default=10.0)
 
 
 class FileDrive(Model):
     """Controls, forces and poses over time, from a table."""
 
-    file: Word = Field(
-        description="a .csv, .parquet, .npz or .mcap file, beside the file that names it; columns "
+    file: Word = about(
+        "a .csv, .parquet, .npz or .mcap file, beside the file that names it; columns "
         "`time` [s] and actuators, joints or bodies"
     )
-    interpolation: Literal["linear", "hold"] = Field(
-        default="linear", description="between rows: linear, or each row held until the next"
+    interpolation: Literal["linear", "hold"] = about(
+        "between rows: linear, or each row held until the next", default="linear"
     )
     sha256: FileHash = None
 
@@ -48,26 +48,26 @@ class FileDrive(Model):
 class ObservationNoise(Model):
     """Standard deviations of the noise of what a policy observes."""
 
-    qpos: Annotated[Number, Field(ge=0)] = Field(default=0.0, description="m or rad")
-    qvel: Annotated[Number, Field(ge=0)] = Field(default=0.0, description="m/s or rad/s")
+    qpos: Annotated[Number, Field(ge=0)] = about("m or rad", default=0.0)
+    qvel: Annotated[Number, Field(ge=0)] = about("m/s or rad/s", default=0.0)
 
 
 class PolicyDrive(Model):
     """Controls in closed loop, by a class of Python."""
 
-    policy: Annotated[Word, AfterValidator(_checked_class)] = Field(
-        description="FILE.py:CLASS, the file beside the one that names it",
+    policy: Annotated[Word, AfterValidator(_checked_class)] = about(
+        "FILE.py:CLASS, the file beside the one that names it",
         json_schema_extra={"pattern": _CLASS},
     )
-    rate: Positive = Field(default=50.0, description="how often it acts [Hz]")
-    latency: Annotated[Number, Field(ge=0)] | Share = Field(
-        default=0.0, description="from what it observes to its action: s, or 50% of a period"
+    rate: Positive = about("how often it acts [Hz]", default=50.0)
+    latency: Annotated[Number, Field(ge=0)] | Share = about(
+        "from what it observes to its action: s, or 50% of a period", default=0.0
     )
-    noise: ObservationNoise = Field(
-        default=ObservationNoise(), description="of what it observes; by the run's seed"
+    noise: ObservationNoise = about(
+        "of what it observes; by the run's seed", default=ObservationNoise()
     )
-    files: Annotated[tuple[Word, ...], BeforeValidator(listed)] = Field(
-        default=(), description="files that it reads, such as its weights, beside it"
+    files: Annotated[tuple[Word, ...], BeforeValidator(listed)] = about(
+        "files that it reads, such as its weights, beside it", default=()
     )
     sha256: FileHash = None
 

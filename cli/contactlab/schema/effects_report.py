@@ -2,10 +2,8 @@
 
 from typing import Literal
 
-from pydantic import Field
-
 from contactlab.schema.evidence import Engine, Provenance, Setting
-from contactlab.schema.strict_model import Model
+from contactlab.schema.strict_model import Model, about
 
 EFFECTS_VERSION = 1
 
@@ -15,9 +13,9 @@ Need = Literal["needed", "free", "not exercised", "unused", "absent", "saves", "
 class Ratio(Model):
     """A ratio of CPU times, from interleaved runs."""
 
-    ratio: float = Field(description="Median over matched pairs of runs.")
-    low: float = Field(description="Least of the pairs.")
-    high: float = Field(description="Largest of the pairs.")
+    ratio: float = about("Median over matched pairs of runs.")
+    low: float = about("Least of the pairs.")
+    high: float = about("Largest of the pairs.")
     pairs: int
 
 
@@ -26,14 +24,14 @@ class MetricChange(Model):
 
     metric: str
     unit: str
-    change: float | None = Field(
-        description="Mean over matched pairs; null where only one of the two can be measured."
+    change: float | None = about(
+        "Mean over matched pairs; null where only one of the two can be measured."
     )
     tolerance: float
-    times: float | None = Field(description="The change over the tolerance; null likewise.")
-    spread: float = Field(description="Range over seeds without the change.")
+    times: float | None = about("The change over the tolerance; null likewise.")
+    spread: float = about("Range over seeds without the change.")
     scenario: dict[str, Setting]
-    matters: bool = Field(description="Whether it is beyond both tolerance and spread.")
+    matters: bool = about("Whether it is beyond both tolerance and spread.")
 
 
 class EffectFinding(Model):
@@ -42,29 +40,29 @@ class EffectFinding(Model):
     effect: str
     kind: str
     what: str
-    on: bool = Field(description="In the base configuration.")
-    need: Need = Field(
-        description="needed: on, and off changes results; free: on, and off changes nothing; "
+    on: bool = about("In the base configuration.")
+    need: Need = about(
+        "needed: on, and off changes results; free: on, and off changes nothing; "
         "not exercised: on, and nothing that any run does calls for it; "
         "unused: free by proof; absent: off, and on changes results; saves: off, and on takes "
         "less time and changes nothing; idle: off, and on changes nothing."
     )
     reason: str
-    settings: dict[str, Setting] = Field(description="The changed settings, as axes of a sweep.")
-    changes: tuple[MetricChange, ...] = Field(description="Largest first, in tolerances.")
-    within_spread: tuple[str, ...] = Field(
-        description="Metrics beyond tolerance, but within the spread over seeds."
+    settings: dict[str, Setting] = about("The changed settings, as axes of a sweep.")
+    changes: tuple[MetricChange, ...] = about("Largest first, in tolerances.")
+    within_spread: tuple[str, ...] = about(
+        "Metrics beyond tolerance, but within the spread over seeds."
     )
-    labels: dict[str, int] = Field(description="Label changes, as `stable -> tunneling`, by runs.")
-    cost: Ratio | None = Field(description="CPU time with the change over that without it.")
-    work: dict[str, float] = Field(description="Ratios of work counters, change over base.")
+    labels: dict[str, int] = about("Label changes, as `stable -> tunneling`, by runs.")
+    cost: Ratio | None = about("CPU time with the change over that without it.")
+    work: dict[str, float] = about("Ratios of work counters, change over base.")
 
 
 class Interaction(Model):
     """Two effects, left out together."""
 
     effects: tuple[str, str]
-    free: bool = Field(description="Whether results stay within tolerance without both.")
+    free: bool = about("Whether results stay within tolerance without both.")
     reason: str
 
 
@@ -72,11 +70,11 @@ class SmallestSet(Model):
     """The fewest effects that keep every result within tolerance."""
 
     on: tuple[str, ...]
-    off: tuple[str, ...] = Field(description="Effects of the base that it leaves out.")
-    added: tuple[str, ...] = Field(description="Effects that it adds to the base.")
-    settings: dict[str, Setting] = Field(description="Its settings, as axes of a sweep.")
-    mjcf: tuple[str, ...] = Field(description="Its lines of MJCF.")
-    sweep: tuple[str, ...] = Field(description="Its lines of a sweep file.")
+    off: tuple[str, ...] = about("Effects of the base that it leaves out.")
+    added: tuple[str, ...] = about("Effects that it adds to the base.")
+    settings: dict[str, Setting] = about("Its settings, as axes of a sweep.")
+    mjcf: tuple[str, ...] = about("Its lines of MJCF.")
+    sweep: tuple[str, ...] = about("Its lines of a sweep file.")
 
 
 class Verification(Model):
@@ -84,9 +82,9 @@ class Verification(Model):
 
     seeds: tuple[int, ...]
     scenarios: tuple[dict[str, Setting], ...]
-    runs: int = Field(description="Matched pairs.")
-    pasted: bool | None = Field(
-        default=None, description="Whether it holds as lines in a copy of the MJCF; null without."
+    runs: int = about("Matched pairs.")
+    pasted: bool | None = about(
+        "Whether it holds as lines in a copy of the MJCF; null without.", default=None
     )
     holds: bool
     reason: str
@@ -99,19 +97,19 @@ class EffectsReport(Model):
     effects_version: Literal[1] = EFFECTS_VERSION
     scene: str
     scene_hash: str
-    source: str = Field(description="The scene, sweep or model as given.")
-    base: dict[str, Setting] = Field(description="Axes of the base configuration.")
+    source: str = about("The scene, sweep or model as given.")
+    base: dict[str, Setting] = about("Axes of the base configuration.")
     scenarios: tuple[dict[str, Setting], ...]
     seeds: tuple[int, ...]
-    duration: float = Field(description="s")
-    tolerances: dict[str, float] = Field(
-        description="Those of the sweep or scene; if any, only they and labels decide."
+    duration: float = about("s")
+    tolerances: dict[str, float] = about(
+        "Those of the sweep or scene; if any, only they and labels decide."
     )
     engine: Engine
     provenance: Provenance
     effects: tuple[EffectFinding, ...]
     interactions: tuple[Interaction, ...]
     smallest_set: SmallestSet
-    saving: Ratio | None = Field(description="CPU time of the smallest set over the base's.")
+    saving: Ratio | None = about("CPU time of the smallest set over the base's.")
     verification: Verification
-    stores: tuple[str, ...] = Field(description="The evidence, relative to the report.")
+    stores: tuple[str, ...] = about("The evidence, relative to the report.")

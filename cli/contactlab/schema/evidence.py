@@ -6,7 +6,7 @@ from pydantic import Field
 
 from contactlab.schema.coverage import Coverage
 from contactlab.schema.drive import Drive
-from contactlab.schema.strict_model import Hash, InnerName, Model, Sha256
+from contactlab.schema.strict_model import Hash, InnerName, Model, Sha256, about
 
 # Errors that a sweep may give tolerances for, as for metrics, if it asks for accuracy.
 ERRORS = ("error_final", "error_mean", "error_peak")
@@ -22,32 +22,31 @@ class Accuracy(Model):
     is `invariants` they are ratios. They are null where the run or its reference failed.
     """
 
-    error_final: float | None = Field(description="At the last common time.")
-    error_mean: float | None = Field(description="Mean over common times.")
-    error_peak: float | None = Field(description="Largest over common times.")
-    error_estimate: float | None = Field(
-        description="Largest distance of the two finest references, a bound on the uncertainty of "
-        "each error."
+    error_final: float | None = about("At the last common time.")
+    error_mean: float | None = about("Mean over common times.")
+    error_peak: float | None = about("Largest over common times.")
+    error_estimate: float | None = about(
+        "Largest distance of the two finest references, a bound on the uncertainty of each error."
     )
-    error_final_estimate: float | None = Field(
-        description="Their distance at the end: a smaller `error_final` cannot be resolved."
+    error_final_estimate: float | None = about(
+        "Their distance at the end: a smaller `error_final` cannot be resolved."
     )
-    error_mean_estimate: float | None = Field(
-        description="Their mean distance: a smaller `error_mean` cannot be resolved."
+    error_mean_estimate: float | None = about(
+        "Their mean distance: a smaller `error_mean` cannot be resolved."
     )
     error_kind: ErrorKind
-    chaotic: bool | None = Field(
-        description="Whether a start 1e-8 away grows to the size of the errors; null if unknown."
+    chaotic: bool | None = about(
+        "Whether a start 1e-8 away grows to the size of the errors; null if unknown."
     )
     reference_integrator: str | None
-    reference_timestep: float | None = Field(description="Of the finest reference [s].")
-    impacts: int | None = Field(description="How often contacts began or ended in the run.")
-    solref_rule: SolrefRule | None = Field(
-        description="Whether the time constant of solref is a multiple of the timestep, where "
+    reference_timestep: float | None = about("Of the finest reference [s].")
+    impacts: int | None = about("How often contacts began or ended in the run.")
+    solref_rule: SolrefRule | None = about(
+        "Whether the time constant of solref is a multiple of the timestep, where "
         "that varies; null where it does not."
     )
-    solref_clamped: bool = Field(
-        description="Whether refsafe raised a time constant of solref to two timesteps."
+    solref_clamped: bool = about(
+        "Whether refsafe raised a time constant of solref to two timesteps."
     )
 
 
@@ -57,20 +56,16 @@ class Timing(Model):
     Times are null where the run failed.
     """
 
-    time_min: float | None = Field(description="CPU s per simulated s, least of the rounds.")
-    time_median: float | None = Field(description="CPU s per simulated s, median of the rounds.")
-    step_p50: float | None = Field(description="CPU time of a single step, median [s].")
-    step_p99: float | None = Field(description="CPU time of a single step, 99th percentile [s].")
-    compile_time: float | None = Field(description="CPU time to compile the model [s].")
-    work_steps: float | None = Field(description="Steps per simulated second.")
-    work_iterations: float | None = Field(description="Solver iterations per simulated second.")
-    work_contacts: float | None = Field(
-        description="Contacts, summed over steps, per simulated second."
-    )
-    work_rows: float | None = Field(
-        description="Constraint rows, summed over steps, per simulated second."
-    )
-    timing_settings: str = Field(description="Hash of how times were measured.")
+    time_min: float | None = about("CPU s per simulated s, least of the rounds.")
+    time_median: float | None = about("CPU s per simulated s, median of the rounds.")
+    step_p50: float | None = about("CPU time of a single step, median [s].")
+    step_p99: float | None = about("CPU time of a single step, 99th percentile [s].")
+    compile_time: float | None = about("CPU time to compile the model [s].")
+    work_steps: float | None = about("Steps per simulated second.")
+    work_iterations: float | None = about("Solver iterations per simulated second.")
+    work_contacts: float | None = about("Contacts, summed over steps, per simulated second.")
+    work_rows: float | None = about("Constraint rows, summed over steps, per simulated second.")
+    timing_settings: str = about("Hash of how times were measured.")
 
 
 RECORD_VERSION = 2
@@ -85,20 +80,20 @@ class LabelEntry(Model):
 
     label: str
     reason: str
-    step: int | None = Field(description="The first step at which it applied.")
+    step: int | None = about("The first step at which it applied.")
 
 
 class PairRecord(Model):
     """The effective contact parameters of one monitored pair."""
 
     condim: int
-    friction: tuple[float, ...] = Field(
-        min_length=5, max_length=5, description="Slide, slide [1]; torsion, roll, roll [m]."
+    friction: tuple[float, ...] = about(
+        "Slide, slide [1]; torsion, roll, roll [m].", min_length=5, max_length=5
     )
     solref: tuple[float, ...] = Field(min_length=2, max_length=2)
     solimp: tuple[float, ...] = Field(min_length=5, max_length=5)
-    margin: float = Field(description="m")
-    gap: float = Field(description="m")
+    margin: float = about("m")
+    gap: float = about("m")
 
 
 class Engine(Model):
@@ -113,23 +108,22 @@ class InitialState(Model):
 
     qpos: tuple[float, ...]
     qvel: tuple[float, ...]
-    ctrl: tuple[float, ...] = Field(
-        default=(), description="Control at the start; it stays, unless the scene drives it."
+    ctrl: tuple[float, ...] = about(
+        "Control at the start; it stays, unless the scene drives it.", default=()
     )
-    applied: tuple[float, ...] = Field(
-        default=(),
-        description="Force and torque on each body at the start [N, N m]; empty if none.",
+    applied: tuple[float, ...] = about(
+        "Force and torque on each body at the start [N, N m]; empty if none.", default=()
     )
 
 
 class Cost(Model):
     """The cost of the run."""
 
-    cpu_s: float = Field(description="Thread CPU time of the stepping [s].")
-    cpu_per_sim_s: float = Field(description="CPU seconds per simulated second.")
-    latency_budget_s: float | None = Field(description="Wall time a step may take [s].")
-    latency_used: float | None = Field(
-        description="Mean CPU time of a step over the budget; above 1 the budget is exceeded."
+    cpu_s: float = about("Thread CPU time of the stepping [s].")
+    cpu_per_sim_s: float = about("CPU seconds per simulated second.")
+    latency_budget_s: float | None = about("Wall time a step may take [s].")
+    latency_used: float | None = about(
+        "Mean CPU time of a step over the budget; above 1 the budget is exceeded."
     )
 
     @classmethod
@@ -147,19 +141,19 @@ class Cost(Model):
 class TraceFile(Model):
     """The run's MCAP file."""
 
-    file: str = Field(
-        pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]+\.mcap$", description="Path relative to the store."
+    file: str = about(
+        "Path relative to the store.", pattern=r"^traces/[0-9a-f]{2}/[0-9a-f]+\.mcap$"
     )
     sha256: Sha256
     bytes: int
-    messages: dict[str, int] = Field(description="Messages by topic.")
+    messages: dict[str, int] = about("Messages by topic.")
 
 
 class Host(Model):
     """The machine, as far as it can affect bits and times."""
 
     cpu_model: str
-    cpu_flags: str = Field(description="Hash of the CPU's feature flags.")
+    cpu_flags: str = about("Hash of the CPU's feature flags.")
     cores: int
     os: str
 
@@ -178,8 +172,8 @@ class PluginInfo(Model):
     """A plug-in that was loaded."""
 
     name: str
-    version: str = Field(description="Empty if it states none.")
-    sha256: str = Field(description="Of the file, or of all files of the installed packages.")
+    version: str = about("Empty if it states none.")
+    sha256: str = about("Of the file, or of all files of the installed packages.")
 
     def __str__(self) -> str:
         """Return name, version and the start of the hash."""
@@ -200,62 +194,58 @@ class EvidenceRecord(Model):
 
     schema_version: Literal[2] = RECORD_VERSION
     run_id: Hash
-    index: int = Field(description="The run's place in the plan.")
+    index: int = about("The run's place in the plan.")
     sweep: str
     scene: str
     scene_hash: Hash
     engine: Engine
-    axes: dict[str, Setting] = Field(description="The swept values, as the sweep names them.")
-    settings: dict[str, Setting] = Field(description="Every resolved setting, defaults included.")
-    effects: dict[str, bool] = Field(description="Every effect, on or off.")
-    effect_reasons: dict[str, str] = Field(
-        default_factory=dict, description="Why each effect is on or off."
-    )
-    effects_missed: dict[str, str] = Field(
-        default_factory=dict,
-        description="Effects that are off although the motion called for them, and why.",
+    axes: dict[str, Setting] = about("The swept values, as the sweep names them.")
+    settings: dict[str, Setting] = about("Every resolved setting, defaults included.")
+    effects: dict[str, bool] = about("Every effect, on or off.")
+    effect_reasons: dict[str, str] = about("Why each effect is on or off.", default_factory=dict)
+    effects_missed: dict[str, str] = about(
+        "Effects that are off although the motion called for them, and why.", default_factory=dict
     )
     pairs: dict[str, PairRecord]
-    edited_geoms: tuple[str, ...] = Field(description="Geoms whose contact parameters were set.")
+    edited_geoms: tuple[str, ...] = about("Geoms whose contact parameters were set.")
     seed: int
     initial: InitialState
     duration: float
-    drive: Drive = Field(default="none", description="What drove the run.")
+    drive: Drive = about("What drove the run.", default="none")
     status: Status
     status_reason: str | None
     steps: int
     steps_asked: int
-    warnings: dict[str, int] = Field(description="Engine warnings by name.")
+    warnings: dict[str, int] = about("Engine warnings by name.")
     metrics: dict[str, float | None]
     metric_versions: dict[str, int]
     units: dict[str, str]
     label: str
-    labels: tuple[LabelEntry, ...] = Field(description="Every label that applies, worst first.")
+    labels: tuple[LabelEntry, ...] = about("Every label that applies, worst first.")
     expected: tuple[str, ...] | None
     expectation_met: bool | None
     expectation_reason: str | None
     tolerances_met: bool | None
-    coverage: Coverage | None = Field(
-        default=None, description="What the run exercised; null where it is not known."
+    coverage: Coverage | None = about(
+        "What the run exercised; null where it is not known.", default=None
     )
-    trajectory_hash: Hash | None = Field(
-        description="SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
+    trajectory_hash: Hash | None = about(
+        "SHA-256 of time, qpos, qvel and act of every state row, as float64 bytes."
     )
-    knife_edge: bool | None = Field(
-        default=None, description="Whether a start 1e-6 away gives another label; null if unasked."
+    knife_edge: bool | None = about(
+        "Whether a start 1e-6 away gives another label; null if unasked.", default=None
     )
     provenance: Provenance
     plugins: PluginInfos = ()
     cost: Cost | None = None
-    accuracy: Accuracy | None = Field(default=None, description="Null if the sweep requests none.")
-    timing: Timing | None = Field(default=None, description="Null if the sweep requests none.")
+    accuracy: Accuracy | None = about("Null if the sweep requests none.", default=None)
+    timing: Timing | None = about("Null if the sweep requests none.", default=None)
     trace: TraceFile | None = None
-    controls: str | None = Field(
-        default=None,
-        description="SHA-256 of what its policy did, in controls/SHA256.arrow; null without.",
+    controls: str | None = about(
+        "SHA-256 of what its policy did, in controls/SHA256.arrow; null without.", default=None
     )
-    started: str | None = Field(default=None, description="UTC, ISO 8601.")
-    finished: str | None = Field(default=None, description="UTC, ISO 8601.")
+    started: str | None = about("UTC, ISO 8601.", default=None)
+    finished: str | None = about("UTC, ISO 8601.", default=None)
 
 
 STORE_VERSION = 2
@@ -266,12 +256,12 @@ class SweepIdentity(Model):
 
     store_version: Literal[2] = STORE_VERSION
     name: str
-    source: str = Field(description="The sweep file's text.")
-    overrides: tuple[str, ...] = Field(description="--set, --only and --limit, as given.")
-    resolved: dict[str, Any] = Field(description="The sweep with defaults filled in.")
+    source: str = about("The sweep file's text.")
+    overrides: tuple[str, ...] = about("--set, --only and --limit, as given.")
+    resolved: dict[str, Any] = about("The sweep with defaults filled in.")
     scene: str
     scene_hash: Hash
-    scene_model: InnerName = Field(description="The model file, relative to scenes/<hash>.")
+    scene_model: InnerName = about("The model file, relative to scenes/<hash>.")
     engine: Engine
     metric_versions: dict[str, int]
     definitions: Sha256 | None = Field(
@@ -280,11 +270,11 @@ class SweepIdentity(Model):
         "them; null in stores of older versions.",
     )
     runs_asked: int
-    lacking: dict[str, str] = Field(
+    lacking: dict[str, str] = about(
+        "Why this version of the engine leaves a value null, by the value's name.",
         default_factory=dict,
-        description="Why this version of the engine leaves a value null, by the value's name.",
     )
-    plan_hash: Hash = Field(description="Hash of every run id in plan order.")
+    plan_hash: Hash = about("Hash of every run id in plan order.")
     plugins: PluginInfos = ()
 
 
@@ -298,18 +288,15 @@ class StoreManifest(Model):
     labels: dict[str, int]
     statuses: dict[str, int]
     traces: int
-    traces_left_out: bool = Field(
-        default=False,
-        description="Whether the traces that the records name were left out, as in a baseline.",
+    traces_left_out: bool = about(
+        "Whether the traces that the records name were left out, as in a baseline.", default=False
     )
-    expectations: dict[str, int] = Field(description="Runs by outcome: met, unmet, none.")
-    files: dict[InnerName, Sha256] = Field(
-        description="SHA-256 of every file but traces and this one."
-    )
-    records: Sha256 | None = Field(
-        default=None,
-        description="Digest of every record in plan order, whatever the table's encoding; null in "
+    expectations: dict[str, int] = about("Runs by outcome: met, unmet, none.")
+    files: dict[InnerName, Sha256] = about("SHA-256 of every file but traces and this one.")
+    records: Sha256 | None = about(
+        "Digest of every record in plan order, whatever the table's encoding; null in "
         "stores of older versions.",
+        default=None,
     )
     started: str
     finished: str

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from contactlab.schema.strict_model import Model, Whole, Word
+from contactlab.schema.strict_model import Model, Whole, Word, about
 
 CheckOutcome = Literal["failed", "warned", "noted", "passed", "skipped"]
 Count = Annotated[Whole, Field(ge=0)]
@@ -15,11 +15,11 @@ class JudgedCheck(Model):
     """One thing that was judged."""
 
     name: str
-    group: str = Field(default="", description="Which part of what was judged; or empty.")
-    outcome: CheckOutcome = Field(description="Its effect on the job.")
-    failing: int = Field(description="How many of those that were judged fail.")
-    message: str = Field(description="The result, in words.")
-    accepted: str | None = Field(default=None, description="Why it is accepted.")
+    group: str = about("Which part of what was judged; or empty.", default="")
+    outcome: CheckOutcome = about("Its effect on the job.")
+    failing: int = about("How many of those that were judged fail.")
+    message: str = about("The result, in words.")
+    accepted: str | None = about("Why it is accepted.", default=None)
 
     @property
     def full_name(self) -> str:
@@ -35,15 +35,15 @@ class JudgedCheck(Model):
 class AcceptedCheck(Model):
     """A failed check that is known and accepted; `contactlab compare --accept` writes these."""
 
-    check: Word = Field(description="the check's name")
-    group: Word | None = Field(default=None, description="its group; all groups if left out")
-    max: Count = Field(description="how many runs may fail it")
-    reason: Word = Field(description="why it is accepted")
-    until: date | None = Field(default=None, description="last accepted day, YYYY-MM-DD")
+    check: Word = about("the check's name")
+    group: Word | None = about("its group; all groups if left out", default=None)
+    max: Count = about("how many runs may fail it")
+    reason: Word = about("why it is accepted")
+    until: date | None = about("last accepted day, YYYY-MM-DD", default=None)
 
 
 class Acceptances(Model):
     """The failing checks that are known and accepted."""
 
-    version: Literal[1] = Field(description="version of this file format: 1")
-    accept: tuple[AcceptedCheck, ...] = Field(default=(), description="checks that may fail")
+    version: Literal[1] = about("version of this file format: 1")
+    accept: tuple[AcceptedCheck, ...] = about("checks that may fail", default=())

@@ -2,10 +2,10 @@
 
 from typing import Annotated, Literal, Self
 
-from pydantic import ConfigDict, Discriminator, Field, Tag, model_validator
+from pydantic import ConfigDict, Discriminator, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.strict_model import Model, Number, Positive, Word
+from contactlab.schema.strict_model import Model, Number, Positive, Word, about
 
 # A number, or an expression over the scene's initial values.
 Term = Number | Word
@@ -15,8 +15,8 @@ PairMode = Literal["stick", "slide", "apart", "rolls"]
 class Bounds(Model):
     """The range that a metric must lie in, ends included."""
 
-    min: Number | None = Field(default=None, description="smallest accepted value")
-    max: Number | None = Field(default=None, description="largest accepted value")
+    min: Number | None = about("smallest accepted value", default=None)
+    max: Number | None = about("largest accepted value", default=None)
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -30,14 +30,14 @@ class Bounds(Model):
 class DepthBound(Model):
     """How deep a pair may be."""
 
-    max: Positive = Field(description="largest accepted penetration [m]")
+    max: Positive = about("largest accepted penetration [m]")
 
 
 class ExpectedModes(Model):
     """Whether monitored pairs should stick or slide when first and last in contact."""
 
-    first: Literal["stick", "slide"] | None = Field(default=None, description="when first so")
-    last: Literal["stick", "slide"] | None = Field(default=None, description="when last so")
+    first: Literal["stick", "slide"] | None = about("when first so", default=None)
+    last: Literal["stick", "slide"] | None = about("when last so", default=None)
 
 
 Modes = Annotated[
@@ -51,27 +51,21 @@ class PairExpectation(Model):
 
     model_config = ConfigDict(serialize_by_alias=True)
 
-    pair: Word | None = Field(
-        default=None,
-        description="monitored pairs, as GEOM-GEOM or BODY-BODY in either order, or a pattern",
+    pair: Word | None = about(
+        "monitored pairs, as GEOM-GEOM or BODY-BODY in either order, or a pattern", default=None
     )
-    body: Word | None = Field(
-        default=None, description="all monitored pairs of this body, or of those of a pattern"
+    body: Word | None = about(
+        "all monitored pairs of this body, or of those of a pattern", default=None
     )
-    mode: Modes | None = Field(
-        default=None,
-        description="stick, slide, apart or rolls (without slipping), or {first, last}",
+    mode: Modes | None = about(
+        "stick, slide, apart or rolls (without slipping), or {first, last}", default=None
     )
-    force: Bounds | None = Field(
-        default=None, description="{min, max} of the pairs' normal forces together [N], over 20 ms"
+    force: Bounds | None = about(
+        "{min, max} of the pairs' normal forces together [N], over 20 ms", default=None
     )
-    depth: DepthBound | None = Field(default=None, description="{max}: largest penetration [m]")
-    start: Term | None = Field(
-        default=None, alias="from", description="from when [s]; the start if left out"
-    )
-    stop: Term | None = Field(
-        default=None, alias="to", description="to when [s]; the end if left out"
-    )
+    depth: DepthBound | None = about("{max}: largest penetration [m]", default=None)
+    start: Term | None = about("from when [s]; the start if left out", default=None, alias="from")
+    stop: Term | None = about("to when [s]; the end if left out", default=None, alias="to")
 
     @property
     def expects(self) -> bool:

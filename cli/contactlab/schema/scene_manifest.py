@@ -6,7 +6,7 @@ from pydantic import Field, model_validator
 
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation, Term
-from contactlab.schema.strict_model import Model
+from contactlab.schema.strict_model import Model, about
 from contactlab.schema.sweep_schema import Effects
 
 
@@ -16,11 +16,11 @@ class InitialValue(Model):
     default: float
     unit: str
     description: str
-    sets: dict[str, str] = Field(
-        default_factory=dict,
-        description="Coordinate to expression over initial values: `ball.z: drop_height + 0.05`. "
+    sets: dict[str, str] = about(
+        "Coordinate to expression over initial values: `ball.z: drop_height + 0.05`. "
         "Coordinates are JOINT for a slide or hinge, JOINT.v for its velocity, and for a free "
         "joint JOINT.x, .y, .z, .qw, .qx, .qy, .qz, .vx, .vy, .vz, .wx, .wy, .wz.",
+        default_factory=dict,
     )
 
 
@@ -30,16 +30,16 @@ class StructureValue(Model):
     default: float
     unit: str
     description: str
-    element: str = Field(description="Path of the element, as xml.etree understands it.")
+    element: str = about("Path of the element, as xml.etree understands it.")
     attribute: str
     integer: bool = False
-    least: float | None = Field(
-        default=None, description="Smallest value; if not given, any above 0, or 1 for integers."
+    least: float | None = about(
+        "Smallest value; if not given, any above 0, or 1 for integers.", default=None
     )
-    text: str = Field(
-        default="{}",
-        description="The attribute's text: {} stands for the value, and braces may hold an "
+    text: str = about(
+        "The attribute's text: {} stands for the value, and braces may hold an "
         "expression over its name: `-{} {}` is a range, `0 {width / 2} 0` a position.",
+        default="{}",
     )
 
 
@@ -50,11 +50,11 @@ class ControlEntry(Model):
     at which the later value holds.
     """
 
-    at: tuple[Term, ...] = Field(
-        min_length=1, description="Times of the knots [s]; each a number or an expression."
+    at: tuple[Term, ...] = about(
+        "Times of the knots [s]; each a number or an expression.", min_length=1
     )
-    to: tuple[Term, ...] = Field(
-        min_length=1, description="Values at the knots; each a number or an expression."
+    to: tuple[Term, ...] = about(
+        "Values at the knots; each a number or an expression.", min_length=1
     )
 
     @model_validator(mode="after")
@@ -68,11 +68,9 @@ class ControlEntry(Model):
 class HoldEntry(Model):
     """When the scene's subject is held, and by what."""
 
-    start: Term = Field(alias="from", description="Start of the hold [s].")
-    stop: Term = Field(alias="to", description="End of the hold [s].")
-    relative_to: str | None = Field(
-        default=None, description="The body that holds it; the world if not given."
-    )
+    start: Term = about("Start of the hold [s].", alias="from")
+    stop: Term = about("End of the hold [s].", alias="to")
+    relative_to: str | None = about("The body that holds it; the world if not given.", default=None)
 
 
 class PairEntry(PairExpectation):
@@ -83,14 +81,14 @@ class PairEntry(PairExpectation):
 
     geoms: tuple[str, str] | None = None
     bodies: tuple[str, str] | None = None
-    chain: tuple[str, ...] | None = Field(
-        default=None, description="Geom names or patterns; each geom is paired with the next."
+    chain: tuple[str, ...] | None = about(
+        "Geom names or patterns; each geom is paired with the next.", default=None
     )
-    slots: int | None = Field(
+    slots: int | None = about(
+        "Contacts recorded per step; derived from the shapes if not given.",
         default=None,
         ge=1,
         le=64,
-        description="Contacts recorded per step; derived from the shapes if not given.",
     )
 
     @property
@@ -103,7 +101,7 @@ class Perturbation(Model):
     """How a seed perturbs the start state: a uniform offset in [-scale, scale] for each."""
 
     coordinates: tuple[str, ...]
-    scale: float = Field(gt=0, description="m, rad, m/s or rad/s, depending on the coordinate.")
+    scale: float = about("m, rad, m/s or rad/s, depending on the coordinate.", gt=0)
 
 
 class OracleEntry(Model):
@@ -111,7 +109,7 @@ class OracleEntry(Model):
 
     name: str
     tolerance: float = Field(gt=0)
-    derivation: str = Field(description="Where the tolerance comes from.")
+    derivation: str = about("Where the tolerance comes from.")
 
 
 class SceneManifest(Model):
@@ -120,32 +118,31 @@ class SceneManifest(Model):
     version: Literal[1]
     title: str
     description: str
-    model: str = Field(default="scene.xml", description="The MJCF or URDF file, relative to here.")
-    duration: float = Field(gt=0, description="Simulated time of a run [s].")
-    subject: str | None = Field(default=None, description="The body that the mass axis sets.")
-    keyframe: str | None = Field(default=None, description="Keyframe to start from.")
+    model: str = about("The MJCF or URDF file, relative to here.", default="scene.xml")
+    duration: float = about("Simulated time of a run [s].", gt=0)
+    subject: str | None = about("The body that the mass axis sets.", default=None)
+    keyframe: str | None = about("Keyframe to start from.", default=None)
     pairs: tuple[PairEntry, ...] = ()
     initial: dict[str, InitialValue] = Field(default_factory=dict)
     structure: dict[str, StructureValue] = Field(default_factory=dict)
-    control: dict[str, ControlEntry] = Field(
-        default_factory=dict,
-        description="Coordinates ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz, to their "
+    control: dict[str, ControlEntry] = about(
+        "Coordinates ACTUATOR.ctrl, or BODY.fx, .fy, .fz, .tx, .ty, .tz, to their "
         "values over time; expressions are over initial values.",
+        default_factory=dict,
     )
-    drive: Drive = Field(
-        default="none",
-        description="What drives a run besides `control`, unless the sweep says otherwise.",
+    drive: Drive = about(
+        "What drives a run besides `control`, unless the sweep says otherwise.", default="none"
     )
     hold: HoldEntry | None = None
     perturb: Perturbation | None = None
-    modes: ExpectedModes = Field(
-        default=ExpectedModes(), description="`mode: {first, last}` of all monitored pairs."
+    modes: ExpectedModes = about(
+        "`mode: {first, last}` of all monitored pairs.", default=ExpectedModes()
     )
     oracle: OracleEntry | None = None
-    effects: Effects = Field(
-        default_factory=dict,
-        description="`auto` (the default) leaves out what provably changes nothing, `all` leaves "
+    effects: Effects = about(
+        "`auto` (the default) leaves out what provably changes nothing, `all` leaves "
         "out nothing; or effect name to true or false, with `base` for the others.",
+        default_factory=dict,
     )
     tolerances: dict[str, float] = Field(default_factory=dict)
     thresholds: dict[str, float] = Field(default_factory=dict)

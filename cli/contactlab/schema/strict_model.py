@@ -3,7 +3,7 @@
 import re
 import sys
 from collections.abc import Sequence
-from typing import Annotated, cast
+from typing import Annotated, Any, cast, dataclass_transform
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, WithJsonSchema
 from pydantic_core import PydanticCustomError
@@ -51,7 +51,17 @@ def check_extent(text: str) -> None:
             raise ValueError("nested too deeply")
 
 
-class Model(BaseModel):
+def about(description: str, **rules: Any) -> Any:  # noqa: ANN401 - of the field's own type
+    """Return a field with a description; `default` and other rules are those of pydantic."""
+    return Field(description=description, **rules)
+
+
+@dataclass_transform(kw_only_default=True, field_specifiers=(about, Field))
+class _Described(type(BaseModel)):
+    """Lets type checkers see that a field which is described may yet have no default."""
+
+
+class Model(BaseModel, metaclass=_Described):
     """A mapping with known keys only, immutable once read."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
@@ -100,18 +110,11 @@ def _fraction(value: object) -> object:
 
 
 # A bound in the metric's own unit; `1%` is another way to write 0.01.
+_Percent = Annotated[str, Field(pattern=r"^[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%$")]
 Tolerance = Annotated[
     float,
     Field(strict=True, allow_inf_nan=False, ge=0),
-    BeforeValidator(_fraction),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "number", "minimum": 0},
-                {"type": "string", "pattern": r"^[0-9]*\.?[0-9]+([eE][-+]?[0-9]+)?%$"},
-            ]
-        }
-    ),
+    BeforeValidator(_fraction, json_schema_input_type=Annotated[float, Field(ge=0)] | _Percent),
 ]
 
 
@@ -120,16 +123,7 @@ def listed(value: object) -> object:
     return (value,) if isinstance(value, str) else value
 
 
+_SeveralWords = Annotated[tuple[Word, ...], Field(min_length=1)]
 Words = Annotated[
-    tuple[Word, ...],
-    Field(min_length=1),
-    BeforeValidator(listed),
-    WithJsonSchema(
-        {
-            "anyOf": [
-                {"type": "string", "minLength": 1},
-                {"type": "array", "items": {"type": "string", "minLength": 1}, "minItems": 1},
-            ]
-        }
-    ),
+    _SeveralWords, BeforeValidator(listed, json_schema_input_type=Word | _SeveralWords)
 ]

@@ -27,6 +27,7 @@ from contactlab.schema.strict_model import (
     Whole,
     Word,
     Words,
+    about,
 )
 
 EffectsBase = Literal["auto", "all"]
@@ -93,8 +94,8 @@ class Condition(Model):
     model_config = ConfigDict(extra="allow")
     __pydantic_extra__: dict[str, Value] = Field(init=False)  # pyright: ignore[reportIncompatibleVariableOverride]
 
-    where: Word | None = Field(
-        default=None, description='an expression over axes, such as "timestep * 2 > 1e-3"'
+    where: Word | None = about(
+        'an expression over axes, such as "timestep * 2 > 1e-3"', default=None
     )
 
     @property
@@ -106,17 +107,16 @@ class Condition(Model):
 class Expectation(PairExpectation):
     """The expected outcome of the runs that a condition selects; makes a sweep a test."""
 
-    where: Condition = Field(
-        default_factory=Condition,
-        description="axis values that select the runs; all runs if left out",
+    where: Condition = about(
+        "axis values that select the runs; all runs if left out", default_factory=Condition
     )
-    label: Words | None = Field(
-        default=None, description="the label that such a run must get, or a list of allowed ones"
+    label: Words | None = about(
+        "the label that such a run must get, or a list of allowed ones", default=None
     )
-    metrics: dict[str, Bounds] = Field(
-        default={}, description="metric name to {min, max}, both in the metric's own unit"
+    metrics: dict[str, Bounds] = about(
+        "metric name to {min, max}, both in the metric's own unit", default={}
     )
-    reason: Word | None = Field(default=None, description="why it is expected, for the report")
+    reason: Word | None = about("why it is expected, for the report", default=None)
 
     @model_validator(mode="after")
     def _says_something(self) -> Self:
@@ -128,17 +128,17 @@ class Expectation(PairExpectation):
 class Sample(Model):
     """How the values of `uniform` and `loguniform` axes are drawn."""
 
-    method: Literal["sobol", "lhs", "random"] = Field(
-        default="sobol", description="sobol: low discrepancy; lhs: Latin hypercube; random"
+    method: Literal["sobol", "lhs", "random"] = about(
+        "sobol: low discrepancy; lhs: Latin hypercube; random", default="sobol"
     )
-    n: Annotated[Whole, Field(ge=1, le=1_000_000)] = Field(description="number of points")
-    seed: Seed = Field(default=0, description="the same seed draws the same points")
+    n: Annotated[Whole, Field(ge=1, le=1_000_000)] = about("number of points")
+    seed: Seed = about("the same seed draws the same points", default=0)
 
 
 class IncludeFile(Model):
     """Further rows, from a table."""
 
-    file: Word = Field(description="CSV file beside the sweep file; its first line names the axes")
+    file: Word = about("CSV file beside the sweep file; its first line names the axes")
 
 
 IncludedRow = dict[str, Value]
@@ -158,101 +158,82 @@ Seeds = Annotated[
 class AccuracyRequest(Model):
     """Discretisation errors: each run against its own model at a much finer timestep."""
 
-    error: Literal["auto", "trajectory", "local", "invariants"] = Field(
-        default="auto",
-        description="trajectory: distance at common times; local: the same, restarted from the "
+    error: Literal["auto", "trajectory", "local", "invariants"] = about(
+        "trajectory: distance at common times; local: the same, restarted from the "
         "reference's states; invariants: energy and momenta, for chaotic scenes; auto: trajectory "
         "unless a perturbed copy shows chaos",
+        default="auto",
     )
-    refine: Annotated[Whole, Field(ge=2, le=1024)] = Field(
-        default=16,
-        description="smallest timestep of a run over that of the coarser reference; the finer "
+    refine: Annotated[Whole, Field(ge=2, le=1024)] = about(
+        "smallest timestep of a run over that of the coarser reference; the finer "
         "one takes half of that",
+        default=16,
     )
 
 
 class TimingRequest(Model):
     """Times: every run once more, in isolation, interleaved with the others, not recorded."""
 
-    rounds: Annotated[Whole, Field(ge=3, le=1000)] = Field(
-        default=3, description="how often each run is timed"
-    )
+    rounds: Annotated[Whole, Field(ge=3, le=1000)] = about("how often each run is timed", default=3)
 
 
 class Sweep(Model):
     """A declared grid of runs of one scene."""
 
-    version: Literal[1] = Field(description="version of this file format: 1")
-    scene: Word = Field(
-        description="shipped scene, folder, .xml, .urdf, or menagerie:ROBOT[/ENTRY]"
+    version: Literal[1] = about("version of this file format: 1")
+    scene: Word = about("shipped scene, folder, .xml, .urdf, or menagerie:ROBOT[/ENTRY]")
+    description: str | None = about("what the sweep is for", default=None)
+    duration: Positive | None = about(
+        "simulated time of a run [s]; the scene's own if left out", default=None
     )
-    description: str | None = Field(default=None, description="what the sweep is for")
-    duration: Positive | None = Field(
-        default=None, description="simulated time of a run [s]; the scene's own if left out"
-    )
-    drive: Drive | None = Field(
-        default=None,
-        description="none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or "
+    drive: Drive | None = about(
+        "none, hold, exercise, {noise: SHARE, rate: HZ}, {file: FILE} or "
         "{policy: FILE.py:CLASS}; left out: the scene's own",
+        default=None,
     )
-    seeds: Seeds = Field(
-        default=1, description="number of seeds (0, 1, ...) or a list of them; innermost"
+    seeds: Seeds = about("number of seeds (0, 1, ...) or a list of them; innermost", default=1)
+    axes: dict[str, Axis] = about("axis name to its values; the sweep is their product", default={})
+    zip: tuple[Annotated[dict[str, Axis], Field(min_length=1)], ...] = about(
+        "blocks of equally long axes that advance together; each block is one axis", default=()
     )
-    axes: dict[str, Axis] = Field(
-        default={}, description="axis name to its values; the sweep is their product"
+    sample: Sample | None = about("how `uniform` and `loguniform` axes are drawn", default=None)
+    exclude: tuple[Condition, ...] = about(
+        "runs to leave out: partial matches, {where: expression} or both", default=()
     )
-    zip: tuple[Annotated[dict[str, Axis], Field(min_length=1)], ...] = Field(
-        default=(),
-        description="blocks of equally long axes that advance together; each block is one axis",
-    )
-    sample: Sample | None = Field(
-        default=None, description="how `uniform` and `loguniform` axes are drawn"
-    )
-    exclude: tuple[Condition, ...] = Field(
-        default=(), description="runs to leave out: partial matches, {where: expression} or both"
-    )
-    include: Include = Field(
-        default=(), description="rows to add after `exclude`, or {file: runs.csv}"
-    )
-    effects: Effects = Field(
-        default={},
-        description="auto: leave out what provably changes nothing; all: leave out nothing; or "
+    include: Include = about("rows to add after `exclude`, or {file: runs.csv}", default=())
+    effects: Effects = about(
+        "auto: leave out what provably changes nothing; all: leave out nothing; or "
         "effect name to true or false, with `base: auto` or `base: all` for the others",
+        default={},
     )
-    pairs: tuple[PairExpectation, ...] = Field(
-        default=(), description="what monitored pairs should do in every run"
+    pairs: tuple[PairExpectation, ...] = about(
+        "what monitored pairs should do in every run", default=()
     )
-    tolerances: dict[str, Tolerance] = Field(
-        default={}, description="metric name to the largest acceptable value: a number, or 1%"
+    tolerances: dict[str, Tolerance] = about(
+        "metric name to the largest acceptable value: a number, or 1%", default={}
     )
-    thresholds: dict[str, Number] = Field(
-        default={}, description="label threshold name to a value other than the scene's"
+    thresholds: dict[str, Number] = about(
+        "label threshold name to a value other than the scene's", default={}
     )
-    expect: tuple[Expectation, ...] = Field(
-        default=(), description="expected outcomes; makes the sweep a test"
+    expect: tuple[Expectation, ...] = about("expected outcomes; makes the sweep a test", default=())
+    trace: Annotated[str, Field(pattern=r"^(all|flagged|none|sample:[1-9][0-9]*)$")] = about(
+        "runs whose trace is kept: all, flagged, none or sample:N", default="all"
     )
-    trace: Annotated[str, Field(pattern=r"^(all|flagged|none|sample:[1-9][0-9]*)$")] = Field(
-        default="all", description="runs whose trace is kept: all, flagged, none or sample:N"
+    checks: Literal["all", "flagged", "none"] = about(
+        "runs that a second pass checks: all, those not stable, or none", default="flagged"
     )
-    checks: Literal["all", "flagged", "none"] = Field(
-        default="flagged",
-        description="runs that a second pass checks: all, those not stable, or none",
-    )
-    knife_edge: Annotated[bool, Field(strict=True)] = Field(
+    knife_edge: Annotated[bool, Field(strict=True)] = about(
+        "whether to repeat each run from a start 1e-6 away, to see whether its label stays",
         default=False,
-        description="whether to repeat each run from a start 1e-6 away, to see whether its "
-        "label stays",
     )
-    accuracy: AccuracyRequest | None = Field(
-        default=None, description="errors of each run against a reference; left out: not computed"
+    accuracy: AccuracyRequest | None = about(
+        "errors of each run against a reference; left out: not computed", default=None
     )
-    timing: TimingRequest | None = Field(
-        default=None, description="time of each run in isolation; left out: not measured"
+    timing: TimingRequest | None = about(
+        "time of each run in isolation; left out: not measured", default=None
     )
-    latency_budget: Positive | None = Field(
-        default=None, description="wall time a step may take [s]"
-    )
-    timeout: Positive = Field(default=60.0, description="wall time a run may take [s]")
+    latency_budget: Positive | None = about("wall time a step may take [s]", default=None)
+    timeout: Positive = about("wall time a run may take [s]", default=60.0)
 
     @property
     def seed_values(self) -> tuple[int, ...]:

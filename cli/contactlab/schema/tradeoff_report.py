@@ -2,10 +2,8 @@
 
 from typing import Literal
 
-from pydantic import Field
-
 from contactlab.schema.evidence import Setting
-from contactlab.schema.strict_model import Model
+from contactlab.schema.strict_model import Model, about
 
 TRADEOFF_VERSION = 1
 
@@ -15,24 +13,24 @@ Settings = dict[str, Setting]
 class ErrorMeasure(Model):
     """The error that measures accuracy."""
 
-    name: str = Field(description="The column of runs.parquet.")
+    name: str = about("The column of runs.parquet.")
     unit: str
     kind: Literal["discretisation", "modelling", "metric"]
-    against: str | None = Field(
-        description="Of a discretisation error: trajectory, local or invariants, as in a record."
+    against: str | None = about(
+        "Of a discretisation error: trajectory, local or invariants, as in a record."
     )
-    resolution: float = Field(description="Smaller differences count as none; in the error's unit.")
+    resolution: float = about("Smaller differences count as none; in the error's unit.")
 
 
 class TimeMeasure(Model):
     """The time that measures cost: CPU seconds per simulated second, averaged over runs."""
 
-    name: str = Field(description="The column of runs.parquet.")
-    source: Literal["timing", "recording"] = Field(
-        description="A separate timing pass, or the recorded runs themselves."
+    name: str = about("The column of runs.parquet.")
+    source: Literal["timing", "recording"] = about(
+        "A separate timing pass, or the recorded runs themselves."
     )
-    spread: float | None = Field(
-        description="Median over configurations of median over minimum of the rounds, less 1."
+    spread: float | None = about(
+        "Median over configurations of median over minimum of the rounds, less 1."
     )
 
 
@@ -41,31 +39,29 @@ class ConfigurationOutcomes(Model):
 
     runs: int
     good: int
-    low: float = Field(description="Lower end of the 95 % Wilson interval of the rate.")
-    high: float = Field(description="Its upper end.")
-    labels: dict[str, int] = Field(description="Runs by worst label.")
+    low: float = about("Lower end of the 95 % Wilson interval of the rate.")
+    high: float = about("Its upper end.")
+    labels: dict[str, int] = about("Runs by worst label.")
 
 
 class Configuration(Model):
     """One setting of all knobs, over all scenarios and seeds."""
 
     configuration: Settings
-    time: float | None = Field(description="CPU seconds per simulated second, mean of its runs.")
-    time_worst: float | None = Field(description="The same in its most expensive run.")
-    real_time_factor: float | None = Field(description="Simulated over CPU time.")
-    error: float | None = Field(description="Largest in any of its runs; null if one has none.")
-    below_estimate: bool = Field(
-        description="The error is below the uncertainty of the reference: an upper bound."
+    time: float | None = about("CPU seconds per simulated second, mean of its runs.")
+    time_worst: float | None = about("The same in its most expensive run.")
+    real_time_factor: float | None = about("Simulated over CPU time.")
+    error: float | None = about("Largest in any of its runs; null if one has none.")
+    below_estimate: bool = about(
+        "The error is below the uncertainty of the reference: an upper bound."
     )
-    solref_clamped: bool = Field(
-        description="refsafe raised a solref time constant to 2 timesteps."
-    )
-    step_p99: float | None = Field(description="99th percentile of a step's time, worst run [s].")
+    solref_clamped: bool = about("refsafe raised a solref time constant to 2 timesteps.")
+    step_p99: float | None = about("99th percentile of a step's time, worst run [s].")
     feasible: bool
-    reasons: tuple[str, ...] = Field(description="Why it is not feasible.")
-    worst: dict[str, float | None] = Field(description="Largest size of each tolerated metric.")
-    margins: dict[str, float | None] = Field(
-        description="Tolerance over worst value; null if that is zero or was not measured."
+    reasons: tuple[str, ...] = about("Why it is not feasible.")
+    worst: dict[str, float | None] = about("Largest size of each tolerated metric.")
+    margins: dict[str, float | None] = about(
+        "Tolerance over worst value; null if that is zero or was not measured."
     )
     outcomes: ConfigurationOutcomes
 
@@ -82,18 +78,18 @@ class FrontPoint(Model):
 class Order(Model):
     """How fast the error falls with the timestep."""
 
-    slope: float | None = Field(description="Of log error against log timestep; null if none.")
+    slope: float | None = about("Of log error against log timestep; null if none.")
     standard_error: float | None
-    points: int = Field(description="Timesteps that it was fitted over.")
-    reason: str | None = Field(description="Why there is none.")
+    points: int = about("Timesteps that it was fitted over.")
+    reason: str | None = about("Why there is none.")
 
 
 class Floor(Model):
     """A modelling error: what remains at any timestep, however small."""
 
     error: float
-    points: int = Field(description="Timesteps, from the finest up, over which it does not change.")
-    timestep: float = Field(description="The longest of them [s].")
+    points: int = about("Timesteps, from the finest up, over which it does not change.")
+    timestep: float = about("The longest of them [s].")
 
 
 class Method(Model):
@@ -113,31 +109,31 @@ class Recommendation(Model):
     time: float
     error: float | None
     real_time_factor: float
-    equally_fast: tuple[Settings, ...] = Field(
-        description="Feasible configurations whose time does not measurably differ from its own."
+    equally_fast: tuple[Settings, ...] = about(
+        "Feasible configurations whose time does not measurably differ from its own."
     )
-    run_id: str = Field(description="A run of it, for `contactlab show`.")
-    mjcf: tuple[str, ...] = Field(description="Lines that set it in a model.")
-    other: Settings = Field(description="Knobs that no MJCF option or default sets.")
+    run_id: str = about("A run of it, for `contactlab show`.")
+    mjcf: tuple[str, ...] = about("Lines that set it in a model.")
+    other: Settings = about("Knobs that no MJCF option or default sets.")
 
 
 class NextStep(Model):
     """The next point of the front: what more time buys."""
 
     configuration: Settings
-    time_ratio: float = Field(description="Its time over the recommendation's.")
-    error_ratio: float | None = Field(
-        description="The recommendation's error over its own; null if its own is zero."
+    time_ratio: float = about("Its time over the recommendation's.")
+    error_ratio: float | None = about(
+        "The recommendation's error over its own; null if its own is zero."
     )
 
 
 class Blocker(Model):
     """A reason why configurations are not feasible."""
 
-    name: str = Field(description="A tolerance's metric, or a label.")
+    name: str = about("A tolerance's metric, or a label.")
     kind: Literal["tolerance", "label"]
     configurations: int
-    best: float | None = Field(description="Smallest worst value over configurations.")
+    best: float | None = about("Smallest worst value over configurations.")
 
 
 class TradeoffReport(Model):
@@ -149,24 +145,22 @@ class TradeoffReport(Model):
     scene: str
     knobs: tuple[str, ...]
     scenarios: tuple[str, ...]
-    idle: tuple[str, ...] = Field(description="Knobs that change no error by more than 1 %.")
-    cases: int = Field(description="Scenarios times seeds that each configuration is run for.")
+    idle: tuple[str, ...] = about("Knobs that change no error by more than 1 %.")
+    cases: int = about("Scenarios times seeds that each configuration is run for.")
     error: ErrorMeasure
     time: TimeMeasure
     tolerances: dict[str, float]
-    chaotic: bool = Field(
-        description="Whether runs are chaotic: their trajectories do not compare."
-    )
+    chaotic: bool = about("Whether runs are chaotic: their trajectories do not compare.")
     configurations: tuple[Configuration, ...]
-    front: tuple[FrontPoint, ...] = Field(description="Over feasible configurations.")
-    unconstrained_front: tuple[FrontPoint, ...] = Field(description="Over all of them.")
-    methods: tuple[Method, ...] = Field(description="With one value of each idle knob.")
+    front: tuple[FrontPoint, ...] = about("Over feasible configurations.")
+    unconstrained_front: tuple[FrontPoint, ...] = about("Over all of them.")
+    methods: tuple[Method, ...] = about("With one value of each idle knob.")
     recommendation: Recommendation | None
-    robust: Recommendation | None = Field(
-        description="The cheapest configuration with all margins at least 1.25."
+    robust: Recommendation | None = about(
+        "The cheapest configuration with all margins at least 1.25."
     )
     next_step: NextStep | None
-    blockers: tuple[Blocker, ...] = Field(description="The most frequent first.")
+    blockers: tuple[Blocker, ...] = about("The most frequent first.")
     notes: tuple[str, ...]
 
     @property
