@@ -15,11 +15,11 @@ import pyarrow.parquet as pq
 from mcap.writer import MCAP0_MAGIC, Writer
 from tests.attack.attack import MODEL, SWEEP, make_store
 
-from contactlab.comparison.policies import read_policy
 from contactlab.contact.trace_arrays import RecordedControls
-from contactlab.plan.sweep_file import read_sweep
+from contactlab.plan.sweep_file import read_sweep, read_yaml_as
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.scene_source import find_scene, read_manifest
+from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import check_trace
@@ -103,7 +103,7 @@ def readers(folder: Path) -> dict[str, Reader]:
             MODEL.format(height=0.1).encode(),
             in_file("model.xml", lambda path: find_scene(str(path))),
         ),
-        "policy": Reader(POLICY, in_file("policy.yaml", read_policy)),
+        "policy": Reader(POLICY, in_file("policy.yaml", lambda p: read_yaml_as(p, ComparePolicy))),
         "manifest": Reader(
             (store / "manifest.json").read_bytes(), lambda d: parse_manifest(d, store)
         ),

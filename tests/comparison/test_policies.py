@@ -2,19 +2,22 @@
 
 from collections.abc import Callable
 from datetime import date
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of, read_policy
+from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of
 from contactlab.errors import PolicyError, SweepFileError
+from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.store.table_layout import REAL, Column
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]
+read_policy = partial(read_yaml_as, kind=ComparePolicy)
 POLICY = """\
 # What our robot accepts.
 version: 1

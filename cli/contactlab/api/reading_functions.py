@@ -5,9 +5,10 @@ from typing import Literal
 
 from contactlab.comparison.compare_stores import DEFAULT_POLICY
 from contactlab.comparison.compare_stores import compare as compare_stores
-from contactlab.comparison.policies import read_policy
+from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.reporting.report_data import PageRequest
 from contactlab.reporting.write_report import write_page
+from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import ComparisonReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_address import Address, parse_address
@@ -40,7 +41,7 @@ def compare(
         StoreError: a store is not sound, or the stores have no run in common.
         PolicyError: the policy asks for what the stores do not have.
     """
-    rules = DEFAULT_POLICY if policy is None else read_policy(Path(policy))
+    rules = DEFAULT_POLICY if policy is None else read_yaml_as(Path(policy), ComparePolicy)
     if match is not None:
         rules = rules.model_copy(update={"match": match})
     return compare_stores(address_of(baseline), address_of(candidate), rules, thorough=thorough)

@@ -114,9 +114,10 @@ def _timers(
 
 def _rules(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePolicy":
     from contactlab.comparison.compare_stores import DEFAULT_POLICY
-    from contactlab.comparison.policies import read_policy
+    from contactlab.plan.sweep_file import read_yaml_as
+    from contactlab.schema.compare_policy import ComparePolicy
 
-    read = DEFAULT_POLICY if policy is None else read_policy(policy)
+    read = DEFAULT_POLICY if policy is None else read_yaml_as(policy, ComparePolicy)
     return read.model_copy(update={name: value for name, value in given.items() if value})
 
 

@@ -30,13 +30,10 @@ def verdict_counts(verdicts: Verdicts) -> dict[Verdict, int]:
 
 @dataclass(frozen=True)
 class CheckSubject:
-    """What a check is about.
+    """What a check is about: its name is the same in every comparison.
 
-    Attributes:
-        name: the same in every comparison.
-        group: axis values of its runs, or empty.
-        budget: fraction of the verdicts that may fail, with a warning.
-        two_sided: whether any change fails, as for a metric without a better direction.
+    A fraction of the verdicts, the budget, may fail with a warning. Of a two-sided check any change
+    fails, as of a metric without a better direction.
     """
 
     name: str

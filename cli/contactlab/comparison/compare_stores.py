@@ -64,20 +64,9 @@ def compare(
     of the policy expire by `today`, by default the day of the call.
 
     Raises:
-        StoreError: a store is not sound, or they have no run in common.
+        StoreError: a store is not sound or not the pinned one, or they have no run in common.
         PolicyError: both are the same store, or the policy names what they do not have.
     """
-    before, after = _open_both(baseline, candidate, policy, thorough=thorough)
-    pairing = pair_runs(before, after, policy)
-    paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
-    check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
-    return _report(paired, remeasure)
-
-
-def _open_both(
-    baseline: Address, candidate: Address, policy: ComparePolicy, *, thorough: bool = False
-) -> tuple[Store, Store]:
-    """Open two sound stores, the baseline being the one that the policy pins, if it pins one."""
     paths = [each for each in (baseline, candidate) if isinstance(each, Path) and each.exists()]
     if baseline == candidate or (len(paths) == 2 and paths[0].samefile(paths[1])):
         raise PolicyError(
@@ -89,7 +78,11 @@ def _open_both(
             f"the baseline {baseline} has the digest {before.digest}, not "
             f"{policy.baseline_digest}, which is pinned; pin the new one if it was meant to change"
         )
-    return before, _open("candidate", candidate, thorough=thorough)
+    after = _open("candidate", candidate, thorough=thorough)
+    pairing = pair_runs(before, after, policy)
+    paired = PairedStores(before, after, pairing, policy, today or date.today())  # noqa: DTZ011
+    check_names(policy, {**before.columns.measured, **after.columns.measured}, paired.ranks)
+    return _report(paired, remeasure)
 
 
 def _open(role: str, address: Address, *, thorough: bool) -> Store:
@@ -128,12 +121,9 @@ def unreadable_report(error: ContactlabError, policy: ComparePolicy) -> Comparis
 
 
 def pair_runs(baseline: Store, candidate: Store, policy: ComparePolicy) -> Pairing:
-    """Return the pairs of runs that `compare` compares.
+    """Return the pairs of runs that `compare` compares; a StoreError if there are none.
 
     Runs of equal id have the same scene content, settings, seed and duration.
-
-    Raises:
-        StoreError: the stores have no run in common.
     """
     by_axes = policy.match == "axes"
     ids = (each.columns.byte_strings("run_id") for each in (baseline, candidate))
@@ -226,9 +216,8 @@ def _store_checks(baseline: Store, candidate: Store) -> Iterator[Check]:
     old, new = baseline.manifest, candidate.manifest
     copied = (old.started, old.finished, old.sweep) == (new.started, new.finished, new.sweep)
     warning = "both were written at the same instant: the sweep did not run again"
-    yield _warning(
-        "candidate is no copy", warning if copied else "", "written by a sweep of its own"
-    )
+    fine = "written by a sweep of its own"
+    yield _warning("candidate is no copy", warning if copied else "", fine)
     swapped = new.finished < old.finished
     warning = f"finished {new.finished[:19]}, before the baseline: are they swapped?"
     yield _warning("candidate is newer", warning if swapped else "", "finished after the baseline")

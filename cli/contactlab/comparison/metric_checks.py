@@ -69,8 +69,9 @@ def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -
     """Return why a metric cannot be compared at all; None if it can."""
     if metric.name not in paired.baseline.columns.measured:
         return "the baseline was made before there was this metric"
-    stores = (paired.baseline, paired.candidate)
-    before, after = (each.manifest.sweep.metric_versions.get(metric.name) for each in stores)
+    before, after = (
+        store.manifest.sweep.metric_versions.get(metric.name) for store, _ in paired.sides
+    )
     required = "metric_versions" in paired.policy.require.same
     if required and None not in (before, after) and before != after:
         return f"its definition changed from version {before} to {after}"
@@ -82,11 +83,9 @@ def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -
 
 @dataclass(frozen=True)
 class MetricPairs:
-    """The values of one metric in n pairs of runs.
+    """The values of one metric in n pairs of runs, by index (n,) of all pairs.
 
-    Attributes:
-        indices: (n,) which of all pairs.
-        exempt: (n,) pairs of which only one run may have a value.
+    Of the exempt pairs (n,) only one run may have a value.
     """
 
     paired: PairedStores
@@ -118,7 +117,7 @@ class MetricPairs:
         before, after = self.baseline.values[both], self.candidate.values[both]
         if rule.statistic == "each":
             verdicts[both] = judge(rule, before, after)
-            message = _format_counts(verdicts, runs) or _within(rule)
+            message = _format_counts(verdicts, runs) or f"within {format_percent(rule.rel)}"
             return subject.check(verdicts[applies], message, self._worst(rule, verdicts))
         judged = verdicts[applies & ~both]
         parts = [_format_counts(verdicts, runs)] if len(judged) else []
@@ -193,10 +192,8 @@ def aggregate(rule: EffectiveRule, baseline: Floats, candidate: Floats) -> tuple
         with np.errstate(divide="ignore", invalid="ignore"):
             ratios = np.where(candidate == baseline, 1.0, candidate / baseline)
         return np.ones(1), np.array([np.median(ratios)])
-    functions = {"mean": np.mean, "median": np.median, "worst": np.max}
-    function = functions[rule.statistic]
-    if rule.statistic == "worst" and rule.better == "higher":
-        function = np.min
+    worst = np.min if rule.better == "higher" else np.max
+    function = {"mean": np.mean, "median": np.median, "worst": worst}[rule.statistic]
     before, after = (np.array([function(x)], dtype=np.float64) for x in (baseline, candidate))
     return before, after
 
@@ -213,14 +210,9 @@ def _format_statistic(
     rule: EffectiveRule, verdict: Verdicts, before: Floats, after: Floats, unit: str
 ) -> str:
     result = "" if verdict[0] == SAME else f", {NAMES[int(verdict[0])]}"
-    if rule.statistic == "ratio":
-        return f"median ratio {after[0]:.3g}{result} ({_within(rule)})"
-    change = value_change(before[0], after[0], unit)
-    return f"{rule.statistic} {change}{result} ({_within(rule)})"
-
-
-def _within(rule: EffectiveRule) -> str:
-    return f"within {format_percent(rule.rel)}"
+    is_ratio, change = rule.statistic == "ratio", value_change(before[0], after[0], unit)
+    shown = f"median ratio {after[0]:.3g}" if is_ratio else f"{rule.statistic} {change}"
+    return f"{shown}{result} (within {format_percent(rule.rel)})"
 
 
 def _value(column: NumberColumn, index: int) -> Value:

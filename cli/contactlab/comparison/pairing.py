@@ -42,16 +42,16 @@ class Pairing(NamedTuple):
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:
     """Pair runs of equal axis values, to 9 digits, and equal seed.
 
-    An axis with a single value may be missing in the other store.
-
-    Raises:
-        StoreError: the stores sweep different axes, or two runs of one store are equal in all.
+    An axis with a single value may be missing in the other store. A StoreError says that the
+    stores sweep different axes, or that two runs of one store are equal in all.
     """
-    names = set(baseline.columns.axis_names)
-    other = set(candidate.columns.axis_names)
-    differing = {name for name in names - other if _varies(baseline, name)}
-    differing |= {name for name in other - names if _varies(candidate, name)}
-    if differing:
+    names, other = (set(each.columns.axis_names) for each in (baseline, candidate))
+    if differing := {
+        name
+        for store, own in ((baseline, names - other), (candidate, other - names))
+        for name in own
+        if np.ptp(_codes((store,), name)[0])
+    }:
         raise StoreError(
             "runs cannot be matched by axes: only one of the stores sweeps "
             f"{', '.join(sorted(differing))}"
@@ -83,11 +83,6 @@ def rounded(values: NDArray[np.float64]) -> NDArray[np.float64]:
         exponent = np.floor(np.log10(np.abs(values)))
         scale = 10.0 ** (_DIGITS - 1 - np.where(np.isfinite(exponent), exponent, 0))
         return np.where(np.isfinite(scale), np.rint(values * scale) / scale, values)
-
-
-def _varies(store: Store, name: str) -> bool:
-    codes, _ = _codes((store,), name)
-    return bool((codes != codes[0]).any())
 
 
 def _codes(stores: Sequence[Store], axis: str) -> tuple[NDArray[np.int64], Sequence[float | str]]:
@@ -127,10 +122,7 @@ def groups(
     """Yield the name of each group, such as `cone=elliptic`, and a mask (n,) of its pairs.
 
     Without axes there is one group, whose name is empty. Groups are those of the whole baseline,
-    so that they do not depend on the candidate.
-
-    Raises:
-        PolicyError: an axis was not swept.
+    so that they do not depend on the candidate. An axis that was not swept is a PolicyError.
     """
     if not axes:
         yield "", np.ones(len(pairing.baseline), dtype=np.bool_)
@@ -155,12 +147,7 @@ def groups(
 
 @dataclass(frozen=True)
 class PairedStores:
-    """Two stores and the pairs of their runs.
-
-    Attributes:
-        pairing: the n pairs of runs.
-        today: the day by which exceptions of the policy expire.
-    """
+    """Two stores and the n pairs of their runs; exceptions of the policy expire by `today`."""
 
     baseline: Store
     candidate: Store
@@ -176,18 +163,20 @@ class PairedStores:
         rows = rows._replace(baseline=rows.baseline[kept], candidate=rows.candidate[kept])
         return replace(self, pairing=rows)
 
+    @property
+    def sides(self) -> tuple[tuple[Store, Rows], ...]:
+        """Both stores, each with the rows (n,) of its runs in the order of the pairs."""
+        return (self.baseline, self.pairing.baseline), (self.candidate, self.pairing.candidate)
+
     def numbers(self, name: str) -> tuple[NumberColumn, NumberColumn]:
         """Return a column of both stores, (n,) each; empty where a store has no such column."""
-        return self._numbers(self.baseline, name), self._numbers(self.candidate, name)
-
-    def _numbers(self, store: Store, name: str) -> NumberColumn:
-        rows = self._rows(store)
-        if name not in store.columns.schema.names:
-            return NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
-        column = store.columns.numbers(name)
-        if len(rows) == len(column.values) and (rows == np.arange(len(rows))).all():
-            return column
-        return column.at(rows)
+        before, after = (
+            store.columns.numbers(name).at(rows)
+            if name in store.columns.schema.names
+            else NumberColumn(np.full(len(rows), np.nan), np.zeros(len(rows), dtype=np.bool_))
+            for store, rows in self.sides
+        )
+        return before, after
 
     @cached_property
     def ranks(self) -> "tuple[str, ...]":

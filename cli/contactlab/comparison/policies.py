@@ -42,34 +42,20 @@ version: 1
 """
 
 
-def read_policy(path: Path) -> ComparePolicy:
-    """Read a policy file.
-
-    Raises:
-        SweepFileError: it cannot be read, or holds mistakes, all of which are in the message.
-    """
-    return read_yaml_as(path, ComparePolicy)
-
-
 def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[str]) -> None:
-    """Check that the policy only names metrics and labels that the stores have.
-
-    Raises:
-        PolicyError: it names others.
-    """
-    metrics, labels = [*metrics, REMEASURED], list(labels)
-    for name in policy.metrics:
-        if not set(name) & _WILDCARDS and name not in metrics:
-            raise PolicyError(
-                f"the policy has a rule for '{name}', but the stores have no such metric"
-                f"{did_you_mean(name, metrics)}"
-            )
-    for name in (name for each in policy.labels.allow for name in (each.from_, each.to)):
-        if name not in labels:
-            raise PolicyError(
-                f"the policy allows a transition of '{name}', but the stores have no such label"
-                f"{did_you_mean(name, labels)}"
-            )
+    """Raise PolicyError if the policy names metrics or labels that the stores do not have."""
+    ruled = [name for name in policy.metrics if not set(name) & _WILDCARDS]
+    moved = [name for each in policy.labels.allow for name in (each.from_, each.to)]
+    for what, kind, names, known in (
+        ("has a rule for", "metric", ruled, [*metrics, REMEASURED]),
+        ("allows a transition of", "label", moved, list(labels)),
+    ):
+        for name in names:
+            if name not in known:
+                raise PolicyError(
+                    f"the policy {what} '{name}', but the stores have no such {kind}"
+                    f"{did_you_mean(name, known)}"
+                )
 
 
 @dataclass(frozen=True)
@@ -116,12 +102,9 @@ def kind_of(name: str) -> CheckKind:
 def acceptance(
     report: ComparisonReport, name: str, reason: str, until: date | None
 ) -> list[AcceptedCheck]:
-    """Return the entries that accept a failing check as it is now, one for each group that fails.
+    """Return the entries that accept a failing check until a day, one for each group that fails.
 
-    `until` is the last day on which they do; None is for ever.
-
-    Raises:
-        PolicyError: there is no such check, it passed, or no reason is given.
+    A PolicyError says that there is no such check, that it passed, or that no reason is given.
     """
     if not reason.strip():
         raise PolicyError('an accepted check needs a reason: --reason "..."')
@@ -129,48 +112,37 @@ def acceptance(
     if not checks:
         names = [check.name for check in report.checks]
         raise PolicyError(f"there is no check '{name}'{did_you_mean(name, names)}")
-    failing = [check for check in checks if check.outcome in {"failed", "warned"}]
+    failing = [check for check in checks if check.outcome in _FAILING]
     if not failing:
         raise PolicyError(f"'{name}' did not fail ({checks[0].message}): nothing to accept")
+    reason = reason.strip()
     return [
         AcceptedCheck(
-            check=name,
-            group=check.group or None,
-            max=check.failing,
-            reason=reason.strip(),
-            until=until,
+            check=name, group=each.group or None, max=each.failing, reason=reason, until=until
         )
-        for check in failing
+        for each in failing
     ]
 
 
 def accept(path: Path, entries: Sequence[AcceptedCheck]) -> None:
     """Write entries into a policy file, whose comments stay; a missing file is created.
 
-    An earlier entry of the same check and group is replaced.
-
-    Raises:
-        OutputError: the file cannot be written.
-        SweepFileError: it cannot be read, or holds mistakes.
+    An earlier entry of the same check and group is replaced. An OutputError says that the file
+    cannot be written, a SweepFileError what is wrong with the one that is there.
     """
     if path.exists():
-        read_policy(path)
+        read_yaml_as(path, ComparePolicy)
     yaml = YAML()
     yaml.preserve_quotes = True
     document = yaml.load(path.read_text(encoding="utf-8") if path.exists() else _NEW_FILE)
     listed = document.setdefault("accept", CommentedSeq())
     for entry in entries:
-        new = CommentedMap(entry.model_dump(exclude_none=True))
-        same = [index for index, old in enumerate(listed) if _key(old) == _key(new)]
-        for index in reversed(same):
-            del listed[index]
-        listed.append(new)
+        named = (entry.check, entry.group)
+        for old in [each for each in listed if (each["check"], each.get("group")) == named]:
+            listed.remove(old)
+        listed.append(CommentedMap(entry.model_dump(exclude_none=True)))
     with atomic_write(path) as temporary, temporary.open("w", encoding="utf-8") as file:
         yaml.dump(document, file)
-
-
-def _key(entry: Mapping[str, object]) -> tuple[object, object]:
-    return entry.get("check"), entry.get("group")
 
 
 _Check = TypeVar("_Check", bound=JudgedCheck)
@@ -185,10 +157,8 @@ def apply_acceptances(
 ) -> list[_Check]:
     """Return the checks; those that fail and are accepted become notes.
 
-    Entries may also name checks that are known, but were not made this time.
-
-    Raises:
-        PolicyError: an entry names a check that does not exist.
+    Entries may also name checks that are known, but were not made this time; any other name is a
+    PolicyError.
     """
     names = {*known, *(check.name for check in checks)}
     for entry in accepted:

@@ -22,15 +22,12 @@ _MOST_REPEATS = 200
 
 
 class RunTimer(Protocol):
-    """Times runs of one store.
-
-    Attributes:
-        engine: the version of MuJoCo that steps its runs, after its name.
-        timed_engines: the names of the engines whose runs can be timed.
-    """
+    """Times runs of one store."""
 
     engine: str
+    """The version of MuJoCo that steps its runs, after its name."""
     timed_engines: frozenset[str]
+    """The names of the engines whose runs can be timed."""
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of the steps that were taken of a run, and of one of them [s]."""
@@ -54,11 +51,8 @@ def remeasured_check(paired: PairedStores, request: Remeasure) -> Check:
     """Return whether the candidate's runs take longer, timed again on this machine, interleaved.
 
     The candidate is slower, or faster, only if the whole confidence interval of the median ratio
-    is beyond the tolerance.
-
-    Raises:
-        StoreError: a run cannot be timed.
-        PolicyError: an interpreter cannot time runs.
+    is beyond the tolerance. A StoreError says that a run cannot be timed, a PolicyError that an
+    interpreter cannot time runs.
     """
     metric = Column(REMEASURED, REAL, "1", "", "lower")
     rule = effective_rule(metric, paired.policy)
@@ -115,8 +109,7 @@ def _time_pair(before: RunTimer, after: RunTimer, pair: RunPair) -> tuple[float,
 def _sample(paired: PairedStores, runs: int, engines: frozenset[str]) -> list[int]:
     """Return indices of pairs whose runs both completed and can be timed, spread evenly."""
     through = np.ones(len(paired.pairing.baseline), dtype=np.bool_)
-    rows = (paired.pairing.baseline, paired.pairing.candidate)
-    for store, own in zip((paired.baseline, paired.candidate), rows, strict=True):
+    for store, own in paired.sides:
         for column, wanted in (("status", {"ok"}), ("engine_name", engines)):
             codes, words = store.columns.strings(column)
             through &= np.array([*(word in wanted for word in words), False])[codes[own]]

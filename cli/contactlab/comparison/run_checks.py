@@ -39,8 +39,9 @@ _FASTER = 0.15
 
 def bitwise_equal(paired: PairedStores) -> Mask:
     """Return the pairs (n,) whose trajectories are bitwise equal."""
-    before = paired.baseline.columns.byte_strings("trajectory_hash")[paired.pairing.baseline]
-    after = paired.candidate.columns.byte_strings("trajectory_hash")[paired.pairing.candidate]
+    before, after = (
+        store.columns.byte_strings("trajectory_hash")[rows] for store, rows in paired.sides
+    )
     return (before == after) & (before != b"")
 
 
@@ -89,10 +90,8 @@ class PairLabels:
     """The labels of all pairs; those of `ranks` are ordered worst first.
 
     Attributes:
-        before: (n,) index in `ranks` of the worst label in the baseline.
-        after: (n,) the same in the candidate.
-        gained: (n,) bit i is set if label i of `ranks` is new.
-        lost: (n,) bit i is set if it is gone.
+        before: (n,) index in `ranks` of the worst label in the baseline; `after` in the candidate.
+        gained: (n,) bit i is set if label i of `ranks` is new; of `lost` if it is gone.
         allowed: (n,) whether the policy allows the change.
         notes: why allowed transitions do not apply, by label.
     """
@@ -108,9 +107,8 @@ class PairLabels:
     @classmethod
     def of(cls, paired: PairedStores) -> "PairLabels":
         """Return the labels of all pairs, and what the policy allows of their changes."""
-        stores = (paired.baseline, paired.candidate)
-        before, after = (paired.labels(each) for each in stores)
-        old, new = (paired.label_sets(each) for each in stores)
+        before, after = (paired.labels(store) for store, _ in paired.sides)
+        old, new = (paired.label_sets(store) for store, _ in paired.sides)
         stable = np.int64(1) << (len(paired.ranks) - 1)
         allowed = np.zeros(len(before), dtype=np.bool_)
         notes: dict[str, str] = {}
@@ -121,9 +119,8 @@ class PairLabels:
                 notes[entry.to] = obstacle
             else:
                 allowed |= moved
-        return cls(
-            paired, before, after, new & ~old & ~stable, old & ~new & ~stable, allowed, notes
-        )
+        gained, lost = new & ~old & ~stable, old & ~new & ~stable
+        return cls(paired, before, after, gained, lost, allowed, notes)
 
     @cached_property
     def verdicts(self) -> Verdicts:
