@@ -153,7 +153,7 @@ def effects(
         check_figure(figure)
     request = EffectsRequest(source, assign or (), seeds, drive=drive_option(drive))
     target = folder or RESULTS / "effects" / request.setup.scene.name
-    with study_session(target, workers, "start over", allow_code=allow_code) as session:
+    with study_session(target, workers, allow_code=allow_code) as session:
         report = run(request, session)
     if figure is not None:
         from contactlab.studies.effects.effects_chart import draw

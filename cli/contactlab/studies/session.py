@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from contactlab.errors import OutputError, SweepFileError
+from contactlab.errors import OutputError, StoreError, SweepFileError
 from contactlab.plan.overrides import Overrides
 from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
@@ -82,8 +82,13 @@ class Session:
         run_sweep(sweep, self.begin, self.progress, self.stop)
         return Store.open(sweep.store)
 
-    def run_derived(self, name: str, sweep: Mapping[str, object], scenes: SceneLoader) -> Store:
-        """Run a sweep that a study makes up, as data, into a fresh store of the folder."""
+    def run_derived(
+        self, name: str, sweep: Mapping[str, object], scenes: SceneLoader, *, resume: bool = False
+    ) -> Store:
+        """Run a sweep that a study makes up, as data, into a store of the folder, replacing any.
+
+        To resume, what a store of the same sweep has already is kept.
+        """
         read = read_sweep(sweep, scenes.vocabulary)
         scene, plan = scenes.for_sweep(read)
         request = SweepRequest(
@@ -94,9 +99,14 @@ class Session:
             overrides=(),
             store=self.folder / name,
             workers=self.workers,
-            fresh=True,
+            fresh=not resume,
         )
-        return self.run(request)
+        try:
+            return self.run(request)
+        except StoreError:
+            if not resume:
+                raise
+            return self.run(replace(request, fresh=True))
 
     def write(self, files: Mapping[str, str]) -> None:
         """Write text files into the session's folder, by name.

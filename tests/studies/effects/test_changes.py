@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.studies.effects.effect_toggles import ConfigurationRows
+from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.effects.metric_changes import (
     ConfigurationDifference,

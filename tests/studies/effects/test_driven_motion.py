@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.schema.effects_report import EffectsReport
+from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
-from contactlab.studies.effects.effect_toggles import MOTION, ConfigurationRows
+from contactlab.studies.effects.effect_toggles import MOTION
 from contactlab.studies.effects.effects_request import EffectsRequest
 from contactlab.studies.effects.metric_changes import difference, judged_metrics
 from contactlab.studies.session import Session

@@ -17,10 +17,10 @@ from contactlab.schema.effects_report import (
     Verification,
 )
 from contactlab.schema.evidence import Setting
+from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,
-    ConfigurationRows,
     ConfigurationRunner,
     Toggle,
     find_toggles,

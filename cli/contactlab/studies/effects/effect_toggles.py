@@ -1,18 +1,18 @@
 """Toggles of effects, the runs of toggled configurations, and their lines in MJCF and YAML."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import default_lines, option_lines
 from contactlab.run.evidence_record import as_written
 from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.store.finished_store import Store
+from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 
@@ -96,23 +96,10 @@ def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
     return tuple(lines)
 
 
-Row = Mapping[str, Any]
 Changed = tuple[str, ...]
 """A configuration: the sorted effects that it toggles in the base configuration."""
 
 BASE: Changed = ()
-
-
-class ConfigurationRows(NamedTuple):
-    """The rows of one configuration, by scenario and by seed."""
-
-    scenarios: Sequence[Values]
-    rows: Sequence[Sequence[Row]]
-
-    @property
-    def flat(self) -> list[Row]:
-        """All rows."""
-        return [row for rows in self.rows for row in rows]
 
 
 MOTION = "motion"
@@ -120,12 +107,12 @@ MOTION = "motion"
 _MOST_STATES = 500
 
 
-def _motion(store: Store, run: str, model: mujoco.MjModel) -> Floats:
+def _motion(store: Store, run: str, model: mujoco.MjModel) -> Row:
     """Return the motion of a run at about 500 times, the same in all runs of as many steps."""
     ranges, limited, record = np.ones(model.nq), model.jnt_limited == 1, store.record(run)
     ranges[model.jnt_qposadr[limited]] = np.ptp(model.jnt_range[limited], axis=1)
     qpos = store.trace(record).qpos if record.trace else np.zeros((0, model.nq))
-    return qpos[:: max(1, len(qpos) // _MOST_STATES)] / ranges
+    return {MOTION: qpos[:: max(1, len(qpos) // _MOST_STATES)] / ranges}
 
 
 _PAIRS = 6
@@ -164,37 +151,22 @@ class ConfigurationRunner:
         """
         setup, unique = self.setup, list(dict.fromkeys(configurations))
         moved = not (setup.tolerances or timed)
-        seeds = setup.seeds if seeds is None else seeds
-        scenarios = setup.scenarios if scenarios is None else scenarios
-        rows = [[self._values(each, scenario) for scenario in scenarios] for each in unique]
-        sweep = {
-            "version": 1,
-            "scene": setup.reference,
+        asked = {
             "description": description,
-            "duration": setup.duration,
-            "seeds": list(seeds),
-            "include": [row for of_each in rows for row in of_each],
-            "effects": "all",
             "tolerances": dict(setup.tolerances),
-            "thresholds": dict(setup.thresholds),
             "timing": {"rounds": self.rounds} if timed and self.rounds else None,
             "trace": "all" if moved else "none",
-            "checks": "none",
         }
-        content = {key: value for key, value in sweep.items() if value is not None}
-        store = self.session.run_derived(name, content, setup.scenes)
+        chosen = replace(
+            setup,
+            seeds=setup.seeds if seeds is None else tuple(seeds),
+            scenarios=setup.scenarios if scenarios is None else tuple(scenarios),
+        )
+        values = [self._values(each) for each in unique]
+        measure = {"measure": _motion} if moved else {}
+        found = run_configurations(self.session, chosen, name, values, asked, **measure)
         self.stores.append(name)
-        runs, scene = {row["run_id"]: row for row in store.table.to_pylist()}, setup.scene
-
-        def stored(values: Values) -> Iterator[Row]:
-            for run in (scene.resolve(values, seed, setup.duration) for seed in seeds):
-                row, model = runs[scene.run_id(run)], scene.base(run.structure).model
-                yield {**row, MOTION: _motion(store, row["run_id"], model)} if moved else row
-
-        return {
-            each: ConfigurationRows(scenarios, [list(stored(values)) for values in of_each])
-            for each, of_each in zip(unique, rows, strict=True)
-        }
+        return dict(zip(unique, found, strict=True))
 
     def timed(
         self, name: str, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
@@ -208,8 +180,7 @@ class ConfigurationRunner:
         about = "Configurations timed in turns"
         return self.run(name, about, configurations, seeds=seeds, scenarios=scenarios, timed=True)
 
-    def _values(self, changed: Changed, scenario: Values) -> Values:
-        values = {**self.setup.base, **scenario}
-        for name in changed:
-            values |= self.toggles[name].values
-        return values
+    def _values(self, changed: Changed) -> Values:
+        return {
+            name: value for each in changed for name, value in self.toggles[each].values.items()
+        }

@@ -13,7 +13,8 @@ import numpy as np
 from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.effects_report import MetricChange, Ratio
-from contactlab.studies.effects.effect_toggles import BASE, MOTION, Changed, ConfigurationRows, Row
+from contactlab.studies.configuration_runs import ConfigurationRows, Row
+from contactlab.studies.effects.effect_toggles import BASE, MOTION, Changed
 from contactlab.studies.session import Values
 
 _SHARE = 0.01
