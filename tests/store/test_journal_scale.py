@@ -18,7 +18,7 @@ from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store import runs_table
 from contactlab.store.row_journal import JOURNAL, mend_journal, parsed, sealed
-from contactlab.store.runs_table import write_table
+from contactlab.store.runs_table import rows_digest, write_table
 from contactlab.store.table_layout import record_to_row, table_schema
 
 Write = Callable[[int], Path]
@@ -87,6 +87,26 @@ def test_nor_on_how_much_is_read_at_once(write: Write, monkeypatch: pytest.Monke
     whole = write(0).read_bytes()
     monkeypatch.setattr(runs_table, "_BLOCK", 5000)
     assert write(0).read_bytes() == whole
+
+
+def test_rows_have_one_digest_as_they_are_written_and_as_they_are_read(
+    tmp_path: Path,
+    lines: list[bytes],
+    record_of: Callable[..., EvidenceRecord],
+    columns_of: Callable[..., Any],
+    shared_part: Callable[..., Any],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    records = [record_of(index) for index in range(RUNS)]
+    journal, target = tmp_path / JOURNAL, tmp_path / "table.parquet"
+    journal.write_bytes(b"".join(lines))
+    digests: set[str] = set()
+    for group, block in ((1 << 16, 8 << 20), (7, 1), (25, 10_000)):
+        monkeypatch.setattr(runs_table, "GROUP", group)
+        monkeypatch.setattr(runs_table, "_BLOCK", block)
+        digests.add(write_table(journal, target, columns_of(records), shared_part(records[0])))
+        digests.add(rows_digest(target))
+    assert len(digests) == 1
 
 
 def line(run: int, *, is_sealed: bool = True) -> bytes:

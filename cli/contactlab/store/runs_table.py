@@ -40,11 +40,11 @@ _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 
 def write_table(
     journal: Path, target: Path, own: Sequence[Column], shared: Mapping[str, Any]
-) -> None:
-    """Turn a journal, one row a line in any order, into the table, which is replaced in one step.
+) -> str:
+    """Turn a journal, one row a line in any order, into the table; return the digest of its rows.
 
-    It has its own columns, of axes, metrics, settings and effects, beside the fixed ones. The
-    fields that all runs share are in the file's metadata.
+    The table is replaced in one step. It has its own columns, of axes, metrics, settings and
+    effects, beside the fixed ones. The fields that all runs share are in the file's metadata.
 
     Raises:
         StoreError: a row has another column, or a value of another type.
@@ -52,6 +52,7 @@ def write_table(
     schema = table_schema(own)
     described = {field.name: texts_of(field.metadata) for field in schema}
     meta = {_COLUMNS: json.dumps(described).encode(), _SHARED: json.dumps(dict(shared)).encode()}
+    digest = RowsDigest()
     strings, reals = (
         [field.name for field in schema if field.type == kind]
         for kind in (pa.string(), pa.float64())
@@ -78,6 +79,9 @@ def write_table(
                 ) from error
             table = pa.concat_tables(parts).replace_schema_metadata(meta)
             writer.write_table(table, row_group_size=GROUP)
+            for rows in table.to_batches():
+                digest.add(rows)
+    return digest.hex(pq.read_schema(target))
 
 
 def _parsed(lines: bytes, schema: pa.Schema) -> pa.Table:
@@ -210,7 +214,16 @@ def shared_fields(schema: pa.Schema) -> dict[str, Any]:
 
 
 def rows_digest(path: Path) -> str:
-    """Return a digest of all rows of a table, whatever its encoding, compression and row groups.
+    """Return the digest of all rows of a stored table; see `RowsDigest`."""
+    with table_errors(path), pq.ParquetFile(path) as file:
+        digest = RowsDigest()
+        for batch in file.iter_batches(8 * _BATCH, use_threads=False):
+            digest.add(batch)
+        return digest.hex(file.schema_arrow)
+
+
+class RowsDigest:
+    """A digest of rows, whatever their encoding, compression and row groups.
 
     Each column is one or more streams of bytes: which values there are, the lengths of texts and
     lists, and the values themselves, nulls as zeros. The digest is the SHA-256 of the names, types
@@ -218,17 +231,22 @@ def rows_digest(path: Path) -> str:
     share. A copy that only compresses otherwise has the same digest; any other value, order or
     column another one.
     """
-    streams = defaultdict[str, Any](hashlib.sha256)
-    with table_errors(path), pq.ParquetFile(path) as file:
-        schema = file.schema_arrow
-        for batch in file.iter_batches(8 * _BATCH, use_threads=False):
-            for name, column in zip(schema.names, batch.columns, strict=True):
-                for stream, data in _streams(name, column):
-                    streams[stream].update(data)
-    described = [[field.name, str(field.type), texts_of(_essential(field))] for field in schema]
-    head = json.dumps([described, shared_fields(schema)], sort_keys=True)
-    digests = {name: stream.hexdigest() for name, stream in streams.items()}
-    return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
+
+    def __init__(self) -> None:
+        self._streams = defaultdict[str, Any](hashlib.sha256)
+
+    def add(self, rows: pa.RecordBatch) -> None:
+        """Add the rows that follow."""
+        for name, column in zip(rows.schema.names, rows.columns, strict=True):
+            for stream, data in _streams(name, column):
+                self._streams[stream].update(data)
+
+    def hex(self, schema: pa.Schema) -> str:
+        """Return the digest of all rows that were added, given the schema of the stored table."""
+        described = [[each.name, str(each.type), texts_of(_essential(each))] for each in schema]
+        head = json.dumps([described, shared_fields(schema)], sort_keys=True)
+        digests = {name: stream.hexdigest() for name, stream in self._streams.items()}
+        return hashlib.sha256((head + json.dumps(digests, sort_keys=True)).encode()).hexdigest()
 
 
 def _streams(name: str, column: pa.Array) -> Iterator[tuple[str, bytes | memoryview]]:

@@ -34,7 +34,6 @@ from contactlab.store.runs_table import (
     count_outcomes,
     iterate_rows,
     read_table,
-    rows_digest,
     write_table,
 )
 from contactlab.store.store_access import backend_at
@@ -119,8 +118,8 @@ class StoreWriter:
         """
         self.close()
         amend_journal(self.path, amendments)
-        write_table(self.path / JOURNAL, self.path / TABLE, own, shared)
-        return self._session.publish(self._manifest(provenance))
+        records = write_table(self.path / JOURNAL, self.path / TABLE, own, shared)
+        return self._session.publish(self._manifest(provenance, records))
 
     def close(self) -> None:
         """Leave the store as it is, resumable, once all rows are stored."""
@@ -131,7 +130,7 @@ class StoreWriter:
         finally:
             self._session.flush()
 
-    def _manifest(self, provenance: Provenance) -> StoreManifest:
+    def _manifest(self, provenance: Provenance, records: str) -> StoreManifest:
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
         scenes = hashes_below(self.path / SCENES).items()
         return StoreManifest(
@@ -139,7 +138,7 @@ class StoreWriter:
             provenance=provenance,
             **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
-            records=rows_digest(self.path / TABLE),
+            records=records,
             started=self.started,
             finished=_now(),
         )
