@@ -163,3 +163,24 @@ def test_a_tolerance_that_the_reference_cannot_tell_is_not_met(weighed: Weigh) -
     (missed,) = weighed([row], error="error_final", error_final=9e-7)
     assert not missed.summary.feasible
     assert missed.summary.outcomes.good == 0
+
+
+def test_ties_keep_the_values_of_the_model_as_written(weighed: Weigh) -> None:
+    """As fast within 5 % and as accurate within 5 %: fewer changes win, else accuracy does."""
+    rows = [
+        {"timestep": step, "cone": cone, "oracle_error": error, "time_median": time}
+        for step, cone, error, time in (
+            (1e-3, "elliptic", 0.96, 1.0),
+            (2e-3, "elliptic", 0.97, 1.01),
+            (2e-3, "pyramidal", 1.0, 1.02),
+            (4e-3, "pyramidal", 0.5, 1.2),
+        )
+    ]
+    found = weighed(rows, ("timestep", "cone"))
+    first, second, written, accurate = (each.values for each in found)
+    assert [each.values for each in equally_fast(found)] == [first, second, written]
+    kept = equally_fast(found, baseline=written)
+    assert [each.values for each in kept] == [written, second, first]
+    assert equally_fast(found, baseline=accurate)[0].values == written, "it has the same cone"
+    rows[2]["oracle_error"] = 0.96 * 1.06
+    assert equally_fast(weighed(rows, ("timestep", "cone")), baseline=written)[0].values == second

@@ -1,4 +1,4 @@
-"""Discretisation errors: every run against its reference, which runs share by families."""
+"""Errors: every run against its reference, which runs share by families."""
 
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -48,60 +48,74 @@ class _Times(NamedTuple):
 
 
 def families(
-    runs: Mapping[str, ResolvedRun],
+    models: Mapping[str, ResolvedRun],
     scene: Scene,
     controls: Mapping[str, str | None] = MappingProxyType({}),
 ) -> list[list[str]]:
-    """Return run ids grouped by all that the runs share but numerics, and so by their reference.
+    """Return run ids grouped by what their reference is: their models but for numerics.
 
     `controls` are hashes of what the policies of runs did, by id; a reference does the same.
     """
     found: dict[tuple[str, str | None], list[str]] = {}
-    for run_id, resolved in runs.items():
-        shared = scene.run_id(with_reference_numerics(resolved, "RK4", 1.0))
+    for run_id, model in models.items():
+        shared = scene.run_id(with_reference_numerics(model, "RK4", 1.0))
         found.setdefault((shared, controls.get(run_id)), []).append(run_id)
     return list(found.values())
 
 
 def reference_steps(
-    request: AccuracyRequest, runs: Mapping[str, ResolvedRun], scene: Scene
+    refine: int,
+    runs: Mapping[str, ResolvedRun],
+    models: Mapping[str, ResolvedRun],
+    scene: Scene,
 ) -> float:
-    """Return how many force evaluations it takes to compare runs with their references."""
+    """Return how many force evaluations it takes to compare runs with their references.
+
+    `models` are those of the references, by the ids of the runs.
+    """
     return sum(
-        _steps([runs[run_id] for run_id in family], request.refine)
-        for family in families(runs, scene)
+        _steps([runs[run_id] for run_id in family], models[family[0]], refine)
+        for family in families(models, scene)
     )
 
 
-def _steps(family: list[ResolvedRun], refine: int) -> float:
-    finest = max(run.duration / run.timestep for run in family)
+def _steps(family: list[ResolvedRun], model: ResolvedRun, refine: int) -> float:
+    finest = max(run.duration / run.timestep for run in (*family, model))
     # The coarse solution, its perturbed copy, and the fine one with twice as many steps.
     reference = 4 * refine * finest * _EVALUATIONS
     return reference + sum(run.steps for run in family)
 
 
 def discretization_errors(
-    scene: Scene, family: Sequence[PlannedModel], request: AccuracyRequest, watch: Watch
+    scene: Scene,
+    family: Sequence[PlannedModel],
+    model: ResolvedRun,
+    request: AccuracyRequest,
+    watch: Watch,
 ) -> list[Note]:
     """Return a note for each run of a family: every kind of error that the sweep may choose.
 
-    `watch` is called before steps, to start their time limit.
+    `model` is that of their reference; `watch` is called before steps, to start their time limit.
     """
     local = request.error == "local"
     timesteps = [run.resolved.timestep for run in family]
-    samples = _samples(family)
-    times = [_restarts(run, max(timesteps)) if local else _common(run, samples) for run in family]
+    samples, shared = _samples(family), request.against == "written"
+    times = [
+        _restarts(run, max(timesteps)) if local else _common(run, samples, to_the_end=shared)
+        for run in family
+    ]
     needed = np.unique(np.concatenate([part for each in times for part in each]))
-    solved = Family(scene, family[0], watch)
-    reference = solved.reference(needed, min(timesteps) / request.refine)
+    solved = Family(scene, family[0], model, watch)
+    reference = solved.reference(needed, min(*timesteps, model.timestep) / request.refine)
     if reference is None:
         return [{} for _ in family]
     compare = _compare_locally if local else _compare
     notes = [compare(reference, run, each) for run, each in zip(family, times, strict=True)]
-    shared: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
+    found: dict[str, object] = {"integrator": reference.integrator, "timestep": reference.timestep}
     if not local:
-        shared["chaotic"] = _is_chaotic(reference, reference.divergence(), notes)
-    return [{**note, **shared} for note in notes]
+        found["divergence"] = divergence = reference.divergence()
+        found["chaotic"] = _is_chaotic(reference, divergence, notes)
+    return [{**note, **found} for note in notes]
 
 
 def _samples(family: Sequence[PlannedModel]) -> int:
@@ -112,8 +126,11 @@ def _samples(family: Sequence[PlannedModel]) -> int:
     return max(_MIN_SAMPLES, min(_SAMPLES, _MAX_BYTES // (state * timesteps)))
 
 
-def _common(run: PlannedModel, samples: int) -> _Times:
+def _common(run: PlannedModel, samples: int, *, to_the_end: bool) -> _Times:
+    """Return times of a run's own steps or, up to the end, times that no timestep decides."""
     resolved = run.resolved
+    if to_the_end:
+        return _Times(np.empty(0), np.linspace(0, resolved.duration, samples + 1)[1:])
     return _Times(np.empty(0), resolved.timestep * _spread(1, resolved.steps, samples))
 
 
@@ -140,6 +157,7 @@ def _compare(reference: ReferenceSolution, run: PlannedModel, times: _Times) -> 
     return {
         "trajectory": _error(reference.distance(sampled, rows), reference.distance(coarse)),
         "invariants": _error(reference.drift(sampled, rows), reference.drift(coarse)),
+        "velocity": reference.velocity(sampled, rows),
         "impacts": sampled.impacts,
     }
 
@@ -187,8 +205,11 @@ def accuracies(
         pairs = scene.base_of(resolved).prepare(resolved.edits()).pairs
         found[run_id] = Accuracy(
             **{f"error_{name}": error.get(name) for name in _ERRORS},
+            error_velocity=note.get("velocity"),
+            error_energy=note.get("invariants", _NOTHING).get("mean"),
             error_kind=kind,
             chaotic=note.get("chaotic"),
+            divergence=note.get("divergence"),
             reference_integrator=note.get("integrator"),
             reference_timestep=note.get("timestep"),
             impacts=note.get("impacts"),

@@ -33,6 +33,7 @@ from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import joints_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings
+from contactlab.schema.sweep_schema import Sweep
 
 _LENGTH = 1e-3
 
@@ -116,6 +117,18 @@ The values are those of a reference; None where each reference chooses.
 """
 
 
+def reference_model(
+    scene: Scene, sweep: Sweep, run: ResolvedRun, values: Mapping[str, object]
+) -> ResolvedRun:
+    """Return what a run of some values is compared with: itself, or the scene as written.
+
+    A reference takes its own numerics instead of theirs.
+    """
+    if sweep.accuracy is None or sweep.accuracy.against == "own":
+        return run
+    return scene.as_written(run, values, sweep.scenario)
+
+
 def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:
     """Return a run with the numerics of a reference, whose timestep [s] is given.
 
@@ -155,13 +168,17 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class Family:
-    """Runs that differ in numerics alone, `run` among them, and whose engine solves references.
+    """Runs that share a reference, and whose engine solves references.
 
-    `watch` is called before steps, to start their time limit.
+    Attributes:
+        run: one of them.
+        model: what the reference has in common with all of them: its numerics do not matter.
+        watch: called before steps, to start their time limit.
     """
 
     scene: Scene
     run: PlannedModel
+    model: ResolvedRun
     watch: Watch
 
     def integrate(
@@ -185,7 +202,7 @@ class Family:
         self, integrator: str, timestep: float, times: Floats, start: InitialStates | None = None
     ) -> Solution | None:
         """Return the solution at a timestep [s], or None."""
-        resolved = with_reference_numerics(self.run.resolved, integrator, timestep)
+        resolved = with_reference_numerics(self.model, integrator, timestep)
         prepared = self.scene.prepare(resolved, self.run.start)
         sampled = self.integrate(prepared, times, start)
         return sampled and Solution(prepared, sampled)
@@ -234,10 +251,18 @@ class ReferenceSolution:
         """Return the distance of sampled states from the reference's at these rows [m]."""
         return Discrepancy.of(distances(self.joints, sampled.qpos, self.fine.sampled.qpos[rows]))
 
+    def velocity(self, sampled: SampledStates, rows: Rows) -> float:
+        """Return how far velocities are from the reference's at these rows, mean over time [m/s].
+
+        At each time that of the degree of freedom that is off most, times its length.
+        """
+        apart = np.abs(sampled.qvel - self.fine.sampled.qvel[rows])
+        return float((apart * self.fine.prepared.model.dof_length).max(axis=1, initial=0.0).mean())
+
     def drift(self, sampled: SampledStates, rows: Rows = slice(None)) -> Discrepancy:
         """Return how far energy and momenta are from the reference's at these rows, as ratios."""
         expected, model = self.fine.sampled, self.fine.prepared.model
-        free = self.family.scene.base_of(self.family.run.resolved).free
+        free = self.family.scene.base_of(self.family.model).free
         both = (sampled.qpos, sampled.qvel), (expected.qpos[rows], expected.qvel[rows])
         return Discrepancy.of(drifts(*(invariants(model, *each, free=free) for each in both)))
 

@@ -14,7 +14,12 @@ from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
-    from contactlab.schema.tradeoff_report import Method, Recommendation, TradeoffReport
+    from contactlab.schema.tradeoff_report import (
+        Configuration,
+        Method,
+        Recommendation,
+        TradeoffReport,
+    )
 
 _MOST_METHODS = 12
 _MOST_RATES = 40
@@ -144,12 +149,26 @@ def _head(report: "TradeoffReport") -> Iterator[str]:
     source = "a timing pass" if report.time.source == "timing" else "the recorded runs"
     yield f"{report.sweep}: {len(report.configurations)} configurations of {report.scene}"
     yield f"  runs of each  {report.cases} (scenarios: {', '.join(report.scenarios) or 'one'})"
-    kind = ", ".join(filter(None, (report.error.kind, report.error.against)))
+    written = "from the model as written" if report.error.reference == "written" else None
+    kind = ", ".join(filter(None, (report.error.kind, report.error.against, written)))
     yield f"  error         {report.error.name}{unit}, largest over the runs ({kind})"
     yield f"  time          CPU seconds per simulated second, mean over the runs, from {source}"
     limits = ", ".join(f"{name} <= {value:g}" for name, value in report.tolerances.items())
     yield f"  tolerances    {limits or 'none'}"
     yield f"  feasible      {feasible}"
+    if report.baseline is not None:
+        yield f"  now           {_now(report, report.baseline)}"
+
+
+def _now(report: "TradeoffReport", now: "Configuration") -> str:
+    """Return what the model as written is, and why it is not feasible if it is not."""
+    from contactlab.pareto.recommendation import settings_text
+
+    known = [name for name in report.varying if now.configuration[name] is not None]
+    parts = [settings_text(now.configuration, known)] if known else []
+    parts += [] if now.error is None else [f"error {now.error:.3g}"]
+    parts += [] if now.time is None else [f"{now.time:.3g} CPU s per s"]
+    return "; ".join([*parts, *now.reasons[:1]])
 
 
 def _print_front(report: "TradeoffReport") -> None:
@@ -210,14 +229,15 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
         yield "\nnothing is feasible"
         yield from (f"  {text}" for text in blocker_texts(report))
         return
-    yield "\nrecommended"
+    now = report.baseline and report.baseline.time
+    yield f"\nrecommended{f', {now / chosen.time:.2f} x as fast as now' if now else ''}"
     yield from _described(report, chosen)
     if text := robust_text(report):
         yield text
     if robust is not None and robust.run_id != chosen.run_id:
         yield from _described(report, robust)
     yield f"next step: {next_step_text(report) or 'no feasible configuration is more accurate'}"
-    yield "\nin the MJCF"
+    yield "\nin the MJCF" if chosen.mjcf or chosen.other else "\nkeep the model as it is"
     yield from (f"  {line}" for line in chosen.mjcf)
     yield from (f"  <!-- {name}: {value} -->" for name, value in chosen.other.items())
 

@@ -34,9 +34,11 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
     Configuration,
+    ErrorMeasure,
     FrontPoint,
     NextStep,
     Recommendation,
+    Settings,
     TradeoffReport,
 )
 from contactlab.store.finished_store import Store
@@ -57,7 +59,9 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     runs = read_runs(store, (error.name, resolved.time.name, *tolerances))
     evaluated = evaluate(runs, resolved)
     front = feasible_front(evaluated)
-    chosen, safe = equally_fast(evaluated), equally_fast(evaluated, SAFE_MARGIN)
+    baseline = None if runs.baseline is None else evaluated[0].summary
+    own = baseline and baseline.configuration
+    chosen, safe = (equally_fast(evaluated, margin, own) for margin in (0.0, SAFE_MARGIN))
     best, idle = (chosen[0] if chosen else None), idle_knobs(evaluated)
     summaries = tuple(each.summary for each in evaluated)
     alike = with_one_idle_value(evaluated, idle, best)
@@ -74,12 +78,13 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         time=resolved.time,
         tolerances=tolerances,
         chaotic=is_chaotic(runs),
+        baseline=baseline,
         configurations=summaries,
         front=tuple(_point(each.summary) for each in front),
         unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
-        methods=tuple(methods(alike, is_modelling=error.kind != "discretisation")),
-        recommendation=_recommendation(store, runs, chosen),
-        robust=_recommendation(store, runs, safe),
+        methods=tuple(methods(alike, is_modelling=_has_floor(error))),
+        recommendation=_recommendation(store, runs, chosen, own),
+        robust=_recommendation(store, runs, safe, own),
         next_step=_next_step(front, best) if best else None,
         blockers=tuple(_blockers(evaluated)),
         notes=(),
@@ -119,15 +124,22 @@ def _point(summary: Configuration) -> FrontPoint:
     )
 
 
+def _has_floor(error: ErrorMeasure) -> bool:
+    """Return whether an error may remain however short the timestep."""
+    return error.kind != "discretisation" or error.reference == "written"
+
+
 def _recommendation(
-    store: Store, runs: StoredRuns, near: Sequence[Evaluated]
+    store: Store, runs: StoredRuns, near: Sequence[Evaluated], baseline: Settings | None
 ) -> Recommendation | None:
     if not near:
         return None
     chosen, *others = near
     summary, run = chosen.summary, runs.ids[chosen.rows[0]]
     assert summary.time is not None
-    mjcf, other = mjcf_lines(runs.knobs, store.record(run))
+    written = baseline or {}
+    changed = [name for name, value in chosen.values.items() if written.get(name, ...) != value]
+    mjcf, other = mjcf_lines(changed, store.record(run))
     return Recommendation(
         configuration=summary.configuration,
         margins=summary.margins,

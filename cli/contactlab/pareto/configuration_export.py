@@ -94,7 +94,7 @@ def recommended_sweep(
         "seeds": list(range(first, first + seeds)),
         "axes": {**axes, **(blocks if len(blocks) == 1 else {})},
         "zip": [blocks] if len(blocks) > 1 else None,
-        "effects": sweep.effects,
+        "effects": {name: chosen.get(name, each) for name, each in sweep.effects.items()},
         "thresholds": sweep.thresholds,
         "accuracy": resolved.get("accuracy") if set(ERRORS) & report.tolerances.keys() else None,
         "tolerances": {

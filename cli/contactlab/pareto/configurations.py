@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.schema.axis_forms import Role, axis_roles
-from contactlab.schema.evidence import Setting
+from contactlab.mjcf import OPTIONS
+from contactlab.schema.axis_forms import Role
+from contactlab.schema.evidence import EvidenceRecord, Setting
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
     Configuration,
@@ -49,6 +50,7 @@ class StoredRuns:
         knobs: axis to its n values, of the axes with the role knob.
         scenarios: the same of the axes with the role scenario.
         numbers: column to (n,) values, in their units; NaN where there is none.
+        baseline: the knobs of the model as written, if it was run; it comes first.
         solref_rules: whether solref is absolute or tied to the timestep; empty if unknown.
     """
 
@@ -59,6 +61,7 @@ class StoredRuns:
     labels: list[str]
     numbers: Mapping[str, Floats]
     solref_rules: tuple[str, ...] = ()
+    baseline: tuple[Setting, ...] | None = None
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
@@ -67,8 +70,7 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
     required = [*names]
     names = [*required, *_PASS_COLUMNS, *ESTIMATES.values(), *_FLAGS]
     present = columns.schema.names
-    sweep = Sweep.model_validate(store.manifest.sweep.resolved)
-    roles = axis_roles(sweep.axes, *sweep.zip)
+    roles = Sweep.model_validate(store.manifest.sweep.resolved).roles
     values = columns.to_pydict(list(dict.fromkeys((*_FIXED, *columns.axis_names))))
 
     def of(kind: Role) -> dict[str, list[Setting]]:
@@ -76,16 +78,43 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
             name: values[name] for name in columns.axis_names if roles.get(name, "knob") == kind
         }
 
+    knobs, first, baseline = of("knob"), store.manifest.sweep.baseline, None
+    if first is not None and first in values["run_id"]:
+        baseline = _fill_in(knobs, values["run_id"].index(first), store.record(first))
     return StoredRuns(
         ids=values["run_id"],
-        knobs=of("knob"),
+        knobs=knobs,
         scenarios=of("scenario"),
         seeds=values["seed"],
         labels=values["label"],
         numbers=dict.fromkeys(required, np.full(len(values["run_id"]), np.nan))
         | {name: columns.numbers(name).values for name in names if name in present},
         solref_rules=columns.strings(_SOLREF_RULE).categories if _SOLREF_RULE in present else (),
+        baseline=baseline,
     )
+
+
+def _fill_in(
+    knobs: dict[str, list[Setting]], row: int, record: EvidenceRecord
+) -> tuple[Setting, ...]:
+    """Write the options that a row leaves to the scene as its record has them, in place.
+
+    Contact parameters may differ between geoms, and `auto` may leave out effects.
+    """
+    keys = list(zip(*knobs.values(), strict=True)) if knobs else []
+    own = keys[row] if keys else ()
+    settings = {name: record.settings[name] for name in OPTIONS}
+    written = {name: each for name, each in settings.items() if not isinstance(each, tuple)}
+    filled = tuple(
+        written.get(name) if value is None else value
+        for name, value in zip(knobs, own, strict=True)
+    )
+    if filled in keys:
+        return own
+    for place in [place for place, key in enumerate(keys) if key == own]:
+        for column, value in zip(knobs.values(), filled, strict=True):
+            column[place] = value
+    return filled
 
 
 def is_chaotic(runs: StoredRuns) -> bool:
@@ -150,12 +179,14 @@ class Evaluated:
 
 
 def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
-    """Evaluate every configuration, in the order of the plan.
+    """Evaluate every configuration, the model as written first, then in the order of the plan.
 
     A configuration is feasible if it was run in every scenario and seed that any other was run in,
     has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
     members: dict[tuple[Setting, ...], list[int]] = {}
+    if runs.baseline is not None:
+        members[runs.baseline] = []
     for row, key in enumerate(_rows(runs.knobs, len(runs.ids))):
         members.setdefault(key, []).append(row)
     cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
@@ -204,6 +235,7 @@ def _evaluate_one(
         time_worst=float(np.max(time)) if len(time) else None,
         real_time_factor=1 / mean if mean else None,
         error=None if size is None else max(size, error.resolution),
+        error_spread=_spread(magnitudes(runs, rows, error.name)),
         below_estimate=size is not None and 0 < size <= estimate,
         solref_clamped=(_largest(runs, rows, "solref_clamped") or 0) > 0,
         step_p99=_largest(runs, rows, "step_p99"),
@@ -236,6 +268,11 @@ def _largest(runs: StoredRuns, rows: list[int], name: str) -> float | None:
 
 def _most(sizes: Floats) -> float | None:
     return None if np.isnan(sizes).any() else float(sizes.max())
+
+
+def _spread(sizes: Floats) -> tuple[float, float] | None:
+    known = len(sizes) > 1 and not np.isnan(sizes).any()
+    return (float(sizes.min()), float(np.median(sizes))) if known else None
 
 
 def magnitudes(runs: StoredRuns, rows: Sequence[int] | NDArray[np.integer], name: str) -> Floats:

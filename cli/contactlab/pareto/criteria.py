@@ -82,12 +82,14 @@ def error_measure(
     metadata = (schema.field(name).metadata if name in schema.names else None) or {}
     # What the errors measure is the same for all runs of a sweep.
     kinds = store.columns.strings("error_kind").categories if name in ERRORS else ()
+    asked = Sweep.model_validate(store.manifest.sweep.resolved).accuracy
     modelling = "modelling" if name == MODELLING else "metric"
     return ErrorMeasure(
         name=name,
         unit=metadata.get(b"unit", b"").decode(),
         kind="discretisation" if name in ERRORS else modelling,
         against=next(iter(kinds), None),
+        reference=asked.against if name in ERRORS and asked else "own",
         resolution=described.resolution if described else 0.0,
     )
 

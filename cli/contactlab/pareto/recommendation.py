@@ -37,12 +37,17 @@ SAFE_MARGIN = 1.25
 """Margin of every tolerance that the robust recommendation keeps."""
 
 
-def equally_fast(evaluated: Sequence[Evaluated], least_margin: float = 0.0) -> list[Evaluated]:
+def equally_fast(
+    evaluated: Sequence[Evaluated],
+    least_margin: float = 0.0,
+    baseline: Settings | None = None,
+) -> list[Evaluated]:
     """Return the feasible configurations that are as fast as the fastest of them, within noise.
 
     Those are within 5 % of the least time, and keep a least margin to every tolerance; the most
     accurate comes first, and equally accurate ones in the order of the plan, so that noise of the
-    times decides nothing.
+    times decides nothing. With a baseline, those within 5 % of the most accurate count as equally
+    accurate, and the one that has most of its values comes first.
     """
     feasible = [
         (each.summary.time, each)
@@ -52,7 +57,16 @@ def equally_fast(evaluated: Sequence[Evaluated], least_margin: float = 0.0) -> l
         and all(m is None or m >= least_margin for m in each.summary.margins.values())
     ]
     limit = EQUALLY_FAST * min((time for time, _ in feasible), default=0.0)
-    return sorted((each for time, each in feasible if time <= limit), key=_error)
+    near = sorted((each for time, each in feasible if time <= limit), key=_error)
+    if baseline is None or not near:
+        return near
+    same = _MORE_ACCURATE * _error(near[0])
+
+    def preference(each: Evaluated) -> tuple[bool, int]:
+        changed = sum(each.values[name] != value for name, value in baseline.items())
+        return (True, 0) if _error(each) > same else (False, changed)
+
+    return sorted(near, key=preference)
 
 
 def feasible_front(evaluated: Sequence[Evaluated]) -> list[Evaluated]:

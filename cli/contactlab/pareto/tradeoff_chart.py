@@ -15,6 +15,7 @@ from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffR
 OTHERS = "others"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
+NOW = "now"
 _PADDING = 1.6
 """Factor by which the axes extend beyond the outermost points."""
 
@@ -61,7 +62,8 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
     shown = {
         place: each
         for place, each in enumerate(report.configurations)
-        if method_key(each.configuration) in keys and (places is None or place in places)
+        if (method_key(each.configuration) in keys or each == report.baseline)
+        and (places is None or place in places)
     }
     feasible = [place for place, each in shown.items() if each.feasible]
     front = [feasible[index] for index in front_of([shown[place] for place in feasible])]
@@ -152,6 +154,7 @@ def _point(
         "error": frame.error[1] if failed else _above(each.error, frame),
         "timestep": step,
         "bound": each.below_estimate,
+        "least": each.error_spread and _above(each.error_spread[0], frame),
         "label": f"{name[:1]} {label}",
         "state": "failed" if failed else f"{'within' if each.feasible else 'beyond'} tolerance",
         "chosen": f"{chosen} {name[:1]} {label}".strip() if chosen else "",
@@ -164,12 +167,14 @@ def _above(error: float | None, frame: ChartFrame) -> float:
 
 
 def _chosen(values: Settings, report: TradeoffReport) -> str:
-    """Return the words at a recommended configuration; empty at others."""
+    """Return the words at the model as written and at recommended ones; empty at others."""
+    words = [NOW] if report.baseline and report.baseline.configuration == values else []
     knobs = [name for name in report.knobs if name not in report.idle]
     for word, pick in ((RECOMMENDED, report.recommendation), (ROBUST, report.robust)):
         if pick and all(pick.configuration[name] == values[name] for name in knobs):
-            return word
-    return ""
+            words.append(word)
+            break
+    return ", ".join(words)
 
 
 _SIZE = (640, 440)
@@ -223,6 +228,10 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     crosses = _chart("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
+    if report.cases > 1:
+        spreads = _chart("spreads", [each for each in named if each["least"]])
+        bars = spreads.mark_rule(strokeWidth=1, opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
+        yield bars
     arrows = _chart("bounds", [each for each in measured if each["bound"]]).mark_point(
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
@@ -310,7 +319,7 @@ def _title(report: TradeoffReport) -> alt.TitleParams:
         subtitle=[
             f"{held} configurations are feasible; grey line: their Pareto front;",
             "filled: within every tolerance; hollow: beyond one; cross: failed, or off the chart;",
-            "arrow: upper bound; dotted: modelling error",
+            "arrow: upper bound; dotted: modelling error; bar: down to the least of its runs",
         ],
         anchor="start",
         fontSize=15,

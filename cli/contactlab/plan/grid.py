@@ -95,12 +95,15 @@ class Grid:
         base: settings of every row.
         blocks: factors of the product, the last one fastest; None where there is no product.
         excludes: conditions on rows of the product to leave out.
+        added: rows to include.
+        written: rows of the scene as written, one for each scenario.
     """
 
     base: RowValues
     blocks: tuple[Block, ...] | None
     excludes: tuple[Match, ...]
     added: tuple[RowValues, ...]
+    written: tuple[RowValues, ...] = ()
 
     def values(self) -> dict[str, dict[object, None]]:
         """Return the values that each axis takes anywhere, each once, in order."""
@@ -123,6 +126,12 @@ class Grid:
             blocks = None
         return replace(self, blocks=blocks, added=added)
 
+    def with_baseline(self, scenario: Sequence[str]) -> "Grid":
+        """Return the grid with a row of the scene as written for each scenario of some axes."""
+        rows = [{name: row[name] for name in scenario if name in row} for row in self.rows()]
+        distinct = {tuple(row.items()): row for row in rows}
+        return replace(self, written=tuple(distinct.values()))
+
     @property
     def product_size(self) -> int:
         """Number of rows of the product, before any is left out."""
@@ -135,11 +144,13 @@ class Grid:
         else:
             yield from self._product()
         yield from (self.base | row for row in self.added)
+        yield from self.written
 
     def count(self, most: float = math.inf) -> tuple[int, Sequence[Match]]:
         """Return the number of rows, counted up to `most`, and the excludes that match none."""
+        further = len(self.added) + len(self.written)
         if not self.excludes:
-            return self.product_size + len(self.added), ()
+            return self.product_size + further, ()
         left, unmet = 0, list(self.excludes)
         for row in self._product():
             if unmet:
@@ -150,7 +161,7 @@ class Grid:
                 left += not self._excluded(row)
             if left >= most:
                 return left, ()
-        return left + len(self.added), unmet
+        return left + further, unmet
 
     def _product(self) -> Iterator[RowValues]:
         if self.blocks is None:
@@ -222,7 +233,7 @@ class Plan:
     expected: tuple[tuple[Match, Expectation], ...]
 
     def rows(self) -> Iterator[Row]:
-        """Yield the rows: the product in the order written, then included rows."""
+        """Yield the rows: the product in the order written, then included rows, baselines last."""
         seeds = self.sweep.seed_values
         starts = range(0, self.count, len(seeds))
         # zip() stops at the last position, so rows beyond it are not even made.

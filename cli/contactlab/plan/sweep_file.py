@@ -3,7 +3,7 @@
 import itertools
 import json
 import math
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -14,11 +14,16 @@ from contactlab.errors import SceneError
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
 from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
 from contactlab.plan.names import SweepContext, check_names, read_condition
-from contactlab.plan.overrides import Overrides, apply_settings, check_values, read_filters
+from contactlab.plan.overrides import (
+    Filter,
+    Overrides,
+    apply_settings,
+    check_values,
+    read_filters,
+)
 from contactlab.plan.rows import read_blocks, read_rows
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text
-from contactlab.schema.axis_forms import axis_roles
 from contactlab.schema.sweep_schema import Sweep, switches
 from contactlab.schema.vocabulary import Vocabulary
 
@@ -119,13 +124,19 @@ def _checked(
     check_values(document, filters, values)
     if document.has_errors:
         return None
-    for each in filters:
-        grid = grid.keeping(each.name, each.values)
+    grid = _kept(draft.sweep, grid, filters)
     count = _count(context, grid, overrides.limit, warn=not filters)
     if count is None:
         return None
     warnings = tuple(each for each in document.mistakes if each.severity == "warning")
     return Plan(draft.sweep, _axes(draft.sweep, grid), count, warnings, grid, expected)
+
+
+def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
+    """Return the rows that filters keep, and those of the scene as written in their scenarios."""
+    for each in filters:
+        grid = grid.keeping(each.name, each.values)
+    return grid.with_baseline(sweep.scenario) if sweep.baseline else grid
 
 
 def _warn_if_unmet(
@@ -182,9 +193,8 @@ def _count(context: SweepContext, grid: Grid, limit: int | None, *, warn: bool) 
 
 
 def _axes(sweep: Sweep, grid: Grid) -> tuple[SweptAxis, ...]:
-    roles = axis_roles(sweep.axes, *sweep.zip)
     return tuple(
-        SweptAxis(name, roles.get(name, "knob"), tuple(values))
+        SweptAxis(name, sweep.roles.get(name, "knob"), tuple(values))
         for name, values in grid.values().items()
         if name not in grid.base
     )

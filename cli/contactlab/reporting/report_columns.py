@@ -12,7 +12,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS, METRICS
 from contactlab.measure import STABLE as STABLE_LABEL
 from contactlab.palette import STABLE_COLOUR, failure_colour
-from contactlab.schema.axis_forms import Role, axis_roles
+from contactlab.schema.axis_forms import Role
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import RunColumns
@@ -129,7 +129,7 @@ def number_with_unit(text: str, unit: str) -> str:
 def read_axes(store: Store) -> tuple[GridAxis, ...]:
     """Return the axes that differ between runs of a store, and the seed if there are several."""
     columns, sweep = store.columns, Sweep.model_validate(store.manifest.sweep.resolved)
-    roles: dict[str, Role] = {**axis_roles(sweep.axes, *sweep.zip), SEED: "scenario"}
+    roles: dict[str, Role] = {**sweep.roles, SEED: "scenario"}
     names = [name for name in (*columns.axis_names, SEED) if name in columns.schema.names]
     axes = [_axis(columns, name, roles.get(name, "knob")) for name in dict.fromkeys(names)]
     return tuple(axis for axis in axes if len(axis.ticks) > 1)

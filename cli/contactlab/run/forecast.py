@@ -12,7 +12,7 @@ from contactlab.contact.contact_laws import stiffness_damping
 from contactlab.engines import engine_of
 from contactlab.engines.engine import PreparedRuns, bytes_of_run
 from contactlab.plan.grid import Plan
-from contactlab.run.planned_runs import RunIndex
+from contactlab.run.planned_runs import RunIndex, reference_models
 from contactlab.scene.mujoco_versions import silence_mujoco
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.row_resolution import RowGroup
@@ -70,9 +70,12 @@ def forecast(plan: Plan, scene: Scene, workers: int) -> Forecast:
     share = sums.steps / workers
     accuracy = timing = 0.0
     if sweep.accuracy or sweep.timing:
-        resolved = {run.run_id: each for run, each in index.runs()}
+        planned = list(index.runs())
+        resolved = {run.run_id: each for run, each in planned}
         if sweep.accuracy:
-            accuracy = likely * reference_steps(sweep.accuracy, resolved, scene) / workers
+            models = reference_models(scene, sweep, planned)
+            steps = reference_steps(sweep.accuracy.refine, resolved, models, scene)
+            accuracy = likely * steps / workers
         if sweep.timing:
             steps = [each.steps for each in resolved.values()]
             # What is counted is run once more by the workers, before the clock runs.

@@ -10,7 +10,7 @@ from contactlab.accuracy.timing import InterleavedTimer, timings
 from contactlab.engines import engine_of
 from contactlab.engines.engine import SimulationEngine, SolvesReferences, TimesSteps
 from contactlab.errors import OutputError
-from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs
+from contactlab.run.planned_runs import Planned, RunIndex, pack_jobs, reference_models
 from contactlab.run.run_verdicts import within_tolerances
 from contactlab.run.tasks import (
     BeginCallback,
@@ -109,7 +109,8 @@ def _accuracies(session: SweepSession, request: AccuracyRequest) -> dict[str, Ac
     repeatable = session.repeatable(lambda engine: isinstance(engine, SolvesReferences))
     runs = {run.run_id: run for run, _ in repeatable}
     controls = {run_id: run.controls for run_id, run in runs.items()}
-    grouped = families(_resolved(repeatable), session.scene, controls)
+    models = reference_models(session.scene, session.task.sweep, repeatable)
+    grouped = families(models, session.scene, controls)
     notes = _pooled(session, "errors", [tuple(map(runs.__getitem__, each)) for each in grouped])
     return accuracies(request, session.scene, _resolved(session.planned), notes)
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from contactlab.accuracy.reference import reference_model
 from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
@@ -28,7 +29,7 @@ from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
 from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import SweepIdentity
-from contactlab.schema.sweep_schema import effects_base
+from contactlab.schema.sweep_schema import Sweep, effects_base
 from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.store_access import backend_at, local_scene
 
@@ -48,6 +49,13 @@ _DIGITS = 2 * ID_BYTES
 # Initial states that are remembered as checked.
 _MAX_CHECKED = 1 << 12
 _MOST_STEPS = 1e12
+
+
+def reference_models(scene: Scene, sweep: Sweep, planned: Planned) -> dict[str, ResolvedRun]:
+    """Return the models of the references of runs, by run id."""
+    return {
+        run.run_id: reference_model(scene, sweep, resolved, run.values) for run, resolved in planned
+    }
 
 
 class RunIndex:

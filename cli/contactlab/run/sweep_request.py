@@ -110,7 +110,7 @@ def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     rows = list(plan.grid.rows())
     reasons = [_reason(row) for row in rows]
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
-    grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left)
+    grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left, written=())
     count = min(plan.count, len(left) * len(plan.sweep.seed_values))
     distinct = dict.fromkeys(filter(None, reasons))
     return replace(plan, grid=grid, count=count), tuple(distinct)

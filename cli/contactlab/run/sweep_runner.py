@@ -155,6 +155,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         metric_versions=metric_versions(),
         definitions=definitions(),
         runs_asked=len(index),
+        baseline=_baseline(request),
         lacking=_null_fields(index, driven=timed),
         plan_hash=index.hash,
         plugins=tuple(
@@ -170,6 +171,13 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
             "LC_ALL=C.UTF-8"
         ) from error
     return identity
+
+
+def _baseline(request: SweepRequest) -> str | None:
+    scene, sweep = request.scene, request.plan.sweep
+    for row in request.plan.grid.written[:1]:
+        return scene.run_id(scene.resolve(row, sweep.seed_values[0], sweep.duration))
+    return None
 
 
 def _null_fields(index: RunIndex, *, driven: bool) -> dict[str, str]:

@@ -35,7 +35,7 @@ from contactlab.run.evidence_record import (
     time_now,
     with_cost,
 )
-from contactlab.run.planned_runs import Preparer
+from contactlab.run.planned_runs import Preparer, reference_models
 from contactlab.run.run_verdicts import missing_effects
 from contactlab.run.tasks import Finished, Job, PlannedRun, Task, note
 from contactlab.scene.expected_contacts import Asked
@@ -149,7 +149,9 @@ class Worker:
 
         with self._preparer.watchdog() as start_clock:
             if purpose == "errors" and request is not None:
-                found = discretization_errors(self._scene, plans, request, watch)
+                first = [(plans[0].run, plans[0].resolved)]
+                (model,) = reference_models(self._scene, self._task.sweep, first).values()
+                found = discretization_errors(self._scene, plans, model, request, watch)
             else:
                 found = list(work_of_runs(self._scene, plans, watch))
         return [note(purpose, run.run_id, each) for run, each in zip(job, found, strict=True)]

@@ -122,6 +122,8 @@ def write_axis(settings: Settings, axis: str, value: object) -> bool:
     return True
 
 
+START_SETTINGS = ("keyframe", "joint_speed", "perturbation")
+"""Settings that decide the initial state, besides initial values."""
 ID_BYTES = 8
 
 

@@ -14,6 +14,7 @@ from contactlab.scene.drive.located_drive import DRIVE_AXES
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.parameters import PARAMETERS, application_order
 from contactlab.scene.resolution import (
+    START_SETTINGS,
     ResolvedRun,
     RunIdentity,
     id_entry,
@@ -127,7 +128,7 @@ class RowGroup:
             for name, axes in ((name, deciding[name]) for name in varying)
         )
         self.places = {name: place for place, name in enumerate(varying)}
-        starting = {*first.initial, "keyframe", "joint_speed", "perturbation"}
+        starting = {*first.initial, *START_SETTINGS}
         self.starting = [place for place, name in enumerate(varying) if name in starting]
         self.identity = RunIdentity(self._base, first, scene.hash, varying)
 

@@ -2,7 +2,7 @@
 
 import copy
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from pathlib import Path
@@ -44,7 +44,13 @@ from contactlab.scene.initial_states import (
 from contactlab.scene.model_edits import FLAGS
 from contactlab.scene.mujoco_versions import missing_flags
 from contactlab.scene.parameters import PARAMETERS, application_order
-from contactlab.scene.resolution import ResolvedRun, RunIdentity, settings_of, write_axis
+from contactlab.scene.resolution import (
+    START_SETTINGS,
+    ResolvedRun,
+    RunIdentity,
+    settings_of,
+    write_axis,
+)
 from contactlab.scene.scene_source import SceneSource, find_scene
 from contactlab.scene.setting_values import Settings, as_number
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_identity
@@ -223,6 +229,18 @@ class Scene:
             without=left_uncompiled(base.facts, request),
             drive=drive,
         )
+
+    def as_written(
+        self, run: ResolvedRun, values: Mapping[str, object], scenario: Collection[str]
+    ) -> ResolvedRun:
+        """Return the scene as written, where a run of some values has its scenario and start.
+
+        The axes of the scenario are kept, and those that decide the bodies, the start, the drive
+        and the engine.
+        """
+        kept = {"engine", *scenario, *run.structure, *run.initial, *START_SETTINGS, *DRIVE_AXES}
+        given = {name: value for name, value in values.items() if name in kept}
+        return self.resolve(given, run.seed, run.duration)
 
     def run_id(self, run: ResolvedRun) -> str:
         """Return a hash of scene content, settings, seed and duration, but not of the engine.

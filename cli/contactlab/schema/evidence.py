@@ -34,9 +34,18 @@ class Accuracy(Model):
     error_mean_estimate: float | None = about(
         "Their mean distance: a smaller `error_mean` cannot be resolved."
     )
+    error_velocity: float | None = about(
+        "Mean difference of velocities over common times [m/s].", default=None
+    )
+    error_energy: float | None = about(
+        "Mean difference of energy, or of momenta if conserved, as a ratio.", default=None
+    )
     error_kind: ErrorKind
     chaotic: bool | None = about(
         "Whether a start 1e-8 away grows to the size of the errors; null if unknown."
+    )
+    divergence: float | None = about(
+        "Largest distance of a start 1e-8 away from the reference [m].", default=None
     )
     reference_integrator: str | None
     reference_timestep: float | None = about("Of the finest reference [s].")
@@ -273,6 +282,9 @@ class SweepIdentity(Model):
     lacking: dict[str, str] = about(
         "Why this version of the engine leaves a value null, by the value's name.",
         default_factory=dict,
+    )
+    baseline: Hash | None = about(
+        "Id of the first run of the scene as written, where the sweep asks for them.", default=None
     )
     plan_hash: Hash = about("Hash of every run id in plan order.")
     plugins: PluginInfos = ()

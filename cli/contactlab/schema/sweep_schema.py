@@ -15,7 +15,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.axis_forms import Axis
+from contactlab.schema.axis_forms import Axis, Role, axis_roles
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.strict_model import (
@@ -156,8 +156,14 @@ Seeds = Annotated[
 
 
 class AccuracyRequest(Model):
-    """Discretisation errors: each run against its own model at a much finer timestep."""
+    """Errors: each run against a model at a much finer timestep."""
 
+    against: Literal["own", "written"] = about(
+        "own: each run's own model; written: the scene as written, in the run's scenario and from "
+        "its start, so that what a setting changes counts too",
+        default="own",
+        exclude_if=lambda against: against == "own",
+    )
     error: Literal["auto", "trajectory", "local", "invariants"] = about(
         "trajectory: distance at common times; local: the same, restarted from the "
         "reference's states; invariants: energy and momenta, for chaotic scenes; auto: trajectory "
@@ -201,6 +207,11 @@ class Sweep(Model):
         "runs to leave out: partial matches, {where: expression} or both", default=()
     )
     include: Include = about("rows to add after `exclude`, or {file: runs.csv}", default=())
+    baseline: Annotated[bool, Field(strict=True)] = about(
+        "whether to run the scene as written too, in every scenario; after all others",
+        default=False,
+        exclude_if=lambda asked: not asked,
+    )
     effects: Effects = about(
         "auto: leave out what provably changes nothing; all: leave out nothing; or "
         "effect name to true or false, with `base: auto` or `base: all` for the others",
@@ -234,6 +245,16 @@ class Sweep(Model):
     )
     latency_budget: Positive | None = about("wall time a step may take [s]", default=None)
     timeout: Positive = about("wall time a run may take [s]", default=60.0)
+
+    @property
+    def roles(self) -> dict[str, Role]:
+        """The role of each axis."""
+        return axis_roles(self.axes, *self.zip)
+
+    @property
+    def scenario(self) -> list[str]:
+        """The axes of role scenario."""
+        return [name for name, role in self.roles.items() if role == "scenario"]
 
     @property
     def seed_values(self) -> tuple[int, ...]:

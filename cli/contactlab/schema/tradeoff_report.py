@@ -19,6 +19,11 @@ class ErrorMeasure(Model):
     against: str | None = about(
         "Of a discretisation error: trajectory, local or invariants, as in a record."
     )
+    reference: Literal["own", "written"] = about(
+        "Whose limit a discretisation error is measured from: that of each run's own model, or of "
+        "the model as written.",
+        default="own",
+    )
     resolution: float = about("Smaller differences count as none; in the error's unit.")
 
 
@@ -52,6 +57,9 @@ class Configuration(Model):
     time_worst: float | None = about("The same in its most expensive run.")
     real_time_factor: float | None = about("Simulated over CPU time.")
     error: float | None = about("Largest in any of its runs; null if one has none.")
+    error_spread: tuple[float, float] | None = about(
+        "Least and median error of its runs, where there are several.", default=None
+    )
     below_estimate: bool = about(
         "The error is below the uncertainty of the reference: an upper bound."
     )
@@ -151,6 +159,9 @@ class TradeoffReport(Model):
     time: TimeMeasure
     tolerances: dict[str, float]
     chaotic: bool = about("Whether runs are chaotic: their trajectories do not compare.")
+    baseline: Configuration | None = about(
+        "The model as written: the first of all, if it was run.", default=None
+    )
     configurations: tuple[Configuration, ...]
     front: tuple[FrontPoint, ...] = about("Over feasible configurations.")
     unconstrained_front: tuple[FrontPoint, ...] = about("Over all of them.")

@@ -69,8 +69,11 @@ FIXED_COLUMNS = (
     Column("error_estimate", REAL, "m", "what the reference itself may be off by", "lower"),
     Column("error_final_estimate", REAL, "m", "the same for the error at the end"),
     Column("error_mean_estimate", REAL, "m", "the same for the mean error"),
+    Column("error_velocity", REAL, "m/s", "difference of velocities, mean over time", "lower"),
+    Column("error_energy", REAL, "1", "difference of energy and momenta, mean over time", "lower"),
     Column("error_kind", _TEXT, "", "trajectory, local or invariants; the last have no unit"),
     Column("chaotic", _TRUTH, "", "whether a start 1e-8 away grows to the size of the errors"),
+    Column("divergence", REAL, "m", "how far a start 1e-8 away gets from the reference"),
     Column("reference_integrator", _TEXT, "", "the reference's integrator"),
     Column("reference_timestep", REAL, "s", "the finest reference's timestep"),
     Column("impacts", _WHOLE, "1", "how often contacts began or ended in the run"),
@@ -245,7 +248,7 @@ def row_to_record(row: Mapping[str, Any], shared: Mapping[str, Any]) -> Evidence
     labels = zip(*(row[column] for column in _LABELS), strict=True)
     data["labels"] = [dict(zip(_LABELS.values(), each, strict=True)) for each in labels]
     for part, (prefix, names) in _PARTS.items():
-        found = {name: row[prefix + name] for name in names}
+        found = {name: row[prefix + name] for name in names if prefix + name in row}
         if any(value is not None for value in found.values()):
             data[part] = found
     if "trace" in data:

@@ -44,8 +44,8 @@ class TradeoffRequest:
 def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     """Evaluate the configurations of a store, after running the sweep if it is one.
 
-    A sweep is run with errors and times measured even if its file does not ask for them. The
-    session is notified of what looks wrong in it.
+    A sweep is run with errors and times measured, and with the scene as written beside, even if its
+    file does not ask for them. The session is notified of what looks wrong in it.
 
     Raises:
         SweepFileError: the sweep holds mistakes, or the criteria name what it does not measure.
@@ -94,5 +94,7 @@ def _added(sweep: Sweep, criteria: Criteria) -> Iterator[str]:
     error = criteria.error or chosen_error({**sweep.tolerances, **criteria.tolerances})
     if (error is None or error in ERRORS) and sweep.accuracy is None:
         yield "accuracy={error: auto}"
+    if not sweep.baseline:
+        yield "baseline=true"
     if sweep.timing is None:
         yield "timing={rounds: 3}"
