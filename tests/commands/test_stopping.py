@@ -7,7 +7,7 @@ import threading
 
 import pytest
 
-from contactlab.commands.stopping import stop_on_signals
+from contactlab.commands.terminal import stop_on_signals
 from contactlab.run.tasks import Stop
 
 SAID = "finishing the current runs; interrupt again to stop at once\n"
@@ -90,7 +90,7 @@ def test_other_threads_hear_nothing() -> None:
 # As a signal that comes while the main thread is writing, which may not be begun twice.
 WRITING = """
 import io, os, signal, sys
-from contactlab.commands.stopping import stop_on_signals
+from contactlab.commands.terminal import stop_on_signals
 from contactlab.run.tasks import Stop
 
 class Interrupted(io.RawIOBase):

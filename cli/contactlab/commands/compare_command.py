@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from datetime import date, datetime
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
@@ -30,48 +30,31 @@ _FORMATS: dict[str, ReportFormat] = {
 
 
 def compare(
-    baseline: Annotated[opt.Address, opt.store_argument("BASELINE", "Store to compare with.")],
-    candidate: Annotated[opt.Address, opt.store_argument("CANDIDATE", "Store to judge.")],
-    policy: Annotated[
-        Path | None, opt.option("FILE", "Policy file: tolerances, and what fails the job.")
-    ] = None,
-    match: Annotated[
-        Match | None, typer.Option(help="Pair runs by id, or by axis values and seed.")
-    ] = None,
-    files: Annotated[
-        list[Path] | None,
-        opt.output_option(
-            "FILE", "File to write: .md, .json, .xml (JUnit) or .txt; may be repeated."
-        ),
-    ] = None,
-    output: Annotated[
-        ReportFormat, typer.Option("--format", help="How results are printed.")
-    ] = "text",
+    baseline: opt.Address = opt.store_argument("BASELINE", "Store to compare with."),
+    candidate: opt.Address = opt.store_argument("CANDIDATE", "Store to judge."),
+    policy: Path | None = opt.option("FILE", "Policy file: tolerances, and what fails the job."),
+    match: Match | None = typer.Option(None, help="Pair runs by id, or by axis values and seed."),
+    files: list[Path] | None = opt.output_option(
+        "FILE", "File to write: .md, .json, .xml (JUnit) or .txt; may be repeated."
+    ),
+    output: ReportFormat = opt.FORMAT,
     *,
-    thorough: Annotated[
-        bool, typer.Option("--thorough", help="Verify every record and every trace first.")
-    ] = False,
-    baseline_digest: opt.BaselineDigestOption = None,
-    remeasure: Annotated[
-        int | None,
-        typer.Option(min=1, metavar="N", help="Time N pairs of runs again, interleaved."),
-    ] = None,
-    baseline_python: Annotated[
-        Path | None,
-        typer.Option(help="Python that times the baseline's runs; by default this one."),
-    ] = None,
-    candidate_python: Annotated[
-        Path | None,
-        typer.Option(help="Python that times the candidate's runs; by default this one."),
-    ] = None,
-    accept: Annotated[
-        str | None, opt.option("CHECK", "Accept a failed check: add it to the policy file.")
-    ] = None,
-    reason: Annotated[str, typer.Option(help="Why it is accepted.")] = "",
-    until: Annotated[
-        datetime | None,
-        typer.Option(formats=["%Y-%m-%d"], help="Last day on which it is accepted."),
-    ] = None,
+    thorough: bool = opt.flag("--thorough", "Verify every record and every trace first."),
+    baseline_digest: str | None = opt.BASELINE_DIGEST,
+    remeasure: int | None = typer.Option(
+        None, min=1, metavar="N", help="Time N pairs of runs again, interleaved."
+    ),
+    baseline_python: Path | None = typer.Option(
+        None, help="Python that times the baseline's runs; by default this one."
+    ),
+    candidate_python: Path | None = typer.Option(
+        None, help="Python that times the candidate's runs; by default this one."
+    ),
+    accept: str | None = opt.option("CHECK", "Accept a failed check: add it to the policy file."),
+    reason: str = typer.Option("", help="Why it is accepted."),
+    until: datetime | None = typer.Option(
+        None, formats=["%Y-%m-%d"], help="Last day on which it is accepted."
+    ),
 ) -> None:
     """Compare a store with a baseline; exit with 1 if a gate fails."""
     from contactlab.comparison.compare_stores import compare as compare_stores
@@ -185,10 +168,10 @@ baselines = typer.Typer(help="Keep stores to compare with.", no_args_is_help=Tru
 
 @baselines.command()
 def update(
-    store: Annotated[opt.Address, opt.store_argument("STORE", "Store to take as the baseline.")],
-    dest: Annotated[Path, typer.Argument(help="Folder of the baseline, created or replaced.")],
-    baseline_digest: opt.BaselineDigestOption = None,
-    output: opt.FormatOption = "text",
+    store: opt.Address = opt.store_argument("STORE", "Store to take as the baseline."),
+    dest: Path = typer.Argument(..., help="Folder of the baseline, created or replaced."),
+    baseline_digest: str | None = opt.BASELINE_DIGEST,
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Write a store without its traces, small enough to commit."""
     from contactlab.store.baseline_store import write_baseline

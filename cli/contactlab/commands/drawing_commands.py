@@ -1,7 +1,6 @@
 """Commands that draw: `report` a store as a page or figures, `render` a run in 3D."""
 
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -13,37 +12,29 @@ _ALL = 1_000_000
 
 
 def report(
-    store: opt.StoreArgument,
-    target: Annotated[
-        Path | None,
-        opt.output_option(
-            "FILE", "Page to write; by default STORE.html, beside a store that is a folder."
-        ),
-    ] = None,
+    store: opt.Address = opt.STORE,
+    target: Path | None = opt.output_option(
+        "FILE", "Page to write; by default STORE.html, beside a store that is a folder."
+    ),
     *,
-    error: opt.ErrorOption = None,
-    tolerance: opt.ToleranceOption = None,
-    traces: Annotated[
-        str, opt.option("N|all|none", "Runs whose time series the page includes.")
-    ] = "60",
-    max_mb: Annotated[
-        float,
-        typer.Option(min=1, help="Size above which the page has statistics instead of runs [MB]."),
-    ] = 25.0,
-    baseline: Annotated[
-        opt.Address | None,
-        typer.Option(
-            parser=opt.store_at,
-            metavar="STORE",
-            help="Store to compare with, as `contactlab compare` does.",
-        ),
-    ] = None,
-    figures: Annotated[
-        Path | None, opt.option("FOLDER", "Write figures into this folder instead of a page.")
-    ] = None,
-    formats: Annotated[
-        str, typer.Option("--format", help="File formats of the figures: png, svg, pdf.")
-    ] = "png",
+    error: str | None = opt.ERROR,
+    tolerance: list[str] | None = opt.TOLERANCE,
+    traces: str = opt.option("N|all|none", "Runs whose time series the page includes.", "60"),
+    max_mb: float = typer.Option(
+        25.0, min=1, help="Size above which the page has statistics instead of runs [MB]."
+    ),
+    baseline: opt.Address | None = typer.Option(
+        None,
+        parser=opt.store_at,
+        metavar="STORE",
+        help="Store to compare with, as `contactlab compare` does.",
+    ),
+    figures: Path | None = opt.option(
+        "FOLDER", "Write figures into this folder instead of a page."
+    ),
+    formats: str = typer.Option(
+        "png", "--format", help="File formats of the figures: png, svg, pdf."
+    ),
 ) -> None:
     """Draw a store as one page that works offline: maps, accuracy against time, every run."""
     from contactlab.reporting.report_data import PageRequest
@@ -86,22 +77,17 @@ def _count(text: str) -> int:
 
 
 def render(
-    store: opt.StoreArgument,
-    run: opt.RunArgument,
-    target: Annotated[
-        Path,
-        opt.output_option(
-            "FILE", "File to write: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif or .png."
-        ),
-    ],
-    at: Annotated[
-        list[float] | None, opt.option("SECONDS", "Time of a .png; may be repeated.")
-    ] = None,
-    speed: Annotated[
-        float | None, typer.Option(help="Playback speed of a film; 0.1 is slow motion.")
-    ] = None,
-    size: Annotated[str | None, opt.option("WIDTHxHEIGHT", "Size in pixels: 640x480.")] = None,
-    camera: Annotated[str | None, typer.Option(help="Camera of the model.")] = None,
+    store: opt.Address = opt.STORE,
+    run: str = opt.RUN,
+    target: Path = opt.output_option(
+        "FILE",
+        "File to write: .mcap (Foxglove, Lichtblick), .rrd (Rerun), .mp4, .gif or .png.",
+        ...,
+    ),
+    at: list[float] | None = opt.option("SECONDS", "Time of a .png; may be repeated."),
+    speed: float | None = typer.Option(None, help="Playback speed of a film; 0.1 is slow motion."),
+    size: str | None = opt.option("WIDTHxHEIGHT", "Size in pixels: 640x480."),
+    camera: str | None = typer.Option(None, help="Camera of the model."),
 ) -> None:
     """Render a stored run in 3D with its contact forces: for a viewer, as a film or pictures."""
     from contactlab.store.finished_store import Store

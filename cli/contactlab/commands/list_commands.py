@@ -3,7 +3,6 @@
 import errno
 import json
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -15,10 +14,10 @@ _SUFFIX = ".schema.json"
 
 
 def scenes(
-    name: Annotated[
-        str | None, typer.Argument(metavar="[SCENE]", help="Scene, scene folder or model file.")
-    ] = None,
-    output: opt.FormatOption = "text",
+    name: str | None = typer.Argument(
+        None, metavar="[SCENE]", help="Scene, scene folder or model file."
+    ),
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """List the shipped scenes, or every axis that one scene offers."""
     if name is not None:
@@ -46,7 +45,7 @@ def _list_axes(name: str, output: opt.Format) -> None:
     print_rows(output, ("axis", "unit", "description", "values"), rows)
 
 
-def sweeps(output: opt.FormatOption = "text") -> None:
+def sweeps(output: opt.Format = opt.FORMAT) -> None:
     """List the shipped sweeps."""
     from contactlab import resources
     from contactlab.plan.sweep_file import read_sweep
@@ -60,7 +59,7 @@ def sweeps(output: opt.FormatOption = "text") -> None:
     print_rows(output, ("sweep", "scene", "runs", "description"), rows)
 
 
-def metrics(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -> None:
+def metrics(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:
     """List every metric: unit, direction, version and definition."""
     from contactlab.measure import METRICS
 
@@ -72,7 +71,7 @@ def metrics(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") 
     print_rows(output, ("metric", "unit", "better", "version", "definition"), rows)
 
 
-def labels(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -> None:
+def labels(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:
     """List every label, worst first: its meaning and the thresholds that it depends on."""
     from contactlab.measure import LABELS
 
@@ -84,7 +83,7 @@ def labels(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -
     print_rows(output, ("label", "meaning", "thresholds"), rows)
 
 
-def thresholds(plugin: opt.PluginOption = None, output: opt.FormatOption = "text") -> None:
+def thresholds(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:
     """List every threshold that a scene or a sweep may set: its default, unit and source."""
     from contactlab.measure import THRESHOLDS
 
@@ -94,10 +93,10 @@ def thresholds(plugin: opt.PluginOption = None, output: opt.FormatOption = "text
 
 
 def init(
-    scene: Annotated[
-        str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
-    ] = "ball_drop",
-    path: Annotated[Path, opt.output_option("FILE", "Sweep file to write.")] = Path("sweep.yaml"),
+    scene: str = typer.Argument(
+        "ball_drop", help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT."
+    ),
+    path: Path = opt.output_option("FILE", "Sweep file to write.", Path("sweep.yaml")),
 ) -> None:
     """Write a starter sweep file for a scene, and its JSON Schema beside it."""
     from contactlab.plan.starter import SCHEMA_NAME
@@ -127,13 +126,9 @@ def init(
 
 
 def schema(
-    name: Annotated[
-        str | None, typer.Argument(help="Schema to print; lists all names by default.")
-    ] = None,
-    write: Annotated[Path | None, opt.option("FOLDER", "Write all schemas into a folder.")] = None,
-    check: Annotated[
-        Path | None, opt.option("FOLDER", "Fail unless a folder holds the current schemas.")
-    ] = None,
+    name: str | None = typer.Argument(None, help="Schema to print; lists all names by default."),
+    write: Path | None = opt.option("FOLDER", "Write all schemas into a folder."),
+    check: Path | None = opt.option("FOLDER", "Fail unless a folder holds the current schemas."),
 ) -> None:
     """Print, write or check the JSON Schemas of the files that contactlab reads and writes."""
     from contactlab.schema.json_schemas import json_schemas, schema_drift, write_json_schemas

@@ -4,7 +4,6 @@ import errno
 import os
 import warnings
 from pathlib import Path
-from typing import Annotated
 
 import typer
 
@@ -54,16 +53,12 @@ def _print_version(wanted: bool) -> None:
 @app.callback()
 def contactlab(
     *,
-    version: Annotated[
-        bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print version."),
-    ] = False,
-    allow_files: Annotated[
-        list[Path] | None,
-        option(
-            "DIR", "Let models name the files of a folder outside of their own; may be repeated."
-        ),
-    ] = None,
+    version: bool = typer.Option(
+        False, "--version", callback=_print_version, is_eager=True, help="Print version."
+    ),
+    allow_files: list[Path] | None = option(
+        "DIR", "Let models name the files of a folder outside of their own; may be repeated."
+    ),
 ) -> None:
     """Evidence for contact simulation: sweeps of MuJoCo rollouts, labelled and stored."""
     del version

@@ -4,10 +4,9 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import typer
-from typer.models import ArgumentInfo, OptionInfo
 
 from contactlab.commands.terminal import say
 from contactlab.errors import OutputError, SweepFileError
@@ -40,91 +39,68 @@ def folder_at(text: str) -> Path:
     return address
 
 
-def store_argument(metavar: str, help: str) -> ArgumentInfo:  # noqa: A002 - as typer calls it
+def store_argument(metavar: str, help: str) -> Any:  # noqa: A002, ANN401 - as typer calls it
     """Return a positional argument that names a store."""
-    return typer.Argument(parser=store_at, metavar=metavar, help=help)
+    return typer.Argument(..., parser=store_at, metavar=metavar, help=help)
 
 
-def option(metavar: str, help: str) -> OptionInfo:  # noqa: A002 - as typer calls it
-    """Return an option of this name for its value."""
-    return typer.Option(metavar=metavar, help=help)
+def option(metavar: str, help: str, default: object = None, **rules: Any) -> Any:  # noqa: A002, ANN401
+    """Return an option with a name for its value; the other rules are those of typer."""
+    return typer.Option(default, metavar=metavar, help=help, **rules)
+
+
+def flag(name: str, help: str) -> Any:  # noqa: A002, ANN401 - as typer calls it
+    """Return an option that takes no value, and is off by default."""
+    return typer.Option(False, name, help=help)
 
 
 def output_option(
     metavar: str,
     help: str,  # noqa: A002 - as typer calls it
+    default: object = None,
     parser: Callable[[str], object] | None = None,
-) -> OptionInfo:
+) -> Any:  # noqa: ANN401 - an option of any type
     """Return the option `-o`, which says what a command writes."""
-    return typer.Option("-o", "--output", parser=parser, metavar=metavar, help=help)
+    return typer.Option(default, "-o", "--output", parser=parser, metavar=metavar, help=help)
 
 
-StoreArgument = Annotated[
-    Address, store_argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.")
-]
-BaselineDigestOption = Annotated[
-    str | None,
-    option("SHA256", "Digest that the baseline must have, as `baseline update` prints it."),
-]
-RunArgument = Annotated[str, typer.Argument(metavar="RUN", help="Run id, or its first digits.")]
-SweepStoreOption = Annotated[
-    Address | None,
-    output_option(
-        "STORE",
-        "Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
-        store_at,
-    ),
-]
-StudyFolderOption = Annotated[
-    Path | None,
-    output_option(
-        "FOLDER", "Folder for report and evidence; by default under results/.", folder_at
-    ),
-]
-SetOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--set",
-        metavar="NAME=VALUE",
-        help="Replace an axis or a setting: timestep=1e-3; may be repeated.",
-    ),
-]
-WorkersOption = Annotated[
-    int | None, typer.Option(min=0, help="Worker processes; by default one per core, 0 for none.")
-]
-MujocoOption = Annotated[
-    str | None,
-    option(
-        "VERSION|PYTHON",
-        "Run with another MuJoCo: a version, or the path of a Python that has one.",
-    ),
-]
-DriveOption = Annotated[
-    str | None,
-    option(
-        "DRIVE",
-        "What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of controls.",
-    ),
-]
-AllowCodeOption = Annotated[
-    bool,
-    typer.Option(
-        "--allow-code", help="Let a drive run a policy, which is Python code: trust its file."
-    ),
-]
-PluginOption = Annotated[
-    list[Path] | None,
-    option("FILE", "Python file that adds metrics, labels, oracles or engines; may be repeated."),
-]
-ErrorOption = Annotated[
-    str | None, option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric.")
-]
-ToleranceOption = Annotated[
-    list[str] | None,
-    option("METRIC=VALUE", "Replace a tolerance of the sweep: oracle_error=1%; may be repeated."),
-]
-FigureOption = Annotated[Path | None, option("FILE", "Draw the result: a .png or .svg file.")]
-FormatOption = Annotated[Format, typer.Option("--format", help="How results are printed.")]
+STORE = store_argument("STORE", "Store: a folder or s3://BUCKET/PREFIX.")
+RUN = typer.Argument(..., metavar="RUN", help="Run id, or its first digits.")
+BASELINE_DIGEST = option(
+    "SHA256", "Digest that the baseline must have, as `baseline update` prints it."
+)
+SWEEP_STORE = output_option(
+    "STORE",
+    "Store to write: a folder or s3://BUCKET/PREFIX; by default under results/.",
+    parser=store_at,
+)
+STUDY_FOLDER = output_option(
+    "FOLDER", "Folder for report and evidence; by default under results/.", parser=folder_at
+)
+SET = typer.Option(
+    None,
+    "--set",
+    metavar="NAME=VALUE",
+    help="Replace an axis or a setting: timestep=1e-3; may be repeated.",
+)
+WORKERS = typer.Option(None, min=0, help="Worker processes; by default one per core, 0 for none.")
+MUJOCO = option(
+    "VERSION|PYTHON", "Run with another MuJoCo: a version, or the path of a Python that has one."
+)
+DRIVE = option(
+    "DRIVE",
+    "What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of controls.",
+)
+ALLOW_CODE = flag("--allow-code", "Let a drive run a policy, which is Python code: trust its file.")
+PLUGIN = option(
+    "FILE", "Python file that adds metrics, labels, oracles or engines; may be repeated."
+)
+ERROR = option("METRIC", "Measure of accuracy: error_final, oracle_error or any metric.")
+TOLERANCE = option(
+    "METRIC=VALUE", "Replace a tolerance of the sweep: oracle_error=1%; may be repeated."
+)
+FIGURE = option("FILE", "Draw the result: a .png or .svg file.")
+FORMAT = typer.Option("text", "--format", help="How results are printed.")
 
 
 def load_plugins(files: Sequence[Path] | None) -> None:

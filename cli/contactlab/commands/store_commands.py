@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from itertools import islice
-from typing import TYPE_CHECKING, Annotated
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -25,11 +26,11 @@ _ID_DIGITS = 8
 
 
 def show(
-    store: opt.StoreArgument,
-    run: Annotated[
-        str | None, typer.Argument(help="Run id, or its first digits; the whole store by default.")
-    ] = None,
-    output: opt.FormatOption = "text",
+    store: opt.Address = opt.STORE,
+    run: str | None = typer.Argument(
+        None, help="Run id, or its first digits; the whole store by default."
+    ),
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Show the record of a run, or the summary of a store."""
     from contactlab.store.finished_store import Store
@@ -173,11 +174,11 @@ def format_value(value: object) -> str:
 
 
 def verify(
-    store: opt.StoreArgument,
-    simulate: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Simulate N runs again, drawn at random.")
-    ] = 0,
-    output: opt.FormatOption = "text",
+    store: opt.Address = opt.STORE,
+    simulate: int = typer.Option(
+        0, min=0, metavar="N", help="Simulate N runs again, drawn at random."
+    ),
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Check every file of a store against its hash, and recompute what its content gives."""
     from contactlab.run.recomputed_runs import (
@@ -224,14 +225,12 @@ def verify(
 
 
 def replay(
-    store: opt.StoreArgument,
-    run: opt.RunArgument,
+    store: opt.Address = opt.STORE,
+    run: str = opt.RUN,
     *,
-    view: Annotated[
-        bool, typer.Option("--view", help="Open it in MuJoCo's viewer instead.")
-    ] = False,
-    plugin: opt.PluginOption = None,
-    output: opt.FormatOption = "text",
+    view: bool = opt.flag("--view", "Open it in MuJoCo's viewer instead."),
+    plugin: list[Path] | None = opt.PLUGIN,
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Simulate a stored run again and check that every state is bitwise equal."""
     from contactlab.run.stored_runs import prepare_replay

@@ -2,13 +2,19 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import echo, echo_commands, print_json, print_table, say
+from contactlab.commands.terminal import (
+    echo,
+    echo_commands,
+    print_json,
+    print_table,
+    say,
+    study_session,
+)
 from contactlab.errors import ExpectationError
 from contactlab.resources import RESULTS
 
@@ -22,38 +28,31 @@ _MOST_MISSES = 5
 
 
 def check(
-    model: Annotated[
-        str, typer.Argument(help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT.")
-    ],
-    assign: opt.SetOption = None,
-    only: Annotated[
-        list[str] | None, opt.option("CHECK", "Make only this check; may be repeated.")
-    ] = None,
-    folder: opt.StudyFolderOption = None,
-    *,
-    keyframe: Annotated[
-        str | None, opt.option("NAME", "Keyframe to start from; qpos0 is the model's default pose.")
-    ] = None,
-    kind: Annotated[
-        Literal["auto", "manipulation", "locomotion"],
-        typer.Option(help="Task that the timestep has to suit."),
-    ] = "auto",
-    drive: opt.DriveOption = None,
-    limit: Annotated[
-        list[str] | None, opt.option("METRIC=VALUE", "Replace a limit: slip=1e-3; may be repeated.")
-    ] = None,
-    accept: Annotated[
-        Path | None, opt.option("FILE", "File of findings that are accepted, with reasons.")
-    ] = None,
-    remedies: Annotated[
-        bool, typer.Option(help="Look for changes that help, by running the model with them.")
-    ] = True,
-    workers: opt.WorkersOption = None,
-    plugin: opt.PluginOption = None,
-    allow_code: opt.AllowCodeOption = False,
-    output: Annotated[CheckFormat, typer.Option("--format", help="How results are printed.")] = (
-        "text"
+    model: str = typer.Argument(
+        ..., help="Scene, scene folder, .xml or .urdf file, or menagerie:ROBOT."
     ),
+    assign: list[str] | None = opt.SET,
+    only: list[str] | None = opt.option("CHECK", "Make only this check; may be repeated."),
+    folder: Path | None = opt.STUDY_FOLDER,
+    *,
+    keyframe: str | None = opt.option(
+        "NAME", "Keyframe to start from; qpos0 is the model's default pose."
+    ),
+    kind: Literal["auto", "manipulation", "locomotion"] = typer.Option(
+        "auto", help="Task that the timestep has to suit."
+    ),
+    drive: str | None = opt.DRIVE,
+    limit: list[str] | None = opt.option(
+        "METRIC=VALUE", "Replace a limit: slip=1e-3; may be repeated."
+    ),
+    accept: Path | None = opt.option("FILE", "File of findings that are accepted, with reasons."),
+    remedies: bool = typer.Option(
+        True, help="Look for changes that help, by running the model with them."
+    ),
+    workers: int | None = opt.WORKERS,
+    plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
+    output: CheckFormat = opt.FORMAT,
 ) -> None:
     """Check a model; exit with 1 if there is an error that is not accepted."""
     from contactlab.plan.overrides import drive_option
@@ -126,21 +125,19 @@ def _print_findings(report: "CheckReport", folder: Path) -> None:
 
 
 def effects(
-    source: Annotated[
-        str, typer.Argument(metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file.")
-    ],
-    assign: opt.SetOption = None,
-    folder: opt.StudyFolderOption = None,
+    source: str = typer.Argument(
+        ..., metavar="SCENE|SWEEP|MODEL", help="Scene, sweep file or model file."
+    ),
+    assign: list[str] | None = opt.SET,
+    folder: Path | None = opt.STUDY_FOLDER,
     *,
-    seeds: Annotated[
-        int, typer.Option(min=1, help="Seeds, and so runs, per scenario and effect.")
-    ] = 6,
-    figure: opt.FigureOption = None,
-    workers: opt.WorkersOption = None,
-    drive: opt.DriveOption = None,
-    plugin: opt.PluginOption = None,
-    allow_code: opt.AllowCodeOption = False,
-    output: opt.FormatOption = "text",
+    seeds: int = typer.Option(6, min=1, help="Seeds, and so runs, per scenario and effect."),
+    figure: Path | None = opt.FIGURE,
+    workers: int | None = opt.WORKERS,
+    drive: str | None = opt.DRIVE,
+    plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Change one effect at a time, and find the smallest set that keeps every result."""
     from contactlab.pareto.drawing import check_figure
@@ -214,23 +211,21 @@ def _print_smallest_set(report: "EffectsReport") -> None:
 
 
 def stability(
-    names: Annotated[
-        list[str] | None,
-        typer.Argument(metavar="NAME", help="Cases or model files; all cases by default."),
-    ] = None,
-    folder: opt.StudyFolderOption = None,
-    workers: opt.WorkersOption = None,
-    mujoco: opt.MujocoOption = None,
-    drive: opt.DriveOption = None,
-    duration: Annotated[float | None, opt.option("SECONDS", "Simulated time of a model.")] = None,
-    assign: opt.SetOption = None,
-    threshold: Annotated[
-        list[str] | None,
-        opt.option("NAME=VALUE", "Replace a model's threshold: penetration_steady=1e-3."),
-    ] = None,
-    plugin: opt.PluginOption = None,
-    allow_code: opt.AllowCodeOption = False,
-    output: opt.FormatOption = "text",
+    names: list[str] | None = typer.Argument(
+        None, metavar="NAME", help="Cases or model files; all cases by default."
+    ),
+    folder: Path | None = opt.STUDY_FOLDER,
+    workers: int | None = opt.WORKERS,
+    mujoco: str | None = opt.MUJOCO,
+    drive: str | None = opt.DRIVE,
+    duration: float | None = opt.option("SECONDS", "Simulated time of a model."),
+    assign: list[str] | None = opt.SET,
+    threshold: list[str] | None = opt.option(
+        "NAME=VALUE", "Replace a model's threshold: penetration_steady=1e-3."
+    ),
+    plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Run hard cases; report what held, what failed, and whether that is as expected."""
     from contactlab.plan.overrides import drive_option

@@ -2,14 +2,21 @@
 
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import TYPE_CHECKING, Annotated, Literal
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
 
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.stopping import resumable
 from contactlab.commands.store_commands import format_value, print_summary
-from contactlab.commands.terminal import echo, print_json, print_table, progress_display, say
+from contactlab.commands.terminal import (
+    echo,
+    print_json,
+    print_table,
+    progress_display,
+    resumable,
+    say,
+)
 from contactlab.errors import ExpectationError, RunFailedError, SweepFileError
 
 if TYPE_CHECKING:
@@ -23,41 +30,35 @@ ExecutorName = Literal["local", "ray"]
 
 
 def sweep(
-    name: Annotated[str, typer.Argument(metavar="SWEEP", help="Sweep file or shipped sweep.")],
-    store: opt.SweepStoreOption = None,
-    assign: opt.SetOption = None,
-    only: Annotated[
-        list[str] | None,
-        opt.option("NAME=VALUE", "Keep runs with a value: cone=elliptic; may be repeated."),
-    ] = None,
-    limit: Annotated[
-        int | None, typer.Option(min=1, metavar="N", help="Keep the first N runs.")
-    ] = None,
-    workers: opt.WorkersOption = None,
+    name: str = typer.Argument(..., metavar="SWEEP", help="Sweep file or shipped sweep."),
+    store: opt.Address | None = opt.SWEEP_STORE,
+    assign: list[str] | None = opt.SET,
+    only: list[str] | None = opt.option(
+        "NAME=VALUE", "Keep runs with a value: cone=elliptic; may be repeated."
+    ),
+    limit: int | None = opt.option("N", "Keep the first N runs.", min=1),
+    workers: int | None = opt.WORKERS,
     *,
-    drive: opt.DriveOption = None,
-    executor: Annotated[
-        ExecutorName, typer.Option(help="Where jobs run: on this machine, or on a Ray cluster.")
-    ] = "local",
-    address: Annotated[
-        str | None, opt.option("HOST:PORT|auto", "Ray cluster to join; by default starts one.")
-    ] = None,
-    mujoco: opt.MujocoOption = None,
-    plugin: opt.PluginOption = None,
-    allow_code: opt.AllowCodeOption = False,
-    plan: Annotated[
-        bool, typer.Option("--plan", help="Print runs, time and disk space; run nothing.")
-    ] = False,
-    yes: Annotated[bool, typer.Option("--yes", help="Allow more than 100,000 runs.")] = False,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Replace an existing store.")] = False,
-    retry_failed: Annotated[
-        bool, typer.Option("--retry-failed", help="Repeat runs that crashed, timed out or failed.")
-    ] = False,
-    repair: Annotated[
-        bool,
-        typer.Option("--repair", help="Keep the sound runs of a damaged store, repeat the others."),
-    ] = False,
-    output: opt.FormatOption = "text",
+    drive: str | None = opt.DRIVE,
+    executor: ExecutorName = typer.Option(
+        "local", help="Where jobs run: on this machine, or on a Ray cluster."
+    ),
+    address: str | None = opt.option(
+        "HOST:PORT|auto", "Ray cluster to join; by default starts one."
+    ),
+    mujoco: str | None = opt.MUJOCO,
+    plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
+    plan: bool = opt.flag("--plan", "Print runs, time and disk space; run nothing."),
+    yes: bool = opt.flag("--yes", "Allow more than 100,000 runs."),
+    fresh: bool = opt.flag("--fresh", "Replace an existing store."),
+    retry_failed: bool = opt.flag(
+        "--retry-failed", "Repeat runs that crashed, timed out or failed."
+    ),
+    repair: bool = opt.flag(
+        "--repair", "Keep the sound runs of a damaged store, repeat the others."
+    ),
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources

@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
 from contactlab.commands import options as opt
-from contactlab.commands.stopping import study_session
-from contactlab.commands.terminal import echo, print_json, print_table, say
+from contactlab.commands.terminal import echo, print_json, print_table, say, study_session
 from contactlab.errors import ExpectationError, OutputError
 from contactlab.resources import RESULTS
 
@@ -26,25 +25,20 @@ _MOST_RATES = 40
 
 
 def tradeoff(
-    name: Annotated[
-        str,
-        typer.Argument(
-            metavar="STORE|SWEEP|MODEL", help="Store, sweep, model file or menagerie:ROBOT."
-        ),
-    ],
+    name: str = typer.Argument(
+        ..., metavar="STORE|SWEEP|MODEL", help="Store, sweep, model file or menagerie:ROBOT."
+    ),
     *,
-    error: opt.ErrorOption = None,
-    tolerance: opt.ToleranceOption = None,
-    figure: opt.FigureOption = None,
-    write: Annotated[
-        Path | None, opt.option("FILE", "Write a sweep file of the recommended settings.")
-    ] = None,
-    store: opt.SweepStoreOption = None,
-    workers: opt.WorkersOption = None,
-    drive: opt.DriveOption = None,
-    plugin: opt.PluginOption = None,
-    allow_code: opt.AllowCodeOption = False,
-    output: opt.FormatOption = "text",
+    error: str | None = opt.ERROR,
+    tolerance: list[str] | None = opt.TOLERANCE,
+    figure: Path | None = opt.FIGURE,
+    write: Path | None = opt.option("FILE", "Write a sweep file of the recommended settings."),
+    store: opt.Address | None = opt.SWEEP_STORE,
+    workers: int | None = opt.WORKERS,
+    drive: str | None = opt.DRIVE,
+    plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
+    output: opt.Format = opt.FORMAT,
 ) -> None:
     """Weigh accuracy against time, and recommend the fastest settings that are accurate enough."""
     from contactlab.pareto.drawing import draw
