@@ -94,10 +94,8 @@ def read_motion(
     """Return what is drawn of a run, up to its first state that is not finite.
 
     The trace holds every configuration, so that nothing is simulated again. There are `rate` frames
-    per simulated second; `times` [s] get frames of their own.
-
-    Raises:
-        StoreError: not even the start state is finite.
+    per simulated second; `times` [s] get frames of their own. A StoreError says that not even the
+    start state is finite.
     """
     model = prepared.model
     broken = np.flatnonzero(~np.isfinite(trace.qpos).all(axis=1))

@@ -4,10 +4,11 @@ import ctypes.util
 import importlib
 import math
 import os
+from collections import Counter
 from collections.abc import Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import chain
+from itertools import chain, repeat
 from pathlib import Path
 
 import av
@@ -38,6 +39,7 @@ _BACKGROUND = (0.74, 0.79, 0.86, 1.0)
 # The background's distance as a fraction of the farthest visible one.
 _WALL = 0.5
 _ARROW = mujoco.mjtGeom.mjGEOM_ARROW
+_PLACING = (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight, mujoco.mj_tendon)
 # The values of MUJOCO_GL, each with its system library.
 _BACKENDS = {"egl": "EGL", "osmesa": "OSMesa", "glfw": "glfw"}
 _REMEDY = (
@@ -53,11 +55,7 @@ _BORDER = 6
 
 @contextmanager
 def graphics(width: int, height: int) -> Generator[None]:
-    """Make an off-screen OpenGL context of this size the current one.
-
-    Raises:
-        SceneError: there is no OpenGL to draw with.
-    """
+    """Make an off-screen OpenGL context of this size the current one; a SceneError without any."""
     asked = os.environ.get("MUJOCO_GL", "").lower()
     installed = [name for name in ("egl", "osmesa") if ctypes.util.find_library(_BACKENDS[name])]
     found = [asked] if asked in _BACKENDS else installed
@@ -85,10 +83,8 @@ def draw_pictures(
     """Yield a picture (height, width, 3) of some frames of a motion, by configuration (nq,).
 
     The model's off-screen buffer is set to the size, width and height [pixels]. Without the name
-    of one of its cameras, one sees the whole motion.
-
-    Raises:
-        SceneError: there is no OpenGL, or no camera of this name.
+    of one of its cameras, one sees the whole motion. A SceneError says that there is no OpenGL, or
+    no camera of this name.
     """
     width, height = size
     model.vis.global_.offwidth, model.vis.global_.offheight = width, height
@@ -106,7 +102,10 @@ def draw_pictures(
         context = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, context)
         for frame, configuration in frames.items():
-            _pose(model, data, configuration)
+            # Contacts were stored: without collision detection, all else is placed.
+            data.qpos[:] = configuration
+            for place in _PLACING:
+                place(model, data)
             everything = mujoco.mjtCatBit.mjCAT_ALL.value
             mujoco.mjv_updateScene(model, data, option, None, view, everything, scene)
             if not has_sky:
@@ -118,25 +117,15 @@ def draw_pictures(
         context.free()
 
 
-def _pose(model: mujoco.MjModel, data: mujoco.MjData, configuration: Floats) -> None:
-    """Place everything that is drawn, without collision detection: contacts were stored."""
-    data.qpos[:] = configuration
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_camlight(model, data)
-    mujoco.mj_tendon(model, data)
-
-
 def _draw_background(scene: mujoco.MjvScene) -> None:
     """Put a bright wall behind everything; MuJoCo would leave the background black."""
     eye = scene.camera[0]
     far = _WALL * eye.frustum_far
     half = 2 * far / eye.frustum_near * max(eye.frustum_top, eye.frustum_width, eye.frustum_near)
-    place = eye.pos + far * eye.forward
     up, back = eye.up.astype(float), -eye.forward.astype(float)
     turn = np.stack([np.cross(up, back), up, back], axis=1)
-    size = np.array([half, half, far * 1e-3])
-    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, size, place, turn, _BACKGROUND)
+    wall = _new_geom(scene, mujoco.mjtGeom.mjGEOM_BOX, _BACKGROUND)
+    wall.pos, wall.size, wall.mat = eye.pos + far * eye.forward, (half, half, far * 1e-3), turn
     wall.emission, wall.specular, wall.reflectance = 0.2, 0.0, 0.0
     wall.category = mujoco.mjtCatBit.mjCAT_DECOR.value
 
@@ -163,26 +152,20 @@ def _camera(
 def _draw_forces(scene: mujoco.MjvScene, motion: BodyMotion, frame: int) -> None:
     chosen = motion.forces.of(frame)
     points, arrows = motion.forces.position[chosen], motion.arrows[chosen]
-    modes: Sequence[int] = motion.forces.mode[chosen].tolist()
+    modes = motion.forces.mode[chosen].tolist()
     for point, arrow, mode in zip(points, arrows, modes, strict=True):
         if scene.ngeom == scene.maxgeom:
             return
         width = min(_RADIUS * motion.radius, _MOST_RADIUS * float(np.linalg.norm(arrow)))
-        geom = _new_geom(scene, _ARROW, np.zeros(3), np.zeros(3), np.eye(3), MODE_COLOURS[mode])
+        geom = _new_geom(scene, _ARROW, MODE_COLOURS[mode])
         mujoco.mjv_connector(geom, _ARROW.value, width, point, point + arrow)
 
 
 def _new_geom(
-    scene: mujoco.MjvScene,
-    kind: mujoco.mjtGeom,
-    size: Floats,
-    place: Floats,
-    turn: Floats,
-    colour: tuple[float, ...],
+    scene: mujoco.MjvScene, kind: mujoco.mjtGeom, colour: tuple[float, ...]
 ) -> mujoco.MjvGeom:
-    geom = scene.geoms[scene.ngeom]
-    rgba = np.array(colour, np.float32)
-    mujoco.mjv_initGeom(geom, kind.value, size, place, turn.ravel(), rgba)
+    geom, rgba = scene.geoms[scene.ngeom], np.array(colour, np.float32)
+    mujoco.mjv_initGeom(geom, kind.value, np.zeros(3), np.zeros(3), np.eye(3).ravel(), rgba)
     scene.ngeom += 1
     return geom
 
@@ -199,13 +182,10 @@ class RunPictures:
 
     def film(self, rate: float) -> Iterator[Picture]:
         """Yield a film's pictures, `rate` per simulated second."""
-        times = frame_times(self.motion.time, rate)
-        frames_of_times = nearest(self.motion.time, times)
-        repeats = np.bincount(frames_of_times, minlength=len(self.motion.time)).tolist()
-        frames = [frame for frame, count in enumerate(repeats) if count]
-        for frame, picture in zip(frames, self._draw(frames), strict=True):
-            for _ in range(repeats[frame]):
-                yield picture
+        time = self.motion.time
+        shown = Counter(nearest(time, frame_times(time, rate)).tolist())
+        for count, picture in zip(shown.values(), self._draw(list(shown)), strict=True):
+            yield from repeat(picture, count)
 
     def sheet(self, times: Sequence[float]) -> list[Picture]:
         """Return a sheet's pictures, at times [s] or, without any, six over the run."""

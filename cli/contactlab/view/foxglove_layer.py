@@ -34,9 +34,6 @@ from contactlab.store.mcap.trace_writer import AddedChannel, copy_trace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape, Form
 
-_SCENE_TOPIC = "/scene"
-_TRANSFORMS_TOPIC = "/tf"
-_FORCES_TOPIC = "/contact_forces"
 _WORLD = 0
 _FORCES = "contact_forces"
 # An arrow's head as a fraction of its length; its diameter as a fraction of the sphere's radius,
@@ -45,18 +42,14 @@ _HEAD, _DIAMETER, _MOST_DIAMETER = 0.25, 0.02, 0.15
 
 
 def write_with_layer(source: Path, target: Path, motion: BodyMotion) -> None:
-    """Write a trace file again with the 3D layer added.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Write a trace file again with the 3D layer added; raise OutputError if that cannot be."""
     rows = motion.rows.tolist()
     poses = [(row, transforms(motion, frame)) for frame, row in enumerate(rows)]
     forces = [(row, contact_forces(motion, frame)) for frame, row in enumerate(rows)]
     channels = (
-        _channel(_SCENE_TOPIC, SceneUpdate, [(rows[0], scene(motion))]),
-        _channel(_TRANSFORMS_TOPIC, FrameTransforms, poses),
-        _channel(_FORCES_TOPIC, SceneUpdate, forces),
+        _channel("/scene", SceneUpdate, [(rows[0], scene(motion))]),
+        _channel("/tf", FrameTransforms, poses),
+        _channel(f"/{_FORCES}", SceneUpdate, forces),
     )
     copy_trace(source, target, channels)
 
@@ -112,13 +105,9 @@ def scene(motion: BodyMotion) -> SceneUpdate:
 
 def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
     """Return the arrows of a frame; they replace those of the frame before."""
-    chosen = motion.forces.of(frame)
-    arrows = zip(
-        motion.forces.position[chosen],
-        motion.arrows[chosen],
-        motion.forces.mode[chosen].tolist(),
-        strict=True,
-    )
+    chosen, forces = motion.forces.of(frame), motion.forces
+    points, modes = forces.position[chosen], forces.mode[chosen].tolist()
+    arrows = zip(points, motion.arrows[chosen], modes, strict=True)
     scale = {"metres_per_newton": motion.scale, "longest_metres": motion.longest}
     return SceneUpdate(
         entities=[

@@ -23,13 +23,10 @@ _RATE = 60.0
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """How pictures are taken.
+    """How pictures are taken: their width and height [pixels], and by which camera of the model.
 
-    Attributes:
-        size: width and height [pixels].
-        camera: name of a camera of the model; None for one that sees the whole motion.
-        speed: simulated seconds per second of film, below 1 for slow motion; None for 1.
-        at: times of a sheet's pictures [s]; six over the run if empty.
+    Without a camera, one sees the whole motion. A film's speed is in simulated seconds per second,
+    a sheet's pictures are `at` times [s] or, without any, six over the run.
     """
 
     size: tuple[int, int] | None = None

@@ -19,8 +19,6 @@ from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape, Form
 
-_APPLICATION = "contactlab"
-_TIMELINE = "time"
 _SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
 _XYZW = [1, 2, 3, 0]
 
@@ -28,10 +26,9 @@ _XYZW = [1, 2, 3, 0]
 def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
     """Write a run as a Rerun recording, with the trace's time series, a value a step.
 
-    Raises:
-        OutputError: the file cannot be written.
+    An OutputError says that the file cannot be written.
     """
-    recording = rr.RecordingStream(_APPLICATION, recording_id=trace.metadata["run_id"])
+    recording = rr.RecordingStream("contactlab", recording_id=trace.metadata["run_id"])
     # By way of memory: a full disk must be an error here, not a line in Rerun's log.
     memory = recording.memory_recording()
     recording.send_blueprint(_blueprint(motion))
@@ -48,14 +45,8 @@ def write_rrd(path: Path, trace: StoredTrace, motion: BodyMotion) -> None:
 
 def _blueprint(motion: BodyMotion) -> rrb.Blueprint:
     names = ("normal_force", "tangential_force", "penetration", "slip_speed")
-    plots = [
-        rrb.TimeSeriesView(
-            name=name,
-            origin="/",
-            contents=[f"/{_entity('pairs', pair, name)}" for pair in motion.pairs],
-        )
-        for name in names
-    ]
+    series = {name: [f"/{_entity('pairs', pair, name)}" for pair in motion.pairs] for name in names}
+    plots = [rrb.TimeSeriesView(name=name, origin="/", contents=series[name]) for name in names]
     space = rrb.Spatial3DView(name="scene", origin=f"/{_SPACE}")
     return rrb.Blueprint(rrb.Horizontal(space, rrb.Vertical(*plots), column_shares=[3, 2]))
 
@@ -127,7 +118,7 @@ def _series(trace: StoredTrace) -> Iterator[tuple[str, Floats]]:
 
 def _index(time: Floats) -> rr.TimeColumn:
     """Return times [s] in the nanoseconds that trace files have."""
-    return rr.TimeColumn(_TIMELINE, duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
+    return rr.TimeColumn("time", duration=np.rint(time * 1e9).astype("timedelta64[ns]"))
 
 
 def _entity(*parts: str) -> str:
