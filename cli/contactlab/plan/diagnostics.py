@@ -14,12 +14,9 @@ _MOST_SHOWN = 50
 
 @dataclass(frozen=True)
 class SourceText:
-    """A text in which mistakes are located.
+    """A text in which mistakes are located: a path or what the user calls it, and its lines.
 
-    Attributes:
-        name: a path, or another name that the user recognizes.
-        lines: its lines without line breaks.
-        numbered: whether line numbers help; they do not in one command-line argument.
+    Lines of a file are numbered; of one command-line argument, their number would not help.
     """
 
     name: str
@@ -59,12 +56,9 @@ class Place:
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """One mistake in a sweep file or option.
+    """One mistake in a sweep file or option; the code is its kind, in words joined by dashes.
 
-    Attributes:
-        code: the kind of mistake, in words joined by dashes.
-        hint: what to write instead, shown beside the caret.
-        severity: an error stops the sweep, a warning does not.
+    The hint says what to write instead. An error stops the sweep, a warning does not.
     """
 
     code: str
@@ -79,11 +73,7 @@ class Diagnostic:
 
 
 class SweepMistakesError(SweepFileError):
-    """All mistakes of a sweep file and its options.
-
-    Attributes:
-        diagnostics: the mistakes, in the order of their places, warnings included.
-    """
+    """All mistakes of a sweep file and its options, warnings included, in order of place."""
 
     def __init__(self, diagnostics: Sequence[Diagnostic]) -> None:
         self.diagnostics = tuple(diagnostics)

@@ -56,12 +56,10 @@ class Match:
     def holds(self, row: Mapping[str, object]) -> bool:
         """Return whether a row meets the condition; a row that lacks one of the axes does not.
 
-        Raises:
-            SweepMistakesError: the expression cannot be computed for this row.
+        A SweepMistakesError says that the expression cannot be computed for this row.
         """
-        for name, value in self.settings:
-            if name not in row or row[name] != value:
-                return False
+        if any(name not in row or row[name] != value for name, value in self.settings):
+            return False
         if self.expression is None:
             return True
         try:

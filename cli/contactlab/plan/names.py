@@ -182,7 +182,7 @@ def read_condition(
     if condition.where is None:
         return Match(tuple(settings), None, document.value(path))
     specs = [spec for name in known if (spec := context.find(name))]
-    names = {*known, *(part for spec in specs for part in spec.parts)}
+    names = (*known, *(part for spec in specs for part in spec.parts))
     where = document.value((*path, "where"))
     inside = _first_character(where, condition.where)
     expression = _read_expression(context, condition.where, names, inside, where)

@@ -23,17 +23,14 @@ _CALL = re.compile(r"(\w+)\((.*)\)")
 
 @dataclass(frozen=True)
 class Overrides:
-    """Options of the command line, as typed.
-
-    Attributes:
-        assign: `NAME=VALUES` or `NAME=FORM(...)`: replaces or adds an axis or a key of the file.
-        only: `AXIS=VALUES`: keeps the runs that have one of the values; several must all hold.
-        limit: keeps that many runs, the first ones.
-    """
+    """Options of the command line, as typed."""
 
     assign: Sequence[str] = ()
+    """`NAME=VALUES` or `NAME=FORM(...)`: replaces or adds an axis or a key of the file."""
     only: Sequence[str] = ()
+    """`AXIS=VALUES`: keeps the runs that have one of the values; several must all hold."""
     limit: int | None = None
+    """Keeps that many runs, the first ones."""
 
 
 @dataclass(frozen=True)
@@ -56,11 +53,7 @@ class Filter:
 
 
 def drive_option(text: str | None) -> Drive | None:
-    """Return the drive that `--drive` names.
-
-    Raises:
-        SweepFileError: it is not one.
-    """
+    """Return the drive that `--drive` names; raise SweepFileError for what is none."""
     try:
         return None if text is None else read_drive(text)
     except ValidationError as error:

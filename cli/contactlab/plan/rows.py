@@ -150,11 +150,10 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
     counts: dict[str, int] = {}
     for name, axis in axes.items():
         if is_sampled(axis):
-            place, message = (
-                document.key((*path, name)),
-                f"'{name}' is sampled, so it cannot advance",
+            message = f"'{name}' is sampled, so it cannot advance with others"
+            document.add(
+                "sampled-in-zip", document.key((*path, name)), message, "move it to `axes`"
             )
-            document.add("sampled-in-zip", place, f"{message} with others", "move it to `axes`")
             continue
         columns[name] = _listed(context, (*path, name), axis)
         counts[name] = len(listed_values(axis))
@@ -245,10 +244,9 @@ def _table_rows(context: SweepContext, source: SourceText) -> Iterator[RowValues
     header = list(_cells(source, first))
     places: dict[str, Place] = {}
     for name, place in header:
-        if not name:
-            document.add("bad-table", place, "a column without a name")
-        elif name in places:
-            document.add("bad-table", place, f"a second column '{name}'")
+        if not name or name in places:
+            message = f"a second column '{name}'" if name else "a column without a name"
+            document.add("bad-table", place, message)
         else:
             places[name] = place
     _check_row(context, places)

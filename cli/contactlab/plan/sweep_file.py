@@ -32,12 +32,9 @@ _NONE = Overrides()
 
 @dataclass(frozen=True)
 class SweepFile:
-    """A sweep file that was read without mistakes.
+    """A sweep file that was read without mistakes, and its content with all options.
 
-    Attributes:
-        path: where it lies; None if it was given as text or data.
-        text: as written; JSON if it was given as data.
-        sweep: its content, with the options of the command line.
+    It has no path if it was given as text or data, and its text is JSON if it was data.
     """
 
     path: Path | None
@@ -96,8 +93,7 @@ def _checked(
 ) -> Plan | None:
     """Return the plan of a draft, or None after adding its mistakes to the document.
 
-    Raises:
-        SweepMistakesError: an expression cannot be computed for some row.
+    A SweepMistakesError says that an expression cannot be computed for some row.
     """
     document, scene = draft.document, draft.document.at(("scene",))
     if not isinstance(scene, str):
@@ -204,12 +200,7 @@ _Kind = TypeVar("_Kind", bound=BaseModel)
 
 
 def read_yaml_as(path: Path, kind: type[_Kind]) -> _Kind:
-    """Read a YAML file as a model.
-
-    Raises:
-        SweepFileError: it cannot be read, or (as SweepMistakesError, with all of them as data) it
-            holds mistakes.
-    """
+    """Read a YAML file as a model; raise SweepFileError with all mistakes that it holds."""
     document = read_document(read_text(path), str(path))
     if not document.has_errors:
         try:

@@ -31,14 +31,10 @@ class _Mark(Protocol):
 
 @dataclass
 class Document:
-    """Plain data with the places of its parts, and the mistakes in it.
+    """Plain data with the places of its values and keys by path, and the mistakes in it.
 
-    Attributes:
-        data: mappings, lists, words, numbers, booleans and None.
-        values: path to the place of the value there.
-        keys: path to the place of the key there.
-        mistakes: in the order in which they were added, warnings included.
-        unreadable: places of syntax errors; no further mistakes are added there.
+    Mistakes, warnings included, are in the order in which they were added; none is added where the
+    text is unreadable.
     """
 
     source: SourceText
@@ -117,11 +113,7 @@ class Document:
 
 
 def read_text(path: Path) -> str:
-    """Return a file's text.
-
-    Raises:
-        SweepFileError: it cannot be read, or is not UTF-8.
-    """
+    """Return a file's text; raise SweepFileError if it cannot be read, or is not UTF-8."""
     try:
         return path.read_text(encoding="utf-8-sig")
     except OSError as error:
@@ -159,14 +151,10 @@ def _parts(data: object, path: KeyPath) -> Iterator[tuple[KeyPath, object]]:
 def read_argument(
     document: Document, path: KeyPath, text: str, source: SourceText, column: int
 ) -> object:
-    """Return the data of a piece of YAML that stands in a line of another text.
+    """Return the data of a piece of YAML that begins at a column, from 1, of a line of other text.
 
-    Args:
-        document: gets the places of its parts, and its mistakes.
-        path: where in the document the data goes.
-        text: the piece, wrapped in one character at each end that the line does not have.
-        source: the line.
-        column: where in the line the piece begins, counted from 1.
+    The piece is wrapped in one character at each end that the line does not have. The document gets
+    its mistakes, and the places of its parts below the path where the data goes.
     """
     return _Reader(document, source, column - 2).read(text, path)
 
