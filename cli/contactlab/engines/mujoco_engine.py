@@ -122,12 +122,16 @@ def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:
     loads = np.zeros((len(rollout.steps), first.neq))
     gaps, sleeper = np.zeros((*loads.shape, 2)), np.full((len(loads), 3), np.nan)
     for run, steps in enumerate(rollout.steps):
-        model, start = runs.prepared[run].model, runs.starts.pick(run)
+        model = runs.prepared[run].model
         controls = rollout.controls[run] if rollout.controls else None
         if controls is None:
-            ranges[run] = start.control_ranges(max(steps - 1, 0) * model.opt.timestep)
+            end = max(steps - 1, 0) * model.opt.timestep
+            ranges[run] = runs.starts.control_ranges(run, end)
         else:
             ranges[run] = np.stack([controls.levels.min(axis=0), controls.levels.max(axis=0)], 1)
+        if data is None and not model.opt.enableflags & _SLEEP:
+            continue
+        start = runs.starts.pick(run)
         start = start if controls is None else start.acted_on([controls])
         if model.opt.enableflags & _SLEEP:
             sleeper[run] = _sleeper(model, start, rollout.state[run, : steps + 1])

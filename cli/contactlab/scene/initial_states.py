@@ -116,7 +116,7 @@ class InitialStates(NamedTuple):
         for each, own in zip(controls, self.signals, strict=True):
             times, levels = each.knots
             acted = Signals(np.arange(count), times[None], levels)
-            signals.append(acted.joined(own.without(own.places < count)))
+            signals.append(acted.joined(own))
         start = np.array([each.levels[0] for each in controls])
         return self._replace(ctrl=start, signals=tuple(signals))
 
@@ -146,20 +146,18 @@ class InitialStates(NamedTuple):
         inputs[:, signals.places] = signals.at(steps * timestep)
         return inputs
 
-    def control_ranges(self, end: float) -> Floats:
-        """Return (nu, 2) the least and greatest value of each control until `end` [s], n being 1.
+    def control_ranges(self, run: int, end: float) -> Floats:
+        """Return (nu, 2) the least and greatest value of each control of a run until `end` [s].
 
         A level counts that a jump leaves between two steps.
         """
-        ranges = np.stack([self.ctrl[0]] * 2, axis=1)
-        signals = self.signals[0]
-        ends = signals.at(np.array([0.0, end]))
-        passed = (signals.times >= 0) & (signals.times <= end)
-        low = signals.levels.min(axis=1, initial=np.inf, where=passed)
-        high = signals.levels.max(axis=1, initial=-np.inf, where=passed)
+        ranges, signals = np.stack([self.ctrl[run]] * 2, axis=1), self.signals[run]
         own = signals.places < len(ranges)
-        ranges[signals.places[own], 0] = np.minimum(low, ends.min(axis=0))[own]
-        ranges[signals.places[own], 1] = np.maximum(high, ends.max(axis=0))[own]
+        if own.any():
+            ends = signals.at(np.array([0.0, end])).T
+            passed = (signals.times >= 0) & (signals.times <= end)
+            levels = np.hstack([ends, np.where(passed, signals.levels, ends[:, :1])])[own]
+            ranges[signals.places[own]] = np.stack([levels.min(axis=1), levels.max(axis=1)], axis=1)
         return ranges
 
 

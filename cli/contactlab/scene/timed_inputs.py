@@ -2,6 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -87,9 +88,11 @@ class Signals:
 
     def at(self, times: Floats) -> Floats:
         """Return (T, P) the inputs at some times [s]."""
-        if len(self.times) < len(self.places) and self.times.size > 1 and len(times) > 2:
-            return _interpolated(times, self.times[0], self.levels)
-        lines = zip(np.broadcast_to(self.times, self.levels.shape), self.levels, strict=True)
+        if len(self.times) == 1:
+            before, after, width, along = _between(times.tobytes(), self.times.tobytes())
+            first = self.levels.take(before, axis=1)
+            return ((self.levels.take(after, axis=1) - first) / width * along + first).T
+        lines = zip(self.times, self.levels, strict=True)
         return np.array([np.interp(times, *line) for line in lines]).reshape(-1, len(times)).T
 
     def without(self, left: NDArray[np.bool_]) -> "Signals":
@@ -98,11 +101,12 @@ class Signals:
         return Signals(self.places[~left], times, self.levels[~left])
 
     def joined(self, other: "Signals") -> "Signals":
-        """Return these signals and others of the same run."""
-        if not (self.places.size and other.places.size):
-            return self if self.places.size else other
-        most = max(self.levels.shape[1], other.levels.shape[1])
-        both = self._padded(most), other._padded(most)
+        """Return these signals, and others of the same run for the inputs that these leave."""
+        rest = other.without(np.isin(other.places, self.places)) if self.places.size else other
+        if not (self.places.size and rest.places.size):
+            return self if self.places.size else rest
+        most = max(self.levels.shape[1], rest.levels.shape[1])
+        both = self._padded(most), rest._padded(most)
         arrays = [(each.places, each.times, each.levels) for each in both]
         return Signals(*(np.concatenate(parts) for parts in zip(*arrays, strict=True)))
 
@@ -113,20 +117,20 @@ class Signals:
         return Signals(self.places, *(np.pad(part, rest, "edge") for part in (times, self.levels)))
 
 
-def _interpolated(times: Floats, knots: Floats, levels: Floats) -> Floats:
-    """Return (T, P) what `np.interp` gives for each of P rows of levels, searching once."""
-    after = np.searchsorted(knots, times, side="right")
-    before = np.clip(after - 1, 0, len(knots) - 2)
-    width = knots[before + 1] - knots[before]
-    outside = (after == 0) | (after == len(knots)) | (width == 0)
-    along = (times - knots[before])[:, None]
-    along[outside] = 0.0
-    width[outside] = 1.0
-    rows = levels.T
-    first = rows[before]
-    found = (rows[before + 1] - first) / width[:, None] * along + first
-    found[after == len(knots)] = rows[-1]
-    return found
+@lru_cache(maxsize=8)
+def _between(
+    times: bytes, knots: bytes
+) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
+    """Return (T,) the knots before and after times, the time between them, and since the first [s].
+
+    Times and knots are float64; the runs of a job often share both, so that they are searched once.
+    Before the first knot and after the last one, both knots are that one.
+    """
+    wanted, places = np.frombuffer(times), np.frombuffer(knots)
+    after = np.searchsorted(places, wanted, side="right")
+    before, after = np.maximum(after - 1, 0), np.minimum(after, len(places) - 1)
+    width = places[after] - places[before]
+    return before, after, np.where(after > before, width, 1.0), wanted - places[before]
 
 
 def read_control(

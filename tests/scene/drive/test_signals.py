@@ -59,6 +59,19 @@ def test_noise_is_the_same_at_every_timestep_and_another_for_each_seed(
     assert not np.allclose(coarse, controls(noisy, 0.004, 1.0, seed=1))
 
 
+def test_runs_of_a_job_get_what_each_gets_alone(scene: Scene, tmp_path: Path) -> None:
+    """To the bit, also where neighbours differ in more than their seeds."""
+    noisy = scene.with_drive(NoiseDrive(noise=0.2, rate=10.0), tmp_path)
+    asked = [(0.002, 5, 1.0), (0.002, 6, 1.0), (0.004, 5, 1.0), (0.002, 5, 0.5), (0.002, 7, 1.0)]
+    runs = [noisy.resolve({"timestep": step}, seed, end) for step, seed, end in asked]
+    together = noisy.starts(runs)
+    for place, (run, (step, _, end)) in enumerate(zip(runs, asked, strict=True)):
+        alone, steps = noisy.starts([run]), np.arange(run.steps)
+        inputs = together.inputs(place, step, steps), alone.inputs(0, step, steps)
+        assert inputs[0].tobytes() == inputs[1].tobytes()
+        assert np.array_equal(together.control_ranges(place, end), alone.control_ranges(0, end))
+
+
 def test_steps_too_long_for_the_noise_are_refused(scene: Scene, tmp_path: Path) -> None:
     noisy = scene.with_drive(NoiseDrive(noise=0.2, rate=60.0), tmp_path)
     controls(noisy, 0.008, 0.1)
@@ -138,3 +151,13 @@ def test_shared_knots_interpolate_as_numpy_does() -> None:
     found = Signals(np.arange(4), times[None], levels).at(asked)
     for place in range(4):
         assert found[:, place].tobytes() == np.interp(asked, times, levels[place]).tobytes()
+
+
+def test_joined_signals_leave_inputs_that_are_driven_already() -> None:
+    first = Signals(np.array([2, 0]), np.array([[0.0, 1.0]]), np.array([[1.0, 2.0], [3.0, 4.0]]))
+    other = Signals(np.array([1, 2]), np.array([[0.5]]), np.array([[5.0], [6.0]]))
+    both, asked = first.joined(other), np.linspace(0, 1, 5)
+    assert both.places.tolist() == [2, 0, 1]
+    assert np.array_equal(both.at(asked)[:, :2], first.at(asked))
+    assert both.at(asked)[:, 2].tolist() == [5.0] * 5
+    assert first.joined(first) is first

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from itertools import groupby
 
 import mujoco
 import numpy as np
@@ -70,6 +71,8 @@ class Driving:
     @cached_property
     def _support(self) -> Support:
         """How a robot stands, found once: for its start as written."""
+        if not self._held.size:
+            return Support(np.zeros(self._model.nu), 0.0)
         return find_support(self._model, self.servos, self._rule.qpos, self._rule.held_ctrl)
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
@@ -82,14 +85,13 @@ class Driving:
         fields, signals, held = starts._asdict(), list(starts.signals), self._held
         addresses = np.asarray(self._model.actuator_actadr)[held]
         addresses = addresses[addresses >= 0]
-        for place, run in enumerate(runs):
-            posture, room = self._posture(run.initial)
-            fields["ctrl"][place, held] = posture.ctrl[held]
-            fields["act"][place, addresses] = posture.act[addresses]
-            own, driven = signals[place], self._signals(posture, room, run)
-            if own.places.size:
-                driven = own.joined(driven.without(np.isin(driven.places, own.places)))
-            signals[place] = driven
+        for _, group in groupby(enumerate(runs), lambda each: _pace(each[1])):
+            places, alike = zip(*group, strict=True)
+            posture, room = self._posture(alike[0].initial)
+            fields["ctrl"][np.ix_(places, held)] = posture.ctrl[held]
+            fields["act"][np.ix_(places, addresses)] = posture.act[addresses]
+            for place, driven in zip(places, self._signals(posture, room, alike), strict=True):
+                signals[place] = signals[place].joined(driven)
         for coordinate, value in self._recorded.start if self._recorded else ():
             fields[coordinate.field][:, coordinate.index] = value
         if self._drive == "exercise" and not self._model.nu and not starts.qvel.any():
@@ -112,7 +114,11 @@ class Driving:
         start = self._rule.nominal(run.initial), self._rule.held_ctrl
         return unheld(self._model, hold_posture(self._model, self.servos, *start))
 
-    def _signals(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
+    def _signals(
+        self, posture: Posture, room: ControlRoom, runs: Sequence[ResolvedRun]
+    ) -> Sequence[Signals]:
+        """Return what drives runs that differ in their seeds only, as `_pace` says."""
+        run = runs[0]
         if isinstance(self._drive, NoiseDrive):
             if self._drive.rate * run.timestep > 0.5:
                 raise SceneError(
@@ -121,11 +127,13 @@ class Driving:
                     "write a lower `rate`"
                 )
             span = min(self._support.settling, run.duration / 2), run.duration
-            return self._of_held(noise_signals(posture, room.half, self._drive, span, run.seed))
-        key = (run.timestep, run.duration, *run.initial.values())
+            seeds = [each.seed for each in runs]
+            noise = noise_signals(posture, room.half, self._drive, span, seeds)
+            return [self._of_held(each) for each in noise]
+        key = _pace(run)
         if key not in self._shared:
             self._shared[key] = self._seedless(posture, room, run)
-        return self._shared[key]
+        return [self._shared[key]] * len(runs)
 
     def _seedless(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if self._recorded is not None:
@@ -139,6 +147,11 @@ class Driving:
         if len(self._held) == len(signals.places):
             return signals
         return signals.without(~np.isin(signals.places, self._held))
+
+
+def _pace(run: ResolvedRun) -> tuple[float, ...]:
+    """Return what runs share whose signals differ by their seeds only."""
+    return run.timestep, run.duration, *run.initial.values()
 
 
 def _free_motion(model: mujoco.MjModel) -> np.ndarray:

@@ -3,6 +3,7 @@
 Both are made of knots at times in seconds, so that they are the same at every timestep.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import mujoco
@@ -103,9 +104,13 @@ def _ways(model: mujoco.MjModel, posture: Posture) -> Floats:
 
 
 def noise_signals(
-    posture: Posture, half: Floats, noise: NoiseDrive, span: tuple[float, float], seed: int
-) -> Signals:
-    """Return noise around held controls: each a sum of sines of equal size and random phase.
+    posture: Posture,
+    half: Floats,
+    noise: NoiseDrive,
+    span: tuple[float, float],
+    seeds: Sequence[int],
+) -> list[Signals]:
+    """Return noise of each seed around held controls: a sum of sines of equal size, random phases.
 
     Their frequencies are evenly spaced up to the highest, 64 or more, and so close that the sum
     repeats after the run only. Its root mean square is a share of half the range of each control,
@@ -115,16 +120,17 @@ def noise_signals(
     sines = _LEAST_SINES
     while sines < (end - begin) * noise.rate:
         sines *= 2
-    phases = np.random.default_rng([seed, _STREAM]).uniform(0.0, 2 * np.pi, (len(half), sines))
-    spectrum = np.zeros((len(half), sines * _KNOTS // 2 + 1), np.complex128)
-    spectrum[:, 1 : sines + 1] = np.exp(1j * phases)
+    shape = len(half), sines
+    phases = [np.random.default_rng([seed, _STREAM]).uniform(0, 2 * np.pi, shape) for seed in seeds]
+    spectrum = np.zeros((len(seeds), len(half), sines * _KNOTS // 2 + 1), np.complex128)
+    spectrum[:, :, 1 : sines + 1] = np.exp(1j * np.array(phases))
     count = int(np.ceil(max(end - begin, 0.0) * noise.rate * _KNOTS)) + 1
     # A sine of size 1 has the mean square 1/2; `irfft` divides by the number of knots.
-    wave = np.fft.irfft(spectrum)[:, :count] * sines * _KNOTS / np.sqrt(2 * sines)
-    knots = np.arange(wave.shape[1]) / (noise.rate * _KNOTS)
+    wave = np.fft.irfft(spectrum)[:, :, :count] * sines * _KNOTS / np.sqrt(2 * sines)
+    knots = np.arange(wave.shape[2]) / (noise.rate * _KNOTS)
     wave *= np.minimum(knots * noise.rate, 1.0)
     levels = posture.ctrl[:, None] + noise.noise * half[:, None] * wave
-    return Signals(np.arange(len(half)), begin + knots[None], levels)
+    return [Signals(np.arange(len(half)), begin + knots[None], each) for each in levels]
 
 
 def exercise_signals(
