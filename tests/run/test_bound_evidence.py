@@ -147,6 +147,32 @@ def add_scene_file(store: Path) -> None:
     (scene / "more.xml").write_text("<mujoco/>")
 
 
+def edit_messages(store: Path, change: Callable[[bytes], bytes]) -> None:
+    """Change the messages of a trace, and its hashes."""
+    trace, add = min(store.rglob("*.mcap")), Writer.add_message
+
+    def changed(writer: Writer, channel: int, time: int, data: bytes, *others: int) -> None:
+        add(writer, channel, time, change(data), *others)
+
+    with patch.object(Writer, "add_message", changed):
+        copy_trace(trace, trace, [])
+    ids = pq.read_table(store / "runs.parquet")["run_id"].to_pylist()
+    edit(store, "trace_sha256", lambda _: sha256_of(trace), ids.index(trace.stem))
+    edit(store, "trace_bytes", lambda _: trace.stat().st_size, ids.index(trace.stem))
+
+
+def edit_energy(store: Path) -> None:
+    """Change the kinetic energy of a step."""
+    trace = min(store.rglob("*.mcap"))
+    kinetic = struct.pack("<d", Store.open(store).trace(trace.stem).kinetic[3])
+    edit_messages(store, lambda data: data.replace(kinetic, bytes(8)))
+
+
+def edit_tags(store: Path) -> None:
+    """Have states announce another field than their time, which comes first."""
+    edit_messages(store, lambda data: data.replace(b"\x09", b"\x79", 1))
+
+
 @pytest.mark.parametrize(
     ("attack", "said"),
     [
@@ -174,6 +200,9 @@ def add_scene_file(store: Path) -> None:
             "its messages by topic are not those of the table",
         ),
         (edit_shared("unitz", lambda _: 1), "another unitz than"),
+        (in_manifest("finished", value="2020-01-01T00:00:00.000+00:00"), "another finished than"),
+        (in_manifest("provenance", "host", "os", value="Plan 9"), "another provenance than"),
+        (edit_tags, "has other fields than its schema"),
         (edit_shared("units", lambda units: units | {"slip_max": "m"}), "another units than"),
         (edit_shared("severity", lambda order: order[1:-1]), "its severity is not the order"),
         (
@@ -241,21 +270,6 @@ def test_without_traces_outcomes_are_told_by_simulating_again(
     ]
     (found,) = simulated_problems(Store.open(bent), 100)
     assert said in found
-
-
-def edit_energy(store: Path) -> None:
-    """Change the kinetic energy of a step, and the hashes of its trace."""
-    trace = min(store.rglob("*.mcap"))
-    add, kinetic = Writer.add_message, Store.open(store).trace(trace.stem).kinetic[3]
-
-    def changed(writer: Writer, channel: int, time: int, data: bytes, *others: int) -> None:
-        add(writer, channel, time, data.replace(struct.pack("<d", kinetic), bytes(8)), *others)
-
-    with patch.object(Writer, "add_message", changed):
-        copy_trace(trace, trace, [])
-    ids = pq.read_table(store / "runs.parquet")["run_id"].to_pylist()
-    edit(store, "trace_sha256", lambda _: sha256_of(trace), ids.index(trace.stem))
-    edit(store, "trace_bytes", lambda _: trace.stat().st_size, ids.index(trace.stem))
 
 
 def test_what_only_a_trace_holds_is_told_by_simulating_again(bent: Path) -> None:
@@ -496,7 +510,7 @@ def test_a_journal_cut_anywhere_is_resumed(
     text = (half / "journal.jsonl").read_bytes()
     cut_journal = tmp_path / "journal.jsonl"
     # 18,000 syncs of a file would take minutes.
-    monkeypatch.setattr("contactlab.store.atomic_files._sync", lambda _: None)
+    monkeypatch.setattr("contactlab.store.atomic_files.sync_path", lambda _: None)
     ends = [0, *(place + 1 for place, byte in enumerate(text) if byte == ord("\n"))]
     for cut in range(len(text) + 1):
         cut_journal.write_bytes(text[:cut])

@@ -36,10 +36,10 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     try:
         yield temporary
         if durable:
-            _sync(temporary)
+            sync_path(temporary)
         temporary.replace(target)
         if durable:
-            _sync(target.parent)
+            sync_path(target.parent)
     except BaseException as error:
         temporary.unlink(missing_ok=True)
         if isinstance(error, OSError):
@@ -156,7 +156,8 @@ class GroupCommit:
                 self._failure = error
 
 
-def _sync(path: Path) -> None:
+def sync_path(path: Path) -> None:
+    """Sync a file, or the names in a folder, to disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -166,7 +166,8 @@ class FolderSession:
     def begin(self, identity: SweepIdentity) -> None:
         """Make a new store of the local folder's scene and the identity, which comes last."""
         (self.folder / TRACES).mkdir(exist_ok=True)
-        with atomic_write(self.folder / IDENTITY) as temporary:
+        sync_filesystem(self.folder)
+        with atomic_write(self.folder / IDENTITY, durable=True) as temporary:
             temporary.write_text(document_json(identity), encoding="utf-8")
 
     def fetch_journal(self) -> None:

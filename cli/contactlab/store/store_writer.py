@@ -118,8 +118,21 @@ class StoreWriter:
         """
         self.close()
         amend_journal(self.path, amendments)
-        records = write_table(self.path / JOURNAL, self.path / TABLE, own, shared)
-        return self._session.publish(self._manifest(provenance, records))
+        started, finished = self.started, _now()
+        said = {"provenance": provenance.model_dump(), "started": started, "finished": finished}
+        records = write_table(self.path / JOURNAL, self.path / TABLE, own, {**shared, **said})
+        files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
+        scenes = hashes_below(self.path / SCENES).items()
+        manifest = StoreManifest(
+            sweep=self.identity,
+            provenance=provenance,
+            **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
+            files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
+            records=records,
+            started=started,
+            finished=finished,
+        )
+        return self._session.publish(manifest)
 
     def close(self) -> None:
         """Leave the store as it is, resumable, once all rows are stored."""
@@ -129,19 +142,6 @@ class StoreWriter:
                     file.close()
         finally:
             self._session.flush()
-
-    def _manifest(self, provenance: Provenance, records: str) -> StoreManifest:
-        files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
-        scenes = hashes_below(self.path / SCENES).items()
-        return StoreManifest(
-            sweep=self.identity,
-            provenance=provenance,
-            **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
-            files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
-            records=records,
-            started=self.started,
-            finished=_now(),
-        )
 
 
 @contextmanager
@@ -250,10 +250,11 @@ def _check_begun(rows: ResumedRows, stored: bytes) -> None:
     """Check the identity of a begun store; to repair it, no more than by what runs were judged."""
     try:
         begun = parse_identity(stored, rows.backend.address)
-    except StoreError:
+    except StoreError as error:
         if rows.repair:
             return
-        raise
+        message = f"{error}; add --repair to keep the sound runs, or --fresh to start over"
+        raise StoreError(message) from error
     if rows.repair:
         begun = rows.identity.model_copy(update={"definitions": begun.definitions})
     check_same_sweep(rows.backend.address, begun, rows.identity)

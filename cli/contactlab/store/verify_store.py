@@ -167,6 +167,9 @@ def _check_sweep(store: Store) -> Iterator[str]:
     units = {name: column_of(columns.schema.field(name)).unit for name in versions}
     stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
     stated |= {name: shared.get(name) for name in ("schema_version", "severity")}
+    # Older stores say it in the manifest alone.
+    said = store.manifest.model_dump(mode="json", include={"started", "finished", "provenance"})
+    stated |= {name: value for name, value in said.items() if name in shared}
     for name in dict.fromkeys((*shared, *stated)):
         if shared.get(name) != stated.get(name):
             yield f"{MANIFEST}: another {name} than {TABLE}"

@@ -9,6 +9,7 @@ Sources: https://protobuf.dev/programming-guides/encoding/, google/protobuf/desc
 the numbers in schemas, https://mcap.dev/spec for Message records.
 """
 
+import math
 import re
 import struct
 from collections.abc import Iterator, Mapping
@@ -175,6 +176,14 @@ class MessageLayout:
             {"names": names, "formats": formats, "offsets": offsets, "itemsize": self.size}
         )
 
+    @cached_property
+    def constant(self) -> NDArray[np.bool_]:
+        """(size,) which bytes are the same in all items: those of the template, not of values."""
+        constant = np.ones(self.size, np.bool_)
+        for values in _value_spans(self.dtype):
+            constant[values] = False
+        return constant
+
     def after(self, head: bytes) -> "MessageLayout":
         """Return this layout with constant bytes before it."""
         moved = tuple((name, form, offset + len(head)) for name, form, offset in self.columns)
@@ -185,6 +194,19 @@ class MessageLayout:
         form = f"V{self.size}"
         memory.view(form)[:] = np.frombuffer(self.template, form)
         return memory.view(self.dtype)
+
+
+def _value_spans(kind: np.dtype[np.void], start: int = 0) -> Iterator[slice]:
+    """Yield where an item of a type that starts at a byte holds values."""
+    if kind.subdtype is not None:
+        inner, shape = kind.subdtype
+        for each in range(math.prod(shape)):
+            yield from _value_spans(inner, start + each * inner.itemsize)
+    elif kind.fields is not None:
+        for inner, offset, *_ in kind.fields.values():
+            yield from _value_spans(inner, start + offset)
+    else:
+        yield slice(start, start + kind.itemsize)
 
 
 def message_record(body: MessageLayout) -> MessageLayout:

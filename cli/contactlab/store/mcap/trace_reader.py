@@ -107,6 +107,10 @@ class ChannelMessages:
     def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
         """Return the chosen records, all of which must have this layout."""
         items = overlapping(self.data, layout.size)[self.offsets[chosen]]
+        bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
+        template = np.frombuffer(layout.template, np.uint8)
+        if np.any(bytes_of[:, layout.constant] != template[layout.constant]):
+            raise ValueError("a message has other fields than its schema")
         return items.view(layout.dtype)
 
     def content(self) -> bytes:
