@@ -246,7 +246,7 @@ def compile_error(model: Path, tried: Path, error: Exception) -> SceneError:
     """Return why a model, or the copy of it that was tried, does not compile, and what to write."""
     lines = str(error).strip().replace(str(tried), str(model)).splitlines()
     hints = list(_missing_file(lines[0], model))
-    if "inertia" in lines[0]:
+    if "inertia" in lines[0] and "XML Error" not in lines[0]:
         # MuJoCo gives no access to a specification that it failed to compile.
         faults = written_inertia_faults(mujoco.MjSpec.from_file(str(tried)))
         hints += [f"body '{each.body}': {each.reason}" for each in islice(faults, _MAX_LISTED)]

@@ -22,7 +22,7 @@ from contactlab.scene.setting_values import Settings, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")
-_KINDS = {
+FIELD_KINDS = {
     "body": "body",
     "jnt": "joint",
     "dof": "joint",
@@ -32,6 +32,7 @@ _KINDS = {
     "tendon": "tendon",
     "actuator": "actuator",
 }
+"""What kind of object the fields of a prefix belong to."""
 # Addresses, counts, ids and types are structure, which MuJoCo does not check; bounds, inertia and
 # broad phase are derived from sizes when a model is compiled, and not later; collision bits decide
 # which pairs are monitored.
@@ -82,14 +83,10 @@ def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int,
     if parts is None:
         return None
     field, item, place = parts["field"], parts["object"], parts["place"]
-    kind = _KINDS.get(field.partition("_")[0])
+    kind = FIELD_KINDS.get(field.partition("_")[0])
     array = getattr(model, field, None)
-    if kind is None or not isinstance(array, np.ndarray) or _UNSWEPT.search(field):
-        known = [
-            each
-            for each in dir(model)
-            if each.partition("_")[0] in _KINDS and not _UNSWEPT.search(each)
-        ]
+    if kind is None or not isinstance(array, np.ndarray) or not is_writable(field):
+        known = [each for each in dir(model) if is_writable(each)]
         raise ValueError(
             f"'{field}' is not a model field that can be swept{did_you_mean(field, known)}"
         )
@@ -102,6 +99,11 @@ def find_field(model: mujoco.MjModel, name: str) -> tuple[np.ndarray, tuple[int,
     if len(index) > array.ndim or (place and int(place) >= array.shape[1]):
         raise ValueError(f"'{field}' has no index {place}; its shape is {array.shape}")
     return array, index
+
+
+def is_writable(field: str) -> bool:
+    """Return whether a model's field can be written, being neither structure nor derived."""
+    return field.partition("_")[0] in FIELD_KINDS and not _UNSWEPT.search(field)
 
 
 def _element_parser(kind: np.dtype) -> Callable[[object], float]:

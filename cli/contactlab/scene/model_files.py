@@ -77,7 +77,7 @@ class FileSearch:
                 yield file
         for element, _ in elements:
             if element.tag == "model" and element.get("file"):
-                attached = self._find(model.parent, element.get("file", ""))
+                attached = self.named(model.parent, element.get("file", ""))
                 yield attached
                 yield from self.references(attached.path)
             elif element.tag in _ASSET_FOLDERS:
@@ -90,10 +90,14 @@ class FileSearch:
             for element in parse(file.path).iter():
                 yield element, file
                 if element.tag == "include":
-                    name = element.get("file", "")
-                    found, beside = (self._find(each, name) for each in (base, file.path.parent))
-                    known = found.path.is_file() or not beside.path.is_file()
-                    yield from self._elements(found if known else beside, base)
+                    yield from self._elements(self.included(element, file.path, base), base)
+
+    def included(self, element: ET.Element, file: Path, base: Path) -> Reference:
+        """Return what an <include> of a file includes, in a model that lies in a base folder."""
+        name = element.get("file", "")
+        found, beside = (self.named(each, name) for each in (base, file.parent))
+        known = found.path.is_file() or not beside.path.is_file()
+        return found if known else beside
 
     def _assets(
         self, element: ET.Element, base: Path, compiler: Mapping[str, str]
@@ -105,9 +109,10 @@ class FileSearch:
                 if _RESOURCE.fullmatch(name) and not strip:
                     yield Reference(_find_resource(name, base, self.copy), resource=name)
                 else:
-                    yield self._find(base, Path(folder) / (Path(name).name if strip else name))
+                    yield self.named(base, Path(folder) / (Path(name).name if strip else name))
 
-    def _find(self, base: Path, name: str | Path) -> Reference:
+    def named(self, base: Path, name: str | Path) -> Reference:
+        """Return the file that a model in a folder names."""
         if not Path(name).is_absolute():
             return Reference(base / name)
         return Reference(
@@ -225,9 +230,9 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
         files = {model, *others, *(_plain(each.path) for each in found)}
         for path in files:
             check_picture(path)
-        root = _common_folder({*files, *(_plain(each.place) for each in found)})
+        root = common_folder({*files, *(_plain(each.place) for each in found)})
         # What a package is called is no part of the scene: names start where the files do.
-        inner = _common_folder(files)
+        inner = common_folder(files)
         return SceneFiles(
             root=root,
             model=model.relative_to(root),
@@ -262,7 +267,8 @@ def relative_path(path: Path, folder: Path) -> Path:
     return Path(*ascent, end.relative_to(shared))
 
 
-def _common_folder(paths: Collection[Path]) -> Path:
+def common_folder(paths: Collection[Path]) -> Path:
+    """Return the innermost folder that holds all of the paths."""
     first, *_ = paths
     return next(each for each in first.parents if all(each in path.parents for path in paths))
 

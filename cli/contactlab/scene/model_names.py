@@ -16,8 +16,7 @@ import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
 
-# As MuJoCo calls one of a kind, and all of them in a specification.
-_KINDS = {
+KINDS = {
     "body": "bodies",
     "joint": "joints",
     "geom": "geoms",
@@ -27,7 +26,8 @@ _KINDS = {
     "actuator": "actuators",
     "key": "keys",
 }
-_ADDRESS = re.compile(rf"({'|'.join(_KINDS)})\[\d+\]_*")
+"""As MuJoCo calls one of a kind, and all of them in a specification."""
+_ADDRESS = re.compile(rf"({'|'.join(KINDS)})\[\d+\]_*")
 # How geoms without names were called before version 0.3.
 _OLD_ADDRESS = re.compile(r"geom(\d+)")
 # Before a number or a wildcard, a bracket belongs to an address.
@@ -45,7 +45,7 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
     Raises:
         ValueError: the specification does not compile.
     """
-    kinds = {kind: list(getattr(spec, plural)) for kind, plural in _KINDS.items()}
+    kinds = {kind: list(getattr(spec, plural)) for kind, plural in KINDS.items()}
     if all(element.name for elements in kinds.values() for element in elements):
         return
     ids = _compiled_ids(spec)
@@ -62,10 +62,10 @@ def name_by_address(spec: mujoco.MjSpec) -> None:
 def _compiled_ids(spec: mujoco.MjSpec) -> dict[str, Sequence[int]]:
     """Return the id of each element when the specification is compiled; -1 if it is left out."""
     if not (spec.compiler.fusestatic or spec.compiler.discardvisual):
-        return {kind: range(len(getattr(spec, plural))) for kind, plural in _KINDS.items()}
+        return {kind: range(len(getattr(spec, plural))) for kind, plural in KINDS.items()}
     trial = spec.copy()
     names: dict[str, list[str]] = {}
-    for kind, plural in _KINDS.items():
+    for kind, plural in KINDS.items():
         elements: list[Any] = list(getattr(trial, plural))
         names[kind] = [each.name or f"?{place}" for place, each in enumerate(elements)]
         for element, name in zip(elements, names[kind], strict=True):

@@ -1,0 +1,310 @@
+"""Changes of a model: of its specification, of its settings, and where they go in its files.
+
+Each is made at the element that an object of the model comes from, whose own attributes go over
+defaults and classes.
+"""
+
+import re
+from collections import defaultdict
+from collections.abc import Callable, Collection, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import mujoco
+import numpy as np
+
+from contactlab.errors import SceneError, did_you_mean
+from contactlab.mjcf import OPTIONS, attributes
+from contactlab.scene.compile_model import compile_model
+from contactlab.scene.effects.effect_table import remove
+from contactlab.scene.element_origins import Origin, Origins
+from contactlab.scene.model_edits import FIELD_KINDS, FLAGS, is_writable, read_flag, read_option
+from contactlab.scene.model_names import KINDS, is_address
+from contactlab.scene.model_text import (
+    Replacement,
+    at_end,
+    elements_of,
+    replaced,
+    with_attributes,
+    without,
+)
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
+
+
+@dataclass(frozen=True)
+class ModelEdits:
+    """Changes of a model.
+
+    Attributes:
+        settings: canonical values of axes that concern the model: options, flags, effects, contact
+            parameters, model fields.
+        masked: geoms that take no part in collisions.
+        excluded: pairs of bodies that do not collide with each other.
+        sensors: names of sensors that are left out; one without a name is `sensor[3]`.
+        hull_vertices: most vertices of the convex hulls of meshes, by their names.
+    """
+
+    settings: Mapping[str, object] = field(default_factory=dict[str, object])
+    masked: tuple[str, ...] = ()
+    excluded: tuple[tuple[str, str], ...] = ()
+    sensors: tuple[str, ...] = ()
+    hull_vertices: Mapping[str, int] = field(default_factory=dict[str, int])
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change of a file: the line where it is made, and the element that then stands there.
+
+    Without an element, what stands there is removed.
+    """
+
+    file: str
+    line: int
+    element: str
+
+
+_KINDS = {**KINDS, "mesh": "meshes", "sensor": "sensors"}
+
+
+def _parts(spec: mujoco.MjSpec, kind: str) -> dict[str, Any]:
+    """Return the parts of a kind by name; that of its file for a mesh without one."""
+    return {each.name or Path(each.file).stem: each for each in getattr(spec, _KINDS[kind])}
+
+
+def _part(spec: mujoco.MjSpec, kind: str, name: str) -> Any:  # noqa: ANN401 - as MjSpec has them
+    if name not in (parts := _parts(spec, kind)):
+        raise SceneError(f"no {kind} '{name}' in the model{did_you_mean(name, parts)}")
+    return parts[name]
+
+
+class CompiledFiles(NamedTuple):
+    """A model with settings and without, and the lines of its parts' elements, by kind and name.
+
+    MuJoCo keeps no line of some, which have 0.
+    """
+
+    model: mujoco.MjModel
+    plain: mujoco.MjModel
+    lines: Mapping[str, Mapping[str, int]]
+
+    @classmethod
+    def of(
+        cls,
+        scene: Scene,
+        source: SceneSource,
+        settings: Mapping[str, object],
+        edit: Callable[[mujoco.MjSpec], None] = lambda _: None,
+    ) -> "CompiledFiles":
+        """Compile files as a scene has them, without what records runs, and write settings."""
+        plain, run = (scene.with_effects("all").resolve(each, 0, None) for each in ({}, settings))
+        if own := [each for each in run.structure if each in settings]:
+            raise SceneError(f"cannot write '{own[0]}', which the scene itself puts into its model")
+        lines: dict[str, dict[str, int]] = {}
+
+        def change(spec: mujoco.MjSpec) -> None:
+            for place, sensor in enumerate(spec.sensors):
+                sensor.name = sensor.name or f"sensor[{place}]"
+            remove(spec, run.without)
+            edit(spec)
+            for kind in _KINDS:
+                parts = _parts(spec, kind).items()
+                lines[kind] = {name: int(each.info.rpartition(" ")[2] or 0) for name, each in parts}
+
+        model = compile_model(source, run.structure, change)
+        base = replace(scene.base(run.structure), model=model)
+        return cls(base.prepare(run.edits()).model, base.prepare(plain.edits()).model, lines)
+
+
+def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
+    """Make the changes of a specification that are no settings."""
+    for name in edits.masked:
+        geom = _part(spec, "geom", name)
+        if spec.compiler.discardvisual:
+            raise SceneError(f"cannot mask geom '{name}': <compiler discardvisual> would remove it")
+        geom.contype = geom.conaffinity = 0
+    for one, other in edits.excluded:
+        if unnamed := [each for each in (one, other) if is_address(_part(spec, "body", each).name)]:
+            raise SceneError(f"{unnamed[0]} has no name, which <exclude> needs; give it one")
+        spec.add_exclude(bodyname1=one, bodyname2=other)
+    for name, most in edits.hull_vertices.items():
+        _part(spec, "mesh", name).maxhullvert = most
+    for name in edits.sensors:
+        spec.delete(_part(spec, "sensor", name))
+
+
+# Attributes that are not called as the field is, after its prefix.
+_ATTRIBUTES = {
+    "pair_dim": "condim",
+    "jnt_solref": "solreflimit",
+    "jnt_solimp": "solimplimit",
+    "dof_solref": "solreffriction",
+    "dof_solimp": "solimpfriction",
+}
+_MASKS = ("contype", "conaffinity")
+
+
+@dataclass(frozen=True)
+class Draft:
+    """Changes of a model's files, each at the element that an object comes from.
+
+    Attributes:
+        main: the main file, in a copy.
+        before: what is in each file.
+        origins: where the elements come from.
+        now: the model as the files make it.
+        values: attributes to set.
+        removed: elements to remove.
+        added: lines to add at the main file's end.
+    """
+
+    main: Path
+    before: Mapping[Path, bytes]
+    origins: Origins
+    now: CompiledFiles
+    values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
+    removed: set[Origin] = field(default_factory=set[Origin])
+    added: list[str] = field(default_factory=list[str])
+
+    @classmethod
+    def of(cls, scene: Scene, source: SceneSource) -> "Draft":
+        """Return a draft without changes."""
+        root = source.content.root
+        paths = [root / each for each in source.content.files if each.suffix in MODEL_SUFFIXES]
+        before = {path: path.read_bytes() for path in paths}
+        origins = Origins.lay_out(source.model, root)
+        return cls(source.model, before, origins, CompiledFiles.of(scene, source, {}))
+
+    def _origin(self, kind: str, name: str) -> Origin | None:
+        return self.origins.by_line.get(self.now.lines[kind].get(name, 0))
+
+    def set_fields(self, meant: CompiledFiles) -> None:
+        """Set the attributes of elements whose objects have other fields with settings."""
+        model, old, new = meant.model, fields_of(meant.plain), fields_of(meant.model)
+        for name in filter(is_writable, new):
+            changed = differing_rows(old[name], new[name])
+            if changed:
+                prefix, _, attribute = name.partition("_")
+                names = [object_name(model, name, row) for row in range(len(new[name]))]
+                texts = [mjcf_text(row) for row in new[name].tolist()]
+                self._set(
+                    FIELD_KINDS[prefix],
+                    _ATTRIBUTES.get(name, attribute),
+                    dict(zip(names, texts, strict=True)),
+                    {names[row] for row in changed},
+                )
+
+    def _set(
+        self, kind: str, attribute: str, values: Mapping[str, str], changed: Collection[str]
+    ) -> None:
+        """Set an attribute of the elements of what has changed, among the values of all objects."""
+        by_element: dict[Origin | None, dict[str, str]] = defaultdict(dict)
+        for name, value in values.items():
+            by_element[self._origin(kind, name)][name] = value
+        for name in changed:
+            what, origin = f"{attribute} of {kind} '{name}'", self._origin(kind, name)
+            if origin is None:
+                raise SceneError(f"cannot write {what}, which no element has for itself")
+            for other, value in by_element[origin].items():
+                if value != values[name]:
+                    raise SceneError(
+                        f"cannot write {what}: '{other}' comes from the same element, and differs"
+                    )
+            self.values[origin][attribute] = values[name]
+
+    def set_options(self, meant: CompiledFiles) -> None:
+        """Set the options and flags of a model: in the main file's elements, if they are last."""
+        new, old, options, flags = meant.model, meant.plain, dict[str, str](), dict[str, str]()
+        for name in OPTIONS:
+            if (value := read_option(new, name)) != read_option(old, name):
+                options[name] = mjcf_text(value)
+        for name in FLAGS:
+            if (on := read_flag(new, name)) != read_flag(old, name):
+                flags[name] = "enable" if on else "disable"
+        for tag, found, added in (
+            ("option", options, "<option{}/>"),
+            ("flag", flags, "<option><flag{}/></option>"),
+        ):
+            origin = self.origins.last.get(tag)
+            if found and origin and origin[0] == self.main:
+                self.values[origin] |= found
+            elif found:
+                self.added.append(added.format(attributes(found)))
+
+    def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
+        """Make the changes that no field of a compiled model has, and remove what it lacks."""
+        geoms = dict.fromkeys(self.now.lines["geom"], "") | dict.fromkeys(edits.masked, "0")
+        for attribute in _MASKS:
+            self._set("geom", attribute, geoms, edits.masked)
+        meshes = dict.fromkeys(self.now.lines["mesh"], "")
+        hulls = {name: str(most) for name, most in edits.hull_vertices.items()}
+        self._set("mesh", "maxhullvert", meshes | hulls, hulls)
+        for one, other in edits.excluded:
+            pair = attributes({"body1": one, "body2": other})
+            self.added.append(f"<contact><exclude{pair}/></contact>")
+        for kind, lines in self.now.lines.items():
+            kept = {self._origin(kind, name) for name in meant.lines[kind]}
+            for name in lines.keys() - meant.lines[kind].keys():
+                if (origin := self._origin(kind, name)) is None or origin in kept:
+                    raise SceneError(f"cannot remove {kind} '{name}', which shares its element")
+                self.removed.add(origin)
+
+    def _replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
+        for path, data in self.before.items():
+            elements = elements_of(data)
+            found = [
+                with_attributes(data, elements[place], values)
+                for (file, place), values in self.values.items()
+                if file == path
+            ]
+            found += [
+                without(data, elements[place]) for file, place in self.removed if file == path
+            ]
+            if path == self.main and self.added:
+                found.append(at_end(data, elements[0], self.added))
+            yield path, sorted(found, key=lambda each: each.start)
+
+    def texts(self) -> dict[Path, bytes]:
+        """Return the text of each file with the changes."""
+        return {path: replaced(self.before[path], each) for path, each in self._replacements()}
+
+    def changes(self, folder: Path) -> Iterator[Change]:
+        """Yield the changes of files, whose paths start in a folder."""
+        for path, replacements in self._replacements():
+            for each in replacements:
+                line = self.before[path].count(b"\n", 0, each.start) + 1
+                text = " ".join(each.text.decode().split())
+                yield Change(path.relative_to(folder).as_posix(), line, text)
+
+
+def object_name(model: mujoco.MjModel, field: str, row: int) -> str:
+    """Return the name of what a row of a model's field belongs to."""
+    prefix = field.partition("_")[0]
+    index = int(model.dof_jntid[row]) if prefix == "dof" else row
+    return getattr(model, FIELD_KINDS[prefix])(index).name
+
+
+def mjcf_text(value: object) -> str:
+    """Return a number, several or a word as MJCF has it; no number loses a digit."""
+    if isinstance(value, (list, tuple)):
+        return " ".join(mjcf_text(each) for each in value)
+    return str(value).removesuffix(".0")
+
+
+def differing_rows(some: np.ndarray, other: np.ndarray) -> list[int]:
+    """Return the rows in which two arrays differ in any bit."""
+    if some.tobytes() == other.tobytes():
+        return []
+    rows = enumerate(zip(some, other, strict=True))
+    return [row for row, (one, two) in rows if one.tobytes() != two.tobytes()]
+
+
+_UNCOMPARED = re.compile("^_|buffer|name|path|signature")
+
+
+def fields_of(owner: object) -> dict[str, np.ndarray]:
+    """Return the fields of a model, or of its options, by name."""
+    found = {name: getattr(owner, name) for name in dir(owner) if not _UNCOMPARED.search(name)}
+    kinds = (int, float, np.ndarray)
+    return {name: np.atleast_1d(each) for name, each in found.items() if isinstance(each, kinds)}

@@ -1,0 +1,170 @@
+"""A scene's model written with changes: in the text of its own files, compiled and compared.
+
+What would make another model than is meant is refused.
+"""
+
+import difflib
+import re
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import mujoco
+
+from contactlab.errors import OutputError, SceneError
+from contactlab.scene.model_draft import (
+    Change,
+    CompiledFiles,
+    Draft,
+    ModelEdits,
+    differing_rows,
+    edit_spec,
+    fields_of,
+    mjcf_text,
+    object_name,
+)
+from contactlab.scene.model_edits import FIELD_KINDS
+from contactlab.scene.model_files import common_folder, plain_name, relative_path
+from contactlab.scene.scene import Scene
+from contactlab.scene.scene_source import SceneSource, find_scene, stored_scene
+
+
+@dataclass(frozen=True)
+class WrittenModel:
+    """A model whose files were written with changes.
+
+    Attributes:
+        source: the scene that has the written model.
+        folder: of the files as they were, where the paths of the patch and of the changes start.
+        patch: turns them into the written ones, by `patch -p0`; empty for a URDF.
+        changes: by files and lines.
+    """
+
+    source: SceneSource
+    folder: Path
+    patch: bytes
+    changes: tuple[Change, ...]
+
+    @property
+    def path(self) -> Path:
+        """The main file."""
+        return self.source.model
+
+
+def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
+    """Write a scene's files into a folder, the model with changes, if it then is what is meant.
+
+    The main file keeps its name unless another is given; a URDF becomes MJCF.
+
+    Raises:
+        SceneError: something cannot be written, or makes another model than is meant.
+        OutputError: the folder cannot be written, or is that of the scene itself.
+    """
+    source = scene.source
+    if folder.resolve() == source.content.root.resolve():
+        raise OutputError(f"{folder} has the scene itself; write into another folder")
+    with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
+        copied = _copied(source, Path(temporary).resolve())
+        meant = CompiledFiles.of(scene, source, edits.settings, lambda spec: edit_spec(spec, edits))
+        draft = Draft.of(scene, copied)
+        draft.set_fields(meant)
+        draft.set_options(meant)
+        draft.set_parts(edits, meant)
+        before, after = draft.before, draft.texts()
+        for path, text in after.items():
+            path.write_bytes(text)
+        try:
+            made = CompiledFiles.of(scene, copied, {})
+        except SceneError as error:
+            reason = "; ".join(line.strip() for line in str(error).splitlines()[1:])
+            raise SceneError(f"cannot be written: {reason}") from error
+        _check(made.model, meant.model)
+        changed = [path for path in after if after[path] != before[path]]
+        start = common_folder([copied.model, *changed])
+        patch = [_patch(each.relative_to(start), before[each], after[each]) for each in changed]
+        return WrittenModel(
+            source=_placed(copied, folder, name or copied.model.name, stored=source.content.copied),
+            folder=source.content.root / start.relative_to(copied.content.root),
+            patch=b"".join(patch) if copied.content.model == source.content.model else b"",
+            changes=tuple(draft.changes(start)),
+        )
+
+
+def _check(made: mujoco.MjModel, meant: mujoco.MjModel) -> None:
+    """Refuse a model that differs from another, but for names and paths."""
+    for some, other in ((made, meant), (made.opt, meant.opt), (made.stat, meant.stat)):
+        for (name, one), two in zip(
+            fields_of(some).items(), fields_of(other).values(), strict=True
+        ):
+            if one.shape != two.shape:
+                raise SceneError(f"cannot be written: {name} is {one.shape} then, not {two.shape}")
+            for row in differing_rows(one, two)[:1]:
+                kind = FIELD_KINDS.get(name.partition("_")[0])
+                of = f" of {kind} '{object_name(made, name, row)}'" if kind else ""
+                then, not_ = mjcf_text(one[row].tolist()), mjcf_text(two[row].tolist())
+                raise SceneError(f"cannot write {name}{of}: it is {then} then, not {not_}")
+
+
+def _patch(path: Path, before: bytes, after: bytes) -> bytes:
+    """Return a file's part of a patch: a unified diff of bytes."""
+    # What follows a tab is not part of a name, which may have spaces.
+    name = path.as_posix().encode() + b"\t"
+    old, new = (re.findall(rb"[^\n]*\n|[^\n]+", text) for text in (before, after))
+    found = difflib.diff_bytes(difflib.unified_diff, old, new, name, name)
+    return b"".join(
+        line if line.endswith(b"\n") else line + b"\n\\ No newline at end of file\n"
+        for line in found
+    )
+
+
+def _copied(source: SceneSource, folder: Path) -> SceneSource:
+    """Copy a scene's files into a folder, its model as MJCF."""
+    content = source.content
+    content.copy_to(folder)
+    files, model = content.files, content.model
+    resources = {
+        name: folder / path.relative_to(content.root) for name, path in content.resources.items()
+    }
+    if model.suffix == ".urdf":
+        model = model.with_suffix(".xml")
+        _convert(folder / content.model, folder / model, resources)
+        files = (model, *(each for each in files if each != content.model))
+    moved = replace(
+        content, root=folder, model=model, files=files, resources=resources, copied=True
+    )
+    return replace(source, path=folder / relative_path(source.path, content.root), content=moved)
+
+
+def _convert(urdf: Path, mjcf: Path, resources: Mapping[str, Path]) -> None:
+    """Save a URDF as MJCF in its place, every number exactly."""
+    spec = mujoco.MjSpec.from_file(str(urdf))
+    for mesh in spec.meshes:
+        if found := resources.get(plain_name(mesh.file)):
+            mesh.file = relative_path(found, urdf.parent / spec.meshdir).as_posix()
+    # Versions before 4.0 round, and are refused where that shows.
+    if hasattr(spec.compiler, "savecompiled"):
+        spec.compiler.savecompiled = False
+    mjcf.write_text(spec.to_xml(), encoding="utf-8")
+    urdf.unlink()
+
+
+def _placed(source: SceneSource, folder: Path, name: str, *, stored: bool) -> SceneSource:
+    """Copy a scene that was written into its folder, its main file under a name."""
+    root, model = source.content.root, source.model.with_name(name)
+    if model != source.model and model.exists():
+        raise SceneError(f"the model has another file {name}; choose another name")
+    source.model.rename(model)
+    named = source.manifest and Path(source.manifest.model).with_name(name).as_posix()
+    if source.manifest and named != source.manifest.model:
+        text = re.sub("(?m)^model:.*\n", "", source.path.read_text(encoding="utf-8-sig"))
+        source.path.write_text(f"{text.rstrip()}\nmodel: {named}\n", encoding="utf-8")
+    try:
+        shutil.copytree(root, folder, dirs_exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot write {folder}: {error}") from error
+    if stored:
+        return stored_scene(folder, model.relative_to(root).as_posix(), source.name)
+    main = source.path.parent if source.manifest else model
+    return find_scene(str(folder.resolve() / main.relative_to(root)))
