@@ -54,10 +54,9 @@ def report(
         raise OutputError(f"{page}: write a name that ends in .html")
     if not page.parent.is_dir():
         raise OutputError(f"cannot write {page}: no folder {page.parent}; create it first")
-    written = write_page(opened, page, request)
-    for note in written.notes:
+    for note in write_page(opened, page, request):
         say(f"note: {note}")
-    say(f"{written.bytes / 1e6:.2g} MB")
+    say(f"{page.stat().st_size / 1e6:.2g} MB")
     echo(page)
 
 

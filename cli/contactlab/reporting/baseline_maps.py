@@ -43,11 +43,7 @@ class BaselineComparison(NamedTuple):
 
 
 def compare_with_baseline(data: ReportData, baseline: Store) -> BaselineComparison:
-    """Compare a store with a baseline.
-
-    Raises:
-        StoreError: a store is damaged, or the two share no run.
-    """
+    """Compare a store with a baseline; a StoreError says that one is damaged, or no run shared."""
     store = data.store
     ids, other = (each.columns.byte_strings("run_id") for each in (baseline, store))
     # Runs are paired by axes where no id is shared.

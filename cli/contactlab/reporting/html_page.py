@@ -19,7 +19,7 @@ from contactlab.reporting.baseline_maps import compare_with_baseline
 from contactlab.reporting.heatmap import default_map
 from contactlab.reporting.knob_changes import KnobChange, knob_changes
 from contactlab.reporting.map_cells import label_counts
-from contactlab.reporting.packing import as_json, packed_text
+from contactlab.reporting.packing import packed_text
 from contactlab.reporting.page_charts import label_bar, tradeoff_chart
 from contactlab.reporting.page_content import page_content
 from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
@@ -43,11 +43,11 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     """Return the page of a store, and notes on what it leaves out."""
     data = read_report_data(store, request.criteria)
     chart = tradeoff_chart(data)
-    content = page_content(data, request, chart)
+    content, notes = page_content(data, request, chart)
     comparison = compare_with_baseline(data, request.baseline) if request.baseline else None
-    maps = comparison.maps if comparison else {}
+    maps = comparison.maps.items() if comparison else ()
     axes = " and ".join(data.map_axes.names) if data.map_axes else ""
-    notes = (*content.notes, *trace_warning(store))
+    notes = (*notes, *trace_warning(store))
     environment = Environment(
         loader=PackageLoader(_PACKAGE),
         autoescape=True,
@@ -65,18 +65,13 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         with_unit=number_with_unit,
         setting=setting_text,
         settings=settings_text,
-        manifest=data.store.manifest,
-        store=str(data.store.address),
-        labels=data.labels,
-        tradeoff=report,
+        data=data,
         sentences=[robust_text(report), next_step_text(report)] if report else [],
         blockers=blocker_texts(report) if report else [],
         titles={axis.name: axis.title for axis in data.axes},
         worst=next((each.worst for each in outcomes if each.configuration == wanted), {}),
-        no_tradeoff=data.no_tradeoff,
         front=front_table(data),
         map=map_table(data),
-        boundary=data.boundary.meaning if data.boundary else "",
         changes=change_table(data, knob_changes(data.axes, data.labels, data.quantities)),
         expectations=expectations(data.store.manifest),
         unexpected=unexpected_runs(data.store),
@@ -85,15 +80,12 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         chart=static_svg(chart, "Error against time of each configuration"),
         script="\n".join(_read(f"script/{name}.js") for name in _SCRIPTS),
         bundle=packed_text(vega_bundle()),
-        metadata=packed_text(as_json(content.metadata)),
-        columns=as_json(content.columns),
-        series=as_json(content.series),
+        **content,
         style=_read("style.css"),
         notes=notes,
         comparison=comparison,
         comparison_maps=[
-            static_svg(spec, f"{name}: baseline, candidate and difference")
-            for name, spec in maps.items()
+            static_svg(spec, f"{name}: baseline, candidate and difference") for name, spec in maps
         ],
     )
     return text, notes

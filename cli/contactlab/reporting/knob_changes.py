@@ -17,14 +17,10 @@ _ROOM = 3.0
 
 @dataclass(frozen=True)
 class KnobChange:
-    """One knob from one value to another.
+    """One knob from one value to another, over the pairs of runs that differ in nothing else.
 
-    Attributes:
-        before: the value that it is compared with.
-        pairs: number of pairs of runs that differ in nothing else.
-        failed: fraction of these that fail before, and after.
-        ratios: quantity to the geometric mean of after over before, over the pairs in which
-            neither run fails; None where no pair has two positive values.
+    Of these a fraction failed before, and after. The ratios are, by quantity, the geometric mean of
+    after over before where neither run fails; None where no pair has two positive values.
     """
 
     axis: str
@@ -55,17 +51,13 @@ def _changes_of(
         before, after = base[places[0]], rows[places[1]]
         if len(before):
             fine = ~(failed[before] | failed[after])
-            yield KnobChange(
-                axis=axis.name,
-                before=axis.ticks[0],
-                after=axis.ticks[code],
-                pairs=len(before),
-                failed=(float(failed[before].mean()), float(failed[after].mean())),
-                ratios={
-                    each.name: _mean_ratio(each.values[before[fine]], each.values[after[fine]])
-                    for each in quantities
-                },
-            )
+            shares = float(failed[before].mean()), float(failed[after].mean())
+            ratios = {
+                each.name: _mean_ratio(each.values[before[fine]], each.values[after[fine]])
+                for each in quantities
+            }
+            ticks = axis.ticks[0], axis.ticks[code]
+            yield KnobChange(axis.name, *ticks, len(before), shares, ratios)
 
 
 def _mean_ratio(before: Floats, after: Floats) -> float | None:
@@ -92,10 +84,9 @@ def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
         if (ratio := each.ratios.get(name)) is not None
     ]
     order = list(dict.fromkeys(row["change"] for row in rows))
+    shown = {name: [row for row in rows if row["name"] == name] for name in names}
     panels = [
-        _bars([row for row in rows if row["name"] == name], name, order, is_first=not index)
-        for index, name in enumerate(names)
-        if any(row["name"] == name for row in rows)
+        _bars(own, name, order, is_first=name == names[0]) for name, own in shown.items() if own
     ]
     return alt.hconcat(*panels, spacing=26).to_dict()
 

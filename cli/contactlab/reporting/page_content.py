@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,22 @@ from contactlab.pareto.analysis import ToleranceTable
 from contactlab.pareto.configuration_export import mjcf_lines
 from contactlab.pareto.recommendation import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
-from contactlab.reporting.packing import pack, packed_integers, rounded_floats, run_id_halves
+from contactlab.reporting.packing import (
+    as_json,
+    pack,
+    packed_integers,
+    packed_text,
+    rounded_floats,
+    run_id_halves,
+)
 from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
 from contactlab.reporting.report_columns import GridAxis
 from contactlab.reporting.report_data import PageRequest, ReportData
-from contactlab.reporting.run_series import coverage_rows, read_mode_bands, read_signals
+from contactlab.reporting.run_series import coverage_rows, run_series
 from contactlab.reporting.vega_rendering import Spec
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.table_layout import row_to_record
 
 # Series of at most so many runs of a label come first, and so many in the order of the plan last.
@@ -31,26 +37,20 @@ _SERIES_IF_AGGREGATED = 12
 _RUNS_PER_LABEL = 50
 # Up to so many runs, numbers have all bits of single precision; above, those of three digits.
 _FEW_RUNS = 5_000
-_ALL_BITS, _FEW_BITS, _SERIES_BITS = 23, 11, 12
+_ALL_BITS, _FEW_BITS = 23, 11
 _MOST_MJCF = 200
 # Bytes that a run takes, and each of its numbers, once compressed.
 _BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
 
 
-class PageContent(NamedTuple):
-    """What a page's script is given: names, texts and specifications; packed numbers; notes."""
+def page_content(
+    data: ReportData, request: PageRequest, chart: Spec | None
+) -> tuple[dict[str, str], tuple[str, ...]]:
+    """Return what the script of a page is given, by the element that holds it, and notes.
 
-    metadata: dict[str, Any]
-    columns: dict[str, Any]
-    series: dict[str, Any]
-    notes: tuple[str, ...]
-
-
-def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> PageContent:
-    """Return what the script of a page is given.
-
-    Where all runs would take more room than the page may have, it is given the cells of every
-    map, and a selection of runs only.
+    These are names, texts and specifications; packed numbers; time series. Where all runs would
+    take more room than the page may have, it is given the cells of every map, and a selection of
+    runs only.
     """
     width = _BYTES_PER_RUN + _BYTES_PER_VALUE * len(data.quantities)
     total = data.store.columns.runs
@@ -98,8 +98,12 @@ def page_content(data: ReportData, request: PageRequest, chart: Spec | None) -> 
         f"{total:,} runs are too many for one page: each map covers all of them, "
         f"over any two axes and all values of the others; {len(rows):,} single runs are listed"
     )
-    series = packed_series(data.store, records)
-    return PageContent(metadata, pack(columns), series, (note,) if is_aggregated else ())
+    content = {
+        "metadata": packed_text(as_json(metadata)),
+        "columns": as_json(pack(columns)),
+        "series": as_json(packed_series(data.store, records)),
+    }
+    return content, (note,) if is_aggregated else ()
 
 
 def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.int64]:
@@ -225,20 +229,6 @@ def packed_series(store: Store, records: dict[int, EvidenceRecord]) -> dict[str,
             continue
         # A note on the page names damaged traces; it shows the others.
         with suppress(StoreError):
-            descriptions[row] = _add_series(columns, row, store.trace(record))
+            descriptions[row], series = run_series(store.trace(record))
+            columns |= {f"{row}:{name}": values for name, values in series.items()}
     return {"runs": descriptions, "packed": pack(columns)}
-
-
-def _add_series(columns: dict[str, np.ndarray], row: int, trace: StoredTrace) -> dict[str, Any]:
-    """Add the series of a run to columns, and return their names."""
-    signals, bands = list(read_signals(trace)), list(read_mode_bands(trace))
-    for index, signal in enumerate(signals):
-        columns[f"{row}:t{index}"] = rounded_floats(signal.time, _SERIES_BITS)
-        columns[f"{row}:v{index}"] = rounded_floats(signal.values, _SERIES_BITS)
-    for index, band in enumerate(bands):
-        columns[f"{row}:s{index}"] = rounded_floats(band.starts, _SERIES_BITS)
-        columns[f"{row}:m{index}"] = packed_integers(band.modes)
-    return {
-        "signals": [[each.name, each.unit, each.panel] for each in signals],
-        "bands": [[each.pair, each.end] for each in bands],
-    }

@@ -146,20 +146,16 @@ def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
         return GridAxis(name, unit, kind, ticks, codes, None, np.full(len(ticks), np.nan))
     numbers = columns.numbers(name).values
     values, codes = np.unique(numbers, return_inverse=True)
-    if str(columns.schema.field(name).type) == "bool":
-        ticks = tuple("true" if value else "false" for value in values)
-        return GridAxis(name, unit, kind, ticks, codes, None, values)
     if len(values) > _MOST_VALUES and np.isfinite(values).all():
         ticks, codes, middles = _binned(numbers)
         return GridAxis(name, unit, kind, ticks, codes, numbers, middles)
-    return GridAxis(name, unit, kind, _number_ticks(values), codes, None, values)
-
-
-def _number_ticks(values: Floats) -> tuple[str, ...]:
-    short = tuple("none" if math.isnan(value) else f"{value:.4g}" for value in values)
-    if len(set(short)) == len(short):
-        return short
-    return tuple(f"{value:.10g}" for value in values)
+    if str(columns.schema.field(name).type) == "bool":
+        ticks = [{0.0: "false", 1.0: "true"}.get(value, "none") for value in values.tolist()]
+    else:
+        ticks = ["none" if math.isnan(value) else f"{value:.4g}" for value in values]
+    # Where they would be alike they have more digits.
+    ticks = ticks if len({*ticks}) == len(ticks) else [f"{value:.10g}" for value in values]
+    return GridAxis(name, unit, kind, tuple(ticks), codes, None, values)
 
 
 def _binned(numbers: Floats) -> tuple[tuple[str, ...], Codes, Floats]:
@@ -210,14 +206,12 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     failures = [name for name in names if name != STABLE]
     letters = dict(zip(failures, _letters(failures), strict=True))
     colours = {name: failure_colour(rank) for rank, name in enumerate(failures)}
-    masks, every = store.columns.string_sets("labels")
     return RunLabels(
-        names=tuple(names),
-        letters=tuple(letters.get(name, "") for name in names),
-        colours=tuple(colours.get(name, STABLE_COLOUR) for name in names),
-        codes=placed,
-        masks=masks,
-        every=every,
+        tuple(names),
+        tuple(letters.get(name, "") for name in names),
+        tuple(colours.get(name, STABLE_COLOUR) for name in names),
+        placed,
+        *store.columns.string_sets("labels"),
     )
 
 

@@ -1,7 +1,6 @@
 """What a page is asked to hold, and everything of a store that it is made of, read once."""
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
@@ -23,13 +22,10 @@ _DEFAULT_CRITERIA = Criteria()
 
 @dataclass(frozen=True)
 class PageRequest:
-    """What a page holds.
+    """What a page holds: the time series of some runs, and a comparison with any baseline.
 
-    Attributes:
-        criteria: which error stands for accuracy, and tolerances that replace the sweep's.
-        traces: number of runs whose time series it has.
-        most_bytes: a page that would be larger has aggregated cells in place of runs [B].
-        baseline: a store to compare with; None for none.
+    The criteria say which error stands for accuracy, and replace tolerances of the sweep. A page
+    that would be larger than `most_bytes` has aggregated cells in place of runs.
     """
 
     criteria: Criteria = _DEFAULT_CRITERIA
@@ -38,22 +34,11 @@ class PageRequest:
     baseline: Store | None = None
 
 
-class WrittenPage(NamedTuple):
-    """The size of a page that was written [B], and notes on what it leaves out."""
-
-    bytes: int
-    notes: tuple[str, ...]
-
-
 @dataclass(frozen=True)
 class ReportData:
-    """What a report draws of a store.
+    """What a report draws of a store: over its two most informative axes, if it has any.
 
-    Attributes:
-        map_axes: the two most informative axes; None without axes.
-        boundary: the closed-form boundary of the scene's maps; None without.
-        tradeoff: accuracy against time; None where the store has no error.
-        no_tradeoff: why there is none; empty where there is one.
+    Without an error there is no trade-off of accuracy and time, and `no_tradeoff` says why.
     """
 
     store: Store
@@ -80,9 +65,8 @@ class ReportData:
 def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> ReportData:
     """Read what a report draws of a store.
 
-    Raises:
-        SweepFileError: the criteria name what the store does not have.
-        StoreError: the store has no value of the error that is asked for.
+    A SweepFileError says that the criteria name what the store does not have, a StoreError that it
+    has no value of the error that is asked for.
     """
     axes, labels = read_axes(store), read_run_labels(store)
     report, reason = None, ""
@@ -92,13 +76,6 @@ def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Re
         if criteria.error is not None:
             raise
         reason = str(error)
-    return ReportData(
-        store=store,
-        axes=axes,
-        labels=labels,
-        quantities=read_quantities(store),
-        map_axes=most_informative_axes(axes, labels),
-        boundary=read_boundary(store, axes),
-        tradeoff=report,
-        no_tradeoff=reason,
-    )
+    map_axes, boundary = most_informative_axes(axes, labels), read_boundary(store, axes)
+    quantities = read_quantities(store)
+    return ReportData(store, axes, labels, quantities, map_axes, boundary, report, reason)

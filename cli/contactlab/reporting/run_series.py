@@ -3,28 +3,26 @@
 import xml.etree.ElementTree as ET
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
+from contactlab.reporting.packing import packed_integers, rounded_floats
 from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
 from contactlab.store.mcap.stored_trace import StoredTrace
 
 _POINTS = 400
 _MOST_COORDINATES = 6
+_MOST_LISTED = 4
+_BITS = 12
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 
 
 @dataclass(frozen=True)
 class QposEntry:
-    """One entry of qpos.
-
-    Attributes:
-        name: the joint's name, with the direction where it has several.
-        is_height: whether it is the height of a free body.
-    """
+    """One entry of qpos: a joint, with the direction where it has several."""
 
     index: int
     name: str
@@ -32,53 +30,39 @@ class QposEntry:
     is_height: bool
 
 
-class Signal(NamedTuple):
-    """One quantity over time (P,) [s], decimated, in a chart: motion, force or depth."""
+def run_series(trace: StoredTrace) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+    """Return what a run did over time: its signals and contact modes in words, and as columns.
 
-    name: str
-    unit: str
-    panel: str
-    time: Floats
-    values: Floats
-
-
-class ModeBand(NamedTuple):
-    """When a pair stuck, slid, or was apart.
-
-    Attributes:
-        starts: (S,) when each interval begins [s].
-        modes: (S,) NO_CONTACT, STICK or SLIDE; an interval ends where the next begins.
-        end: when the last one ends [s].
+    A signal i of motion, force or depth, 0 without contact, has times `ti` [s] and values `vi`, at
+    most 402 of them. A pair i begins to stick, slide or part at `si` [s], its modes being `mi`.
     """
+    columns: dict[str, NDArray[Any]] = {}
+    signals: list[tuple[str, str, str]] = []
+    for index, (name, unit, panel, values) in enumerate(_signals(trace)):
+        kept = decimated(values)
+        columns[f"t{index}"] = rounded_floats(trace.time[kept], _BITS)
+        columns[f"v{index}"] = rounded_floats(values[kept], _BITS)
+        signals.append((name, unit, panel))
+    for index, pair in enumerate(trace.pairs):
+        modes = pair.over(len(trace.contacts), pair.mode, NO_CONTACT)
+        starts = np.concatenate(([0], np.flatnonzero(np.diff(modes)) + 1))[:_POINTS]
+        columns[f"s{index}"] = rounded_floats(trace.time[starts], _BITS)
+        columns[f"m{index}"] = packed_integers(modes[starts])
+    bands = [(pair.name, float(trace.time[-1])) for pair in trace.pairs]
+    return {"signals": signals, "bands": bands}, columns
 
-    pair: str
-    starts: Floats
-    modes: NDArray[np.int8]
-    end: float
 
-
-def read_signals(trace: StoredTrace) -> Iterator[Signal]:
-    """Yield the motion, forces and depths of a run, 0 without contact, in at most 400 points."""
+def _signals(trace: StoredTrace) -> Iterator[tuple[str, str, str, Floats]]:
+    """Yield name, unit, panel and values of the motion, the forces and the depths of a run."""
     for each in _most_active(qpos_entries(trace.model_xml, trace.qpos.shape[1]), trace.qpos):
-        motion = trace.qpos[:, each.index]
-        yield _signal(each.name, each.unit, "motion", trace.time, motion)
+        yield each.name, each.unit, "motion", trace.qpos[:, each.index]
     for pair in trace.pairs:
         for name, unit, panel, values in (
             ("normal", "N", "force", pair.normal),
             ("tangential", "N", "force", pair.tangential),
             ("depth", "m", "depth", np.maximum(-pair.distance, 0.0)),
         ):
-            full = pair.over(len(trace.contacts), values)
-            yield _signal(f"{pair.name} {name}", unit, panel, trace.time[:-1], full)
-
-
-def read_mode_bands(trace: StoredTrace) -> Iterator[ModeBand]:
-    """Yield when each pair of a run stuck, slid, or was apart."""
-    for pair in trace.pairs:
-        modes = pair.over(len(trace.contacts), pair.mode, NO_CONTACT)
-        changes = np.flatnonzero(np.diff(modes)) + 1
-        starts = np.concatenate(([0], changes))[:_POINTS]
-        yield ModeBand(pair.name, trace.time[starts], modes[starts], float(trace.time[-1]))
+            yield f"{pair.name} {name}", unit, panel, pair.over(len(trace.contacts), values)
 
 
 def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
@@ -96,11 +80,6 @@ def decimated(values: Floats, points: int = _POINTS) -> NDArray[np.intp]:
             kept |= {start + int(np.nanargmin(interval)), start + int(np.nanargmax(interval))}
     indices = np.array(sorted(kept), dtype=np.intp)
     return indices[np.isfinite(values[indices])]
-
-
-def _signal(name: str, unit: str, panel: str, time: Floats, values: Floats) -> Signal:
-    indices = decimated(values)
-    return Signal(name, unit, panel, time[indices], values[indices])
 
 
 def _most_active(entries: tuple[QposEntry, ...], qpos: Floats) -> list[QposEntry]:
@@ -147,19 +126,11 @@ def _joints(model_xml: bytes) -> Iterator[tuple[str, str]]:
                 yield name if kind == "free" else joint.get("name", f"{name} joint"), kind
 
 
-_MOST = 4
+def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, str, str]]:
+    """Return the kinds of parts that a model has: those that a run left alone, what others did.
 
-
-class CoverageRow(NamedTuple):
-    """Parts of one kind: those that a run left alone, and what the others did."""
-
-    kind: str
-    idle: str
-    used: str
-
-
-def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[CoverageRow]:
-    """Return the rows of the kinds that the model has; `pairs` are all monitored ones."""
+    The pairs are all that are monitored.
+    """
     parts = {**coverage.joints, **coverage.tendons}
     limited = {name: each for name, each in parts.items() if each.share is not None}
     kinds = {
@@ -175,19 +146,19 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[CoverageRow]
             for name in pairs
         },
     }
-    rows: list[CoverageRow] = []
+    rows: list[tuple[str, str, str]] = []
     for kind, done in kinds.items():
         idle = [name for name, text in done.items() if not text]
         used = [f"{name} {text}" for name, text in done.items() if text]
         if done:
-            rows.append(CoverageRow(kind, _listed(idle, ", "), _listed(used, "; ")))
+            rows.append((kind, _listed(idle, ", "), _listed(used, "; ")))
     return rows
 
 
 def _listed(texts: list[str], separator: str) -> str:
-    rest = len(texts) - _MOST
+    rest = len(texts) - _MOST_LISTED
     more = [f"{rest} more"] if rest > 0 else []
-    return separator.join([*texts[:_MOST], *more])
+    return separator.join([*texts[:_MOST_LISTED], *more])
 
 
 def _travel(travel: Travel) -> str:

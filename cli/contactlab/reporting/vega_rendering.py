@@ -96,26 +96,20 @@ def _with_texts(part: Any, changed: Callable[[str], str], kept: Container[str] =
     return changed(part) if isinstance(part, str) else part
 
 
-def as_svg(spec: Spec, prefix: str = "") -> str:
-    """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
-    svg = vl_convert.vegalite_to_svg(_shown(spec), allowed_base_urls=_ALLOWED_URLS)
-    return _renumbered(svg, prefix)
-
-
 def _shown(spec: Spec) -> Spec:
     """Return a specification whose texts XML can hold: the renderer ends the process otherwise."""
     return _with_texts(spec, visible)
 
 
-def _renumbered(svg: str, prefix: str) -> str:
-    """Return an SVG whose ids count from 0; the renderer goes on from the picture before."""
-    numbers: dict[str, str] = {}
-    for name in _ID.findall(svg):
-        numbers.setdefault(name, f"{prefix}{len(numbers)}")
+def as_svg(spec: Spec, prefix: str = "") -> str:
+    """Return a specification as SVG; a prefix of its ids lets several fit on one page."""
+    svg = vl_convert.vegalite_to_svg(_shown(spec), allowed_base_urls=_ALLOWED_URLS)
+    # Its ids count from 0: the renderer goes on from the picture before.
+    numbers = {name: place for place, name in enumerate(dict.fromkeys(_ID.findall(svg)))}
     if not numbers:
         return svg
     ids = re.compile("|".join(rf"(?<=[#\"]){re.escape(name)}(?=[\")])" for name in numbers))
-    return ids.sub(lambda match: f"part-{numbers[match[0]]}", svg)
+    return ids.sub(lambda match: f"part-{prefix}{numbers[match[0]]}", svg)
 
 
 def static_svg(spec: Spec | None, name: str) -> str:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from contactlab.errors import OutputError, optional
 from contactlab.pareto.criteria import Criteria
-from contactlab.reporting.report_data import PageRequest, WrittenPage, read_report_data
+from contactlab.reporting.report_data import PageRequest, read_report_data
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
@@ -14,10 +14,10 @@ _DEFAULT_PAGE = PageRequest()
 _DEFAULT_CRITERIA = Criteria()
 
 
-def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE) -> WrittenPage:
+def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE) -> tuple[str, ...]:
     """Write a store as one HTML page that needs no other file and no network.
 
-    The same store gives the same bytes.
+    The same store gives the same bytes; notes say what the page leaves out.
 
     Raises:
         OutputError: a library is missing, or the file cannot be written.
@@ -27,10 +27,9 @@ def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE)
     with optional("figures", "a report"):
         from contactlab.reporting.html_page import html_page  # noqa: PLC0415 - an extra
     text, notes = html_page(store, request)
-    data = text.encode()
     with atomic_write(target) as temporary:
-        temporary.write_bytes(data)
-    return WrittenPage(len(data), notes)
+        temporary.write_bytes(text.encode())
+    return notes
 
 
 def write_figures(
