@@ -21,6 +21,7 @@ from tests.verdicts.cases import CASES
 from tests.verdicts.corpus import Case
 from tests.verdicts.deserved import deserved
 from tests.verdicts.held_back import HELD_BACK
+from tests.verdicts.held_back_2 import HELD_BACK_2
 from tests.verdicts.judge import NO_MODEL, Job, Verdict, judged
 from tests.verdicts.public_models import DRIVES, public_models
 
@@ -72,7 +73,9 @@ def _row(part: str, kind: str, name: str, run: str, outcome: str, verdict: Verdi
 
 def corpus_rows(options: argparse.Namespace, folder: Path) -> list[Row]:
     """Judge each failing model of the corpus, and each twin."""
-    parts = {"open": CASES, "held back": HELD_BACK} if options.held_back else {"open": CASES}
+    parts = {"open": CASES}
+    if options.held_back:
+        parts |= {"held back": HELD_BACK, "held back 2": HELD_BACK_2}
     asked: dict[Path, tuple[Case, str, bool]] = {}
     for part, cases in parts.items():
         for case in cases:

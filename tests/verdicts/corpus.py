@@ -6,6 +6,7 @@ keyframe (or its reference configuration) and measuring one quantity, whose limi
 physics of the scene, not from what any label says.
 """
 
+import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -48,6 +49,9 @@ class Motion:
 
     def joint(self, name: str) -> np.ndarray:
         return self.qpos[:, int(self.model.joint(name).qposadr[0])]
+
+    def speed(self, name: str) -> np.ndarray:
+        return self.qvel[:, int(self.model.joint(name).dofadr[0])]
 
     def body(self, name: str) -> np.ndarray:
         return self.xpos[:, self.model.body(name).id]
@@ -112,13 +116,31 @@ def watch(text: str, duration: float, *, nudge: float = 0.0) -> Motion:
     """Step a model with plain MuJoCo, from a start that is off by a nudge [m, rad] at random."""
     model = mujoco.MjModel.from_xml_string(text)
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
+    data = _started(model)
+    off = np.random.default_rng(0).normal(0, nudge, model.nv)
+    mujoco.mj_integratePos(model, data.qpos, off, 1)
+    return _film(model, data, round(duration / model.opt.timestep))
+
+
+def finer(motion: Motion, factor: int = 16) -> Motion:
+    """Step the same from the same start by so many times shorter steps; its rows are as many."""
+    model = copy.copy(motion.model)
+    model.opt.timestep /= factor
+    data = _started(model)
+    data.qpos[:] = motion.qpos[0]
+    return _film(model, data, len(motion.time) - 1, every=factor)
+
+
+def _started(model: mujoco.MjModel) -> mujoco.MjData:
     data = mujoco.MjData(model)
     if model.nkey:
         mujoco.mj_resetDataKeyframe(model, data, 0)
-    off = np.random.default_rng(0).normal(0, nudge, model.nv)
-    mujoco.mj_integratePos(model, data.qpos, off, 1)
+    return data
+
+
+def _film(model: mujoco.MjModel, data: mujoco.MjData, steps: int, *, every: int = 1) -> Motion:
     rows: list[tuple[object, ...]] = []
-    for _ in range(round(duration / model.opt.timestep) + 1):
+    for _ in range(steps + 1):
         mujoco.mj_forward(model, data)
         rows.append(
             (
@@ -133,7 +155,7 @@ def watch(text: str, duration: float, *, nudge: float = 0.0) -> Motion:
                 _pressed(model, data),
             )
         )
-        mujoco.mj_step(model, data)
+        mujoco.mj_step(model, data, nstep=every)
     return Motion(model, *(np.array(column) for column in zip(*rows, strict=True)))
 
 
@@ -180,3 +202,29 @@ def slipped(ratio: float, driver: str, driven: str) -> Truth:
     return lambda motion: float(
         np.abs(motion.joint(driven) - ratio * motion.joint(driver))[motion.end].max()
     )
+
+
+def strays(place: Callable[[Motion], np.ndarray], size: float, factor: int = 16) -> Truth:
+    """Return what measures how far a motion is from that of finer steps, relative to a size."""
+    return lambda motion: float(np.abs(place(motion) - place(finer(motion, factor))).max() / size)
+
+
+def trembles(speed: float, *joints: str) -> Truth:
+    """Return what measures by how much joint speeds alternate from step to step at the end.
+
+    That is the rms amplitude of the worst joint's alternation, relative to a speed of the scene.
+    """
+    return lambda motion: max(
+        float(np.sqrt(np.mean(np.square(np.diff(motion.speed(joint)[motion.end], 2))))) / 4 / speed
+        for joint in joints
+    )
+
+
+def unbalanced(scale: float) -> Truth:
+    """Return what measures how far the energy leaves its first value, relative to a scale [J]."""
+    return lambda motion: float(np.abs(motion.energy - motion.energy[0]).max() / scale)
+
+
+def gained(scale: float) -> Truth:
+    """Return what measures by how much the energy tops its first value, relative to a scale [J]."""
+    return lambda motion: float((motion.energy.max() - motion.energy[0]) / scale)

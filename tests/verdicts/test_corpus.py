@@ -4,8 +4,9 @@ import pytest
 from tests.verdicts.cases import CASES
 from tests.verdicts.corpus import Case, watch
 from tests.verdicts.held_back import HELD_BACK
+from tests.verdicts.held_back_2 import HELD_BACK_2
 
-ALL = [*CASES, *HELD_BACK]
+ALL = [*CASES, *HELD_BACK, *HELD_BACK_2]
 # A sweep starts its runs about as far from where the model says.
 NUDGES = (0.0, 1e-4)
 
