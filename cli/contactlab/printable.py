@@ -5,6 +5,7 @@ the direction of reading; commands of a CI job, which are lines of its log; mark
 """
 
 import re
+from collections.abc import Sequence
 
 # All control characters but tabs and line ends, marks of direction, other line ends, surrogates.
 _CONTROL = re.compile(
@@ -42,3 +43,9 @@ def in_markdown(text: str) -> str:
 
 def _written(found: re.Match[str]) -> str:
     return f"\\u{ord(found[0][-1]):04x}"
+
+
+def shortened(lines: Sequence[str], most: int, rest: str) -> list[str]:
+    """Return the first lines, and a last one that says where the rest of them is."""
+    more = len(lines) - most
+    return list(lines) if more <= 0 else [*lines[:most], f"and {more} more in {rest}"]

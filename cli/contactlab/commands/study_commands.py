@@ -16,6 +16,7 @@ from contactlab.commands.terminal import (
     study_session,
 )
 from contactlab.errors import ExpectationError
+from contactlab.printable import shortened
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
@@ -179,7 +180,7 @@ def _print_effects(report: "EffectsReport", target: Path) -> None:
         echo(f"provably unused: {names} ({reason})")
     for each in (each for each in report.interactions if each.free):
         echo(f"needed one by one, free together: {' and '.join(each.effects)}")
-    _print_smallest_set(report)
+    _print_smallest_set(report, target)
     echo(f"evidence and effects.json in {target}")
 
 
@@ -193,20 +194,21 @@ def _ratio(cost: "Ratio | None") -> str:
     return "" if cost is None else f"x{cost.ratio:.2f} ({cost.low:.2f} to {cost.high:.2f})"
 
 
-def _print_smallest_set(report: "EffectsReport") -> None:
+def _print_smallest_set(report: "EffectsReport", target: Path) -> None:
     smallest, verification = report.smallest_set, report.verification
     echo(f"smallest set: {', '.join(smallest.on)}")
     if report.saving is not None:
         echo(f"time of the smallest set: {_ratio(report.saving)}")
     if verification.runs:
         held = "holds" if verification.holds else "DOES NOT HOLD"
-        how = " as settings, and as lines in a copy of the model" * bool(verification.pasted)
+        how = " as settings, and as the written model" * bool(verification.pasted)
         echo(
             f"{held} in {verification.runs} fresh runs{how}, {_ratio(verification.cost)}: "
             f"{verification.reason}"
         )
-    mjcf = "MJCF, any <default> right after <mujoco>, the rest before </mujoco>"
-    for title, lines in ((mjcf, smallest.mjcf), ("sweep", smallest.sweep)):
+    patch = f"a patch in {target / 'written-model'}"
+    mjcf = [smallest.unwritten] if smallest.unwritten else shortened(smallest.mjcf, 12, patch)
+    for title, lines in (("in the model", mjcf), ("sweep", smallest.sweep)):
         echo("\n  ".join((f"{title}:", *lines)))
 
 

@@ -52,11 +52,24 @@ class WrittenModel:
         """The main file."""
         return self.source.model
 
+    @property
+    def reference(self) -> str:
+        """What a sweep names as its scene."""
+        return f"{self.source.path.parent}/" if self.source.manifest else str(self.path)
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """The changes in words: where, and what then stands there."""
+        return tuple(
+            f"{each.file}:{each.line}: {each.element or 'removed'}" for each in self.changes
+        )
+
 
 def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
     """Write a scene's files into a folder, the model with changes, if it then is what is meant.
 
-    The main file keeps its name unless another is given; a URDF becomes MJCF.
+    The main file keeps its name unless another is given, and the patch, which lies beside it, has
+    the same; a URDF becomes MJCF.
 
     Raises:
         SceneError: something cannot be written, or makes another model than is meant.
@@ -84,12 +97,15 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         changed = [path for path in after if after[path] != before[path]]
         start = common_folder([copied.model, *changed])
         patch = [_patch(each.relative_to(start), before[each], after[each]) for each in changed]
-        return WrittenModel(
+        written = WrittenModel(
             source=_placed(copied, folder, name or copied.model.name, stored=source.content.copied),
             folder=source.content.root / start.relative_to(copied.content.root),
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
             changes=tuple(draft.changes(start)),
         )
+        if written.patch:
+            written.path.with_suffix(".patch").write_bytes(written.patch)
+        return written
 
 
 def _check(made: mujoco.MjModel, meant: mujoco.MjModel) -> None:

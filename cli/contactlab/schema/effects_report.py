@@ -73,7 +73,8 @@ class SmallestSet(Model):
     off: tuple[str, ...] = about("Effects of the base that it leaves out.")
     added: tuple[str, ...] = about("Effects that it adds to the base.")
     settings: dict[str, Setting] = about("Its settings, as axes of a sweep.")
-    mjcf: tuple[str, ...] = about("Its lines of MJCF.")
+    mjcf: tuple[str, ...] = about("Its changes of the model's files: where, and the element then.")
+    unwritten: str | None = about("Why these files cannot have it; null if they can.", default=None)
     sweep: tuple[str, ...] = about("Its lines of a sweep file.")
 
 
@@ -84,7 +85,7 @@ class Verification(Model):
     scenarios: tuple[dict[str, Setting], ...]
     runs: int = about("Matched pairs.")
     pasted: bool | None = about(
-        "Whether it holds as lines in a copy of the MJCF; null without.", default=None
+        "Whether it holds as written into the model's files; null without.", default=None
     )
     holds: bool
     reason: str

@@ -1,4 +1,4 @@
-"""The motion that a drive makes is a result too, of every effect and of the lines to paste."""
+"""The motion that a drive makes is a result too, of every effect and of the written model."""
 
 from pathlib import Path
 
@@ -8,6 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
 from contactlab.schema.effects_report import EffectsReport
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
@@ -51,7 +53,7 @@ def driven(model: mujoco.MjModel) -> np.ndarray:
     return path
 
 
-def test_what_carries_the_drive_is_kept_and_the_pasted_model_moves_alike(tmp_path: Path) -> None:
+def test_what_carries_the_drive_is_kept_and_the_written_model_moves_alike(tmp_path: Path) -> None:
     report = ablated(tmp_path)
     assert {each.effect for each in report.effects if each.need == "needed"} >= {
         "actuation",
@@ -61,18 +63,20 @@ def test_what_carries_the_drive_is_kept_and_the_pasted_model_moves_alike(tmp_pat
     assert "tendon" not in {*report.smallest_set.off, *(each.effect for each in report.effects)}
     assert report.verification.holds
     assert report.verification.pasted
-    written = mujoco.MjModel.from_xml_string(GRIPPER)
-    pasted = mujoco.MjModel.from_xml_path(str(tmp_path / "out/pasted-model/gripper.xml"))
-    assert pasted.opt.disableflags != written.opt.disableflags
+    old = mujoco.MjModel.from_xml_string(GRIPPER)
+    new = mujoco.MjModel.from_xml_path(str(tmp_path / "out/written-model/gripper.xml"))
+    assert new.opt.disableflags != old.opt.disableflags
     # Without the equality, the fingers end 0.04 m apart, at their limits.
-    assert np.abs(driven(pasted) - driven(written)).max() < 0.01 * 0.04
+    assert np.abs(driven(new) - driven(old)).max() < 0.01 * 0.04
 
 
-def test_lines_that_change_the_motion_do_not_hold(
+def test_a_written_model_that_moves_otherwise_does_not_hold(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    lines = ('<option><flag actuation="disable"/></option>',)
-    monkeypatch.setattr(ablation, "settings_mjcf", lambda _: lines)
+    wrong = ModelEdits({"actuation": False})
+    monkeypatch.setattr(
+        ablation, "write_model", lambda scene, _, folder: write_model(scene, wrong, folder)
+    )
     report = ablated(tmp_path)
     assert report.verification.pasted is False
     assert not report.verification.holds

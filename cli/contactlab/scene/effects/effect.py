@@ -45,7 +45,6 @@ class Switch:
         options: settings that turn it on and off, if it is a matter of options.
         is_set: returns whether options have it.
         condim: bound on every contact's dimensions: at least, to turn on; at most, to turn off.
-        removal: how to turn it off by hand in MJCF, where no attribute does it.
     """
 
     is_on: Callable[[RunState], bool]
@@ -54,7 +53,6 @@ class Switch:
     options: Mapping[bool, Mapping[str, object]] = field(default_factory=lambda: _NO_OPTIONS)
     is_set: Callable[[Settings], bool] | None = None
     condim: Mapping[bool, int] | None = None
-    removal: str | None = None
 
     @property
     def settings(self) -> tuple[str, ...]:
@@ -168,10 +166,8 @@ def by_options(
     )
 
 
-def by_compiling(
-    compiled: Callable[[RunState], bool], removal: str | None = None, *fields: str
-) -> Switch:
-    """Return the switch of what is compiled or not, and how to remove it by hand.
+def by_compiling(compiled: Callable[[RunState], bool], *fields: str) -> Switch:
+    """Return the switch of what is compiled or not.
 
     Where it is compiled nevertheless, some fields of the model are zero without it.
     """
@@ -181,4 +177,4 @@ def by_compiling(
             if not on and hasattr(model, name):
                 getattr(model, name)[:] = 0
 
-    return Switch(compiled, write, removal=removal)
+    return Switch(compiled, write)

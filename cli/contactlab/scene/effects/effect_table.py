@@ -29,10 +29,6 @@ from contactlab.scene.setting_values import as_number
 
 EFFECTS: Registry[Effect] = Registry("effect")
 """Every effect that this version of MuJoCo has, in the order of records and tables."""
-_REMOVE_TENDONS = (
-    "in <tendon>, set no stiffness, damping, friction loss, armature or range; "
-    "remove what no actuator, equality or sensor refers to"
-)
 
 
 def _flag(name: str, kind: Kind, what: str, *, studied: bool = True) -> Effect:
@@ -176,7 +172,6 @@ _EFFECTS = (
                 run.facts.tendons > 0
                 and (run.facts.idle_tendons or acts(run.model, *proofs.TENDON_EFFECTS))
             ),
-            _REMOVE_TENDONS,
             *proofs.TENDON_EFFECTS,
         ),
     ).needed_by(
@@ -212,7 +207,7 @@ _EFFECTS = (
         "sensor",
         "recording",
         "sensors beyond those that record the run",
-        by_compiling(lambda run: run.facts.sensors > 0, "remove the elements of <sensor>"),
+        by_compiling(lambda run: run.facts.sensors > 0),
     ).needed_by(
         "whoever reads them; no metric does",
         where("no metric reads the model's own sensors", lambda _: True),

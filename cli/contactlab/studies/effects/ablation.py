@@ -3,9 +3,13 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
+from pathlib import Path
 
+from contactlab.errors import SceneError
 from contactlab.run.evidence_record import as_written, engine, provenance
 from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import WrittenModel, write_model
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.effects_report import (
     EffectFinding,
@@ -24,17 +28,16 @@ from contactlab.studies.effects.effect_toggles import (
     ConfigurationRunner,
     Toggle,
     find_toggles,
-    settings_mjcf,
     settings_sweep,
 )
-from contactlab.studies.effects.effects_request import EffectsRequest
+from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.effects.metric_changes import (
     ConfigurationDifference,
     cost_ratio,
     difference,
     work_ratios,
 )
-from contactlab.studies.session import Session, Values, paste
+from contactlab.studies.session import Session, Values
 
 
 @dataclass
@@ -137,13 +140,14 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
     needed = [each.effect for each in findings if each.need == "needed"]
     free, interactions = search.interactions(free, needed)
     saving = trials.timed("saving", [BASE, free]) if free else {}
-    smallest = _set(toggles, free, proven)
+    settings = {axis: value for name in free for axis, value in toggles[name].values.items()}
+    written = _written(setup, settings, session.folder / "written-model")
     report = EffectsReport(
         scene=setup.scene.name,
         scene_hash=setup.scene.hash,
         source=request.source,
-        base=_written(setup.base),
-        scenarios=tuple(_written(each) for each in setup.scenarios),
+        base=_as_written(setup.base),
+        scenarios=tuple(_as_written(each) for each in setup.scenarios),
         seeds=setup.seeds,
         duration=setup.duration or setup.scene.duration,
         tolerances=dict(setup.tolerances),
@@ -151,9 +155,9 @@ def run(request: EffectsRequest, session: Session) -> EffectsReport:
         provenance=provenance(),
         effects=tuple(findings),
         interactions=interactions,
-        smallest_set=smallest,
+        smallest_set=_smallest_set(toggles, free, proven, settings, written),
         saving=cost_ratio(saving[BASE], saving[free]) if free else None,
-        verification=_verified(trials, free, smallest),
+        verification=_verified(trials, free, settings, written),
         stores=tuple(trials.stores),
     )
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
@@ -184,7 +188,7 @@ def _finding(
         on=toggle.on,
         need="not exercised" if lack else need,
         reason=lack or toggle.proof or change.reason,
-        settings=_written(toggle.values),
+        settings=_as_written(toggle.values),
         changes=change.changes,
         within_spread=change.within_spread,
         labels=dict(change.labels),
@@ -221,26 +225,43 @@ def _worthwhile(findings: Sequence[EffectFinding]) -> list[str]:
     return [each.effect for each in ranked]
 
 
-def _set(toggles: Mapping[str, Toggle], free: Changed, proven: Changed) -> SmallestSet:
-    settings: dict[str, object] = {}
-    for name in free:
-        settings |= toggles[name].values
+def _written(setup: AblationSetup, settings: Values, folder: Path) -> WrittenModel | SceneError:
+    """Write the model with settings; return why not, where its files cannot have them."""
+    try:
+        return write_model(setup.scene, ModelEdits(settings), folder)
+    except SceneError as error:
+        return error
+
+
+def _smallest_set(
+    toggles: Mapping[str, Toggle],
+    free: Changed,
+    proven: Changed,
+    settings: Values,
+    written: WrittenModel | SceneError,
+) -> SmallestSet:
     made = [name for name in free if toggles[name].values.items() <= settings.items()]
     present = [name for name, each in toggles.items() if each.on]
     return SmallestSet(
         on=tuple(sorted({*present} ^ {*made})),
         off=tuple(name for name in made if toggles[name].on),
         added=tuple(name for name in made if not toggles[name].on),
-        settings=_written(settings),
-        mjcf=settings_mjcf(settings),
+        settings=_as_written(settings),
+        mjcf=written.lines if isinstance(written, WrittenModel) else (),
+        unwritten=str(written) if isinstance(written, SceneError) else None,
         sweep=settings_sweep(settings, proven),
     )
 
 
-def _verified(trials: ConfigurationRunner, free: Changed, smallest: SmallestSet) -> Verification:
+def _verified(
+    trials: ConfigurationRunner,
+    free: Changed,
+    settings: Values,
+    written: WrittenModel | SceneError,
+) -> Verification:
     """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios.
 
-    The set is run as settings and, of MJCF, as lines that are pasted into a copy of the model.
+    The set is run as settings and, if it could be written, as the written model.
     """
     setup = trials.setup
     first = max(setup.seeds) + 1
@@ -252,11 +273,18 @@ def _verified(trials: ConfigurationRunner, free: Changed, smallest: SmallestSet)
     outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
     change = difference(setup.tolerances, outcomes[BASE], outcomes[free], free)
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
-    pasted = _pasted(trials, free, smallest, outcomes[BASE], seeds)
+    pasted = None
+    if isinstance(written, WrittenModel):
+        about = {*settings, *(each for name in free for each in EFFECTS[name].switch.settings)}
+        kept = {name: value for name, value in setup.base.items() if name not in about}
+        runner = replace(trials, setup=replace(setup, reference=written.reference, base=kept))
+        text = "The model with the smallest set in its files"
+        rows = runner.run("written", text, [BASE], seeds=seeds, scenarios=scenarios)
+        pasted = difference(setup.tolerances, outcomes[BASE], rows[BASE], free)
     failed = next((each for each in (change, pasted) if each and each.matters), None)
     return Verification(
         seeds=seeds,
-        scenarios=tuple(_written(each) for each in scenarios),
+        scenarios=tuple(_as_written(each) for each in scenarios),
         runs=len(outcomes[free].flat),
         pasted=pasted and not pasted.matters,
         holds=failed is None,
@@ -265,31 +293,5 @@ def _verified(trials: ConfigurationRunner, free: Changed, smallest: SmallestSet)
     )
 
 
-def _pasted(
-    trials: ConfigurationRunner,
-    free: Changed,
-    smallest: SmallestSet,
-    base: ConfigurationRows,
-    seeds: Sequence[int],
-) -> ConfigurationDifference | None:
-    """Compare a copy of the model with the set's lines in its file; None if it is no MJCF.
-
-    It keeps the settings of the base configuration, but for those that the lines are about.
-    """
-    setup = trials.setup
-    folder, lines = (trials.session.folder / "pasted-model").resolve(), smallest.mjcf
-    cut = lines.index("</default>") + 1 if "</default>" in lines else 0
-    copied = paste(setup.scene.source, folder, lines[:cut], lines[cut:])
-    if copied is None:
-        return None
-    about = {*smallest.settings, *(each for name in free for each in EFFECTS[name].switch.settings)}
-    kept = {name: value for name, value in setup.base.items() if name not in about}
-    reference = f"{copied.path.parent}/" if copied.manifest else str(copied.path)
-    runner = replace(trials, setup=replace(setup, reference=reference, base=kept))
-    text = "The model with the lines of the smallest set in its file"
-    rows = runner.run("pasted", text, [BASE], seeds=seeds, scenarios=base.scenarios)[BASE]
-    return difference(setup.tolerances, base, rows, free)
-
-
-def _written(values: Values) -> dict[str, Setting]:
+def _as_written(values: Values) -> dict[str, Setting]:
     return {name: as_written(value) for name, value in values.items()}

@@ -1,4 +1,4 @@
-"""Toggles of effects, the runs of toggled configurations, and their lines in MJCF and YAML."""
+"""Toggles of effects, the runs of toggled configurations, and their lines in YAML."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -7,7 +7,6 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from contactlab.mjcf import default_lines, option_lines
 from contactlab.run.evidence_record import as_written
 from contactlab.scene.effects.effect import Effect, EffectState
 from contactlab.scene.effects.effect_table import EFFECTS
@@ -18,8 +17,6 @@ from contactlab.studies.session import Session, Values
 
 States = Mapping[str, EffectState]
 """The state of every effect in a run, by name."""
-
-_CONDIM_COMMENT = "and on every geom and pair that has a condim of its own"
 
 
 class Toggle(NamedTuple):
@@ -55,29 +52,6 @@ def _toggle(effect: Effect, written: list[States], proven: list[States]) -> Togg
     unused = not any(each[name].on for each in proven)
     proof = proven[0][name].reason if unused and written[0][name].on else None
     return Toggle(name, True, effect.off or {name: False}, proof)
-
-
-def settings_mjcf(settings: Values) -> tuple[str, ...]:
-    """Return the lines of MJCF for settings of toggles."""
-    options: dict[str, str] = {}
-    flags: dict[str, bool] = {}
-    condims: list[int] = []
-    comments: list[str] = []
-    for name, value in settings.items():
-        if not isinstance(value, bool):
-            options[name] = "0 0 0" if name == "gravity" else str(as_written(value))
-            continue
-        switch = EFFECTS[name].switch
-        options |= {
-            option: f"{each:g}" if isinstance(each, float) else str(as_written(each))
-            for option, each in switch.options[value].items()
-        }
-        flags |= {switch.flag: value} if switch.flag else {}
-        condims += [switch.condim[value]] if switch.condim else []
-        comments += [f"<!-- {switch.removal} -->"] if switch.removal and not value else []
-    contact = {"condim": str(min(condims))} if condims else {}
-    defaults = default_lines(contact, comment=_CONDIM_COMMENT)
-    return (*defaults, *option_lines(options, flags), *comments)
 
 
 def settings_sweep(settings: Values, proven: Iterable[str]) -> tuple[str, ...]:
