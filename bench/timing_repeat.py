@@ -94,7 +94,7 @@ def _arguments(given: list[str]) -> tuple[list[str], list[str]]:
     if "--" in given:
         place = given.index("--")
         names, options = given[:place], given[place + 1 :]
-    every = sorted(path.stem for path in resources.sweeps().glob("tradeoff-*.yaml"))
+    every = sorted(path.stem for path in resources.SWEEPS.glob("tradeoff-*.yaml"))
     return names or every, options
 
 

@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from contactlab.ci_output import JUnitCase, annotations, junit
+from contactlab.ci_output import annotations, junit, junit_case
 from contactlab.printable import in_markdown, in_one_line, printable, visible
 from contactlab.schema.judged_check import JudgedCheck
 
@@ -74,5 +74,5 @@ def test_annotations_are_one_line_each(text: str) -> None:
 @given(HOSTILE)
 def test_junit_is_xml(text: str) -> None:
     check = JudgedCheck(name=text, group=text, message=text, outcome="failed", failing=1)
-    root = ET.fromstring(junit(text, [JUnitCase(check, [text], text, [text])]))  # noqa: S314
+    root = ET.fromstring(junit(text, [junit_case(check, [text], text, [text])]))  # noqa: S314
     assert len(list(root.iter("testcase"))) == 1

@@ -19,9 +19,7 @@ _MAX_CHARACTERS = 1000
 class ExpressionError(ValueError):
     """An expression cannot be parsed or evaluated.
 
-    Attributes:
-        start: where in the text the cause begins, counted from 0.
-        width: its number of characters.
+    In the text, the cause has a start, counted from 0, and a width.
     """
 
     def __init__(self, message: str, start: int = 0, width: int = 1) -> None:
@@ -39,14 +37,8 @@ class Expression:
 
     It may hold numbers, quoted words, names (dotted ones too), `+ - * / **`, comparisons,
     `and or not`, parentheses, the functions abs, min, max, sqrt, sin, cos, tan, exp, log, radians
-    and degrees, and the constant pi. Angles are in radians.
-
-    Attributes:
-        text: as written.
-        places: the names it uses, with the start of each one's first use.
-
-    Raises:
-        ExpressionError: the text is not such an expression.
+    and degrees, and the constant pi. Angles are in radians. Other text is an ExpressionError.
+    `places` has the names that it uses, with the start of each one's first use.
     """
 
     def __init__(self, text: str) -> None:
@@ -66,19 +58,14 @@ class Expression:
         return tuple(self.places)
 
     def evaluate(self, values: Mapping[str, object]) -> Result:
-        """Evaluate the expression.
-
-        Raises:
-            ExpressionError: a name has no value, or the result is not a finite number.
-        """
+        """Return the result; an ExpressionError if a name has no value, or it is not finite."""
 
         def read(name: str) -> "float | bool | _Word":
-            start, width = self.places[name], len(name)
+            value, place = values.get(name), (self.places[name], len(name))
             if name not in values:
-                raise NoValueError(f"'{name}' has no value", start, width)
-            value = values[name]
+                raise NoValueError(f"'{name}' has no value", *place)
             if not isinstance(value, bool | int | float | str):
-                raise ExpressionError(f"'{name}' is not a single number", start, width)
+                raise ExpressionError(f"'{name}' is not a single number", *place)
             if isinstance(value, str):
                 return _Word(value)
             return value if isinstance(value, bool) else float(value)

@@ -54,8 +54,7 @@ def loaded_plugins() -> tuple[Plugin, ...]:
 def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
     """Load installed plug-ins, then files, once each; return all that are loaded now.
 
-    Raises:
-        PluginError: one cannot be loaded; nothing of it is left.
+    A PluginError says that one cannot be loaded; nothing of it is left.
     """
     for distribution in sorted(_distributions(), key=lambda each: each.name):
         _load(distribution)
@@ -65,11 +64,7 @@ def load_plugins(files: Sequence[Path] = ()) -> tuple[Plugin, ...]:
 
 
 def require_plugins(plugins: Iterable[Plugin]) -> None:
-    """Load the plug-ins of another process in this one.
-
-    Raises:
-        PluginError: one is not here, or is not the same.
-    """
+    """Load another process's plug-ins; raise PluginError for one that is not the same here."""
     for plugin in plugins:
         here = _load_file(plugin.file) if plugin.file else _load_installed(plugin.name)
         if here.sha256 != plugin.sha256:

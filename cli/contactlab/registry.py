@@ -29,11 +29,7 @@ class Registry(dict[str, Entry], Generic[Entry]):
         REGISTRIES.setdefault(kind, self)
 
     def add(self, entry: Entry) -> Entry:
-        """Add an entry and return it; adding the same object twice changes nothing.
-
-        Raises:
-            PluginError: another entry has this name.
-        """
+        """Add an entry and return it; raise PluginError if another has its name."""
         if self.setdefault(entry.name, entry) is not entry:
             raise PluginError(f"there is a {self.kind} named '{entry.name}' already; rename yours")
         return entry

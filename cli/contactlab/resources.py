@@ -15,29 +15,18 @@ _CHECKOUT = Path(__file__).resolve().parents[2]
 _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 
 
-def models() -> Path:
-    """Return the folder of shipped scenes, one folder each."""
-    return _ROOT / "models"
-
-
-def sweeps() -> Path:
-    """Return the folder of shipped sweep files."""
-    return _ROOT / "sweeps"
-
-
-def schemas() -> Path:
-    """Return the folder of published JSON Schemas."""
-    return _ROOT / "schemas"
+MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
+"""The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
 
 
 def scene_names() -> list[str]:
     """Return the names of the shipped scenes, sorted."""
-    return sorted(path.parent.name for path in models().glob("*/scene.yaml"))
+    return sorted(path.parent.name for path in MODELS.glob("*/scene.yaml"))
 
 
 def sweep_names() -> list[str]:
     """Return the names of the shipped sweeps, sorted."""
-    return sorted(path.stem for path in sweeps().glob("*.yaml"))
+    return sorted(path.stem for path in SWEEPS.glob("*.yaml"))
 
 
 def scene_folder(name: str) -> Path:
@@ -45,7 +34,7 @@ def scene_folder(name: str) -> Path:
     if name not in scene_names():
         hint = did_you_mean(name, scene_names())
         raise SceneError(f"no shipped scene named '{name}'{hint}\nsee `contactlab scenes`")
-    return models() / name
+    return MODELS / name
 
 
 def sweep_file(name: str) -> Path:
@@ -55,7 +44,7 @@ def sweep_file(name: str) -> Path:
         raise SweepFileError(
             f"no sweep file and no shipped sweep named '{name}'{hint}\nsee `contactlab sweeps`"
         )
-    return sweeps() / f"{name}.yaml"
+    return SWEEPS / f"{name}.yaml"
 
 
 def find_sweep(name: str) -> Path:

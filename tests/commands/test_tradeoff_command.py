@@ -69,7 +69,7 @@ def test_a_store_is_weighed_as_json(contactlab: Run, swung: str) -> None:
     code, out, err = contactlab("tradeoff", swung, "--format", "json")
     assert (code, err) == (0, "")
     data = json.loads(out)
-    schema = json.loads((resources.schemas() / "tradeoff.schema.json").read_text())
+    schema = json.loads((resources.SCHEMAS / "tradeoff.schema.json").read_text())
     jsonschema.Draft202012Validator(schema).validate(data)
     assert set(data["recommendation"]["configuration"]) == {"timestep", "integrator"}
     assert set(data["recommendation"]["margins"]) == {"oracle_error"}

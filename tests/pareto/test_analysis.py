@@ -49,7 +49,7 @@ def test_every_number_is_the_slow_loops(store: Store, report: TradeoffReport) ->
 
 
 def test_the_answer_validates_against_its_published_schema(report: TradeoffReport) -> None:
-    schema = json.loads((resources.schemas() / "tradeoff.schema.json").read_text())
+    schema = json.loads((resources.SCHEMAS / "tradeoff.schema.json").read_text())
     data = json.loads(report.model_dump_json())
     jsonschema.Draft202012Validator(schema).validate(data)
     assert data["recommendation"]["configuration"]["timestep"] in (1e-3, 2e-3, 4e-3, 8e-3)
@@ -130,7 +130,7 @@ def test_a_model_file_of_ones_own_is_run_again_from_the_stores_copy(
     written: Written, tmp_path: Path
 ) -> None:
     model = tmp_path / "own.xml"
-    model.write_text((resources.models() / "free_fall" / "scene.xml").read_text())
+    model.write_text((resources.MODELS / "free_fall" / "scene.xml").read_text())
     found = written(f'version: 1\nscene: "{model}"\naxes: {{timestep: [1.0e-3, 2.0e-3]}}\n')
     model.unlink()
     own = analyse(found, Criteria(error="energy_drift"))

@@ -49,7 +49,7 @@ def test_the_programme_decides_the_run(tmp_path: Path) -> None:
     rows = swept(tmp_path, "store")
     assert len({row["trajectory_hash"] for row in rows}) == 4
     copy = tmp_path / "copy"
-    shutil.copytree(resources.models() / "grasp_mug", copy)
+    shutil.copytree(resources.MODELS / "grasp_mug", copy)
     text = (copy / "scene.yaml").read_text()
     assert "to: [0, lift]}" in text
     (copy / "scene.yaml").write_text(text.replace("to: [0, lift]}", "to: [0, lift + 0.01]}"))
@@ -66,7 +66,7 @@ def test_workers_change_nothing(tmp_path: Path) -> None:
 
 def test_a_programme_that_goes_back_in_time_is_said_before_anything_runs(tmp_path: Path) -> None:
     copy = tmp_path / "copy"
-    shutil.copytree(resources.models() / "grasp_mug", copy)
+    shutil.copytree(resources.MODELS / "grasp_mug", copy)
     text = (copy / "scene.yaml").read_text()
     text = text.replace("at: [0, close_time]", "at: [0.1, close_time]")
     (copy / "scene.yaml").write_text(text)

@@ -142,7 +142,7 @@ def test_panda_free_is_the_panda() -> None:
     Both models hold the same numbers to 7 digits or more; those of the hand's quarter turn have 7,
     so that what turns with it differs by 1e-7 of its share.
     """
-    own = bare(mujoco.MjSpec.from_file(str(resources.models() / "panda_free" / "scene.xml")))
+    own = bare(mujoco.MjSpec.from_file(str(resources.MODELS / "panda_free" / "scene.xml")))
     real = bare(mujoco.MjSpec.from_file(str(find_scene(f"menagerie:{ROBOT}/panda").model)))
     assert (own.nv, real.nv) == (7, 7)
     assert np.array_equal(own.dof_armature, real.dof_armature)

@@ -92,7 +92,7 @@ def test_order_and_last_digits_do_not_count() -> None:
 
 
 def test_the_place_of_the_folder_does_not_count(tmp_path: Path) -> None:
-    shutil.copytree(resources.models() / "ball_drop", tmp_path / "deep" / "else")
+    shutil.copytree(resources.MODELS / "ball_drop", tmp_path / "deep" / "else")
     moved = Scene.open(str(tmp_path / "deep" / "else"))
     assert run_id(moved, {}) == run_id(BALL, {})
 
@@ -100,7 +100,7 @@ def test_the_place_of_the_folder_does_not_count(tmp_path: Path) -> None:
 @pytest.mark.parametrize("file", ["scene.xml", "scene.yaml"])
 def test_the_files_content_counts(file: str, tmp_path: Path) -> None:
     folder = tmp_path / "ball"
-    shutil.copytree(resources.models() / "ball_drop", folder)
+    shutil.copytree(resources.MODELS / "ball_drop", folder)
     path = folder / file
     path.write_text(path.read_text() + "\n")
     assert run_id(Scene.open(str(folder)), {}) != run_id(BALL, {})

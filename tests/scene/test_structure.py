@@ -46,7 +46,7 @@ def test_a_structure_finds_its_files(case: str, make_scene: Callable[..., Scene]
 
 
 def test_structure_is_as_if_written(differing: Any, tmp_path: Path) -> None:
-    folder = resources.models() / "box_stack"
+    folder = resources.MODELS / "box_stack"
     text = (folder / "scene.xml").read_text()
     assert 'count="10"' in text
     (tmp_path / "scene.xml").write_text(text.replace('count="10"', 'count="4"'))

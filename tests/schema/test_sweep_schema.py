@@ -187,4 +187,4 @@ def test_schemas_of_files_that_contactlab_writes_are_sound(name: str) -> None:
 
 
 def test_the_published_schemas_are_those_of_the_models() -> None:
-    assert schema_drift(resources.schemas()) == []
+    assert schema_drift(resources.SCHEMAS) == []

@@ -82,7 +82,7 @@ def check(
 
 
 def _print_check(report: "CheckReport", folder: Path, output: CheckFormat) -> None:
-    from contactlab.ci_output import JUnitCase, annotations, junit
+    from contactlab.ci_output import annotations, junit, junit_case
 
     title = f"contactlab check {report.scene}"
     match output:
@@ -92,7 +92,7 @@ def _print_check(report: "CheckReport", folder: Path, output: CheckFormat) -> No
             echo(report.model_dump_json(indent=2))
         case "junit":
             cases = [
-                JUnitCase(each, (report.scene, each.check), each.severity)
+                junit_case(each, (report.scene, each.check), each.severity)
                 for each in report.findings
             ]
             echo(junit(title, cases).rstrip("\n"))

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
-from contactlab.ci_output import JUnitCase, annotations, junit
+from contactlab.ci_output import annotations, junit, junit_case
 from contactlab.comparison.checks import format_number, format_settings, plural, value_change
 from contactlab.comparison.policies import REMEASURED
 from contactlab.printable import in_markdown, in_one_line
@@ -246,7 +246,7 @@ def as_junit(report: ComparisonReport) -> str:
     """Return a comparison as JUnit XML; what cannot be compared is a skipped case."""
     sweep = "stores" if report.baseline is None else report.baseline.sweep
     cases = [
-        JUnitCase(
+        junit_case(
             check,
             (sweep, check.kind, check.group),
             check.verdict,

@@ -58,11 +58,7 @@ def restitution_of(zeta: ArrayLike) -> Floats:
 
 
 def damping_ratio_of(restitution: ArrayLike) -> Floats:
-    """Return the zeta whose `restitution_of` is given, each in (0, 1].
-
-    Raises:
-        ValueError: a restitution is not in (0, 1].
-    """
+    """Return the zeta whose `restitution_of` is given; a ValueError unless each is in (0, 1]."""
     wanted = np.asarray(restitution, dtype=np.float64)
     if not np.all((wanted > 0) & (wanted <= 1)):
         raise ValueError(f"restitution must be above 0 and at most 1, not {restitution}")

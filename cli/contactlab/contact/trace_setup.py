@@ -14,6 +14,8 @@ PairMode = Literal["stick", "slide", "apart", "rolls"]
 QUARTER_TURN = np.pi / 2
 """What angles are large or small against [rad]."""
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
+_LIMITS = ("iterations", "limits_act", "speculative")
+_BY_RUN = ("elliptic", "gravity", "moving_mass", "duration", *_LIMITS)
 
 
 @dataclass(frozen=True)
@@ -56,12 +58,7 @@ class Barrier:
 
 @dataclass(frozen=True)
 class HoldWindow:
-    """When n runs should hold their scene's subject.
-
-    Attributes:
-        start: (n,) from when [s].
-        stop: (n,) to when [s]; more than `start`.
-    """
+    """From when to when n runs should hold their scene's subject, each (n,) [s]."""
 
     start: Floats
     stop: Floats
@@ -72,8 +69,7 @@ class ExpectedContact:
     """What some monitored pairs should do in n runs.
 
     Attributes:
-        name: what it is said of.
-        pairs: their indices in the trace.
+        pairs: their indices in the trace; the name is what it is said of.
         window: (n, 2) from when to when [s]; NaN in runs that it is not said of.
         timed: whether times are given, between which they should touch all the time.
         mode: `apart`, or what they should do whenever they touch.
@@ -100,7 +96,6 @@ class Part:
 
     Attributes:
         name: its name, or what it belongs to.
-        kind: what it is.
         place: where it starts: a joint in qpos, a tendon or an actuator among its like.
         low: least position, length or control [m or rad, or as its control is]; -inf without.
         high: the greatest; inf without.
@@ -139,11 +134,8 @@ class Mechanism:
 
     Attributes:
         joints: every joint; of a ball joint, `high` is the greatest angle.
-        tendons: every tendon.
-        actuators: every actuator.
         slack: (tendons, 2) lengths between which a tendon's spring is slack; NaN without a spring.
         forces: (actuators, 2) least and greatest force of each; infinite without.
-        equalities: every equality constraint.
         weight: of the whole model at 9.81 m/s^2 [N].
         size: mean size of a body [m].
     """
@@ -217,19 +209,13 @@ class Setup:
         """Return the setup of the given runs."""
         rows = list(runs)
         bodies = {body.name: replace(body, mass=body.mass[rows]) for body in self.free_bodies}
+        arrays = {name: getattr(self, name) for name in _BY_RUN}
+        settings = {name: [each[run] for run in rows] for name, each in self.settings.items()}
         return replace(
             self,
-            settings={
-                name: [values[run] for run in rows] for name, values in self.settings.items()
-            },
-            elliptic=self.elliptic[rows],
-            iterations=self.iterations[rows],
-            gravity=self.gravity[rows],
-            moving_mass=self.moving_mass[rows],
-            duration=self.duration[rows],
+            **{name: None if each is None else each[rows] for name, each in arrays.items()},
+            settings=settings,
             expected=tuple(replace(each, window=each.window[rows]) for each in self.expected),
-            limits_act=None if self.limits_act is None else self.limits_act[rows],
-            speculative=None if self.speculative is None else self.speculative[rows],
             hold=self.hold and HoldWindow(self.hold.start[rows], self.hold.stop[rows]),
             free_bodies=tuple(bodies.values()),
             barriers=tuple(replace(each, body=bodies[each.body.name]) for each in self.barriers),

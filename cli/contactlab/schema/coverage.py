@@ -179,12 +179,9 @@ def feature_of(setting: str) -> Feature | None:
 
 @dataclass(frozen=True)
 class Exercised:
-    """What some runs exercised.
+    """What features of a model some runs exercised, and what drove them; all where not known.
 
-    Attributes:
-        features: of the model; all of them where that is not known of a run.
-        present: features of which the model has parts.
-        drives: what drove the runs.
+    The present ones are those of which the model has parts.
     """
 
     features: frozenset[Feature]

@@ -113,18 +113,13 @@ _ADAPTER: TypeAdapter[Drive] = TypeAdapter(Drive)
 def read_drive(text: str) -> Drive:
     """Return the drive of a short form: a word, `noise=0.3,rate=10`, or what it names as a path.
 
-    Raises:
-        ValidationError: it is not one.
+    Other text is a ValidationError.
     """
     return parse_drive(_data(text))
 
 
 def parse_drive(data: object) -> Drive:
-    """Return the drive that JSON data states.
-
-    Raises:
-        ValidationError: it is not one.
-    """
+    """Return the drive that JSON data states; other data is a ValidationError."""
     return _ADAPTER.validate_python(data)
 
 

@@ -35,12 +35,9 @@ _MOST_TEXT, _MOST_DEPTH = 64 << 20, 100
 
 
 def check_extent(text: str) -> None:
-    """Check that a YAML text is no larger, and its brackets no deeper, than any that is meant.
+    """Raise ValueError if a YAML text is larger, or its brackets deeper, than any that is meant.
 
     Parsers take a time that grows with the square of the depth.
-
-    Raises:
-        ValueError: it is.
     """
     if len(text) > _MOST_TEXT:
         raise ValueError(f"it has more than {_MOST_TEXT:,} characters")

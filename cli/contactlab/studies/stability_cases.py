@@ -85,7 +85,7 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
 
 def find_cases(names: Sequence[str] = ()) -> list[StabilityCase]:
     """Return cases by name, or all; a generic one for a model file, a scene's folder or a robot."""
-    known = {path.stem: path for path in sorted((resources.sweeps() / FOLDER).glob("*.yaml"))}
+    known = {path.stem: path for path in sorted((resources.SWEEPS / FOLDER).glob("*.yaml"))}
     return [_case(name, known) for name in names or known]
 
 

@@ -62,7 +62,7 @@ def test_each_of_fifty_two_contacts_is_in_the_trace(tmp_path: Path) -> None:
 def test_what_does_not_fit_is_labelled(tmp_path: Path) -> None:
     for name in ("mug_drop", "grasp_mug"):
         (tmp_path / name).mkdir()
-        for file in (resources.models() / name).iterdir():
+        for file in (resources.MODELS / name).iterdir():
             (tmp_path / name / file.name).write_bytes(file.read_bytes())
     manifest = tmp_path / "mug_drop" / "scene.yaml"
     assert "slots: 64" in manifest.read_text()

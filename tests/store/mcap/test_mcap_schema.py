@@ -10,7 +10,7 @@ from google.protobuf.message_factory import GetMessageClass
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.resources import schemas
+from contactlab.resources import SCHEMAS
 from contactlab.store.mcap.trace_messages import (
     CONTACTS,
     HEADER_SIZE,
@@ -32,7 +32,7 @@ VALUE = re.compile(r"^  (\w+) = (\d+);", re.MULTILINE)
 
 def published() -> dict[str, list[tuple[str, ...]]]:
     """Return each type of the .proto file with its lines."""
-    text = (schemas() / "contactlab.proto").read_text(encoding="utf-8")
+    text = (SCHEMAS / "contactlab.proto").read_text(encoding="utf-8")
     return {
         name: (FIELD if kind == "message" else VALUE).findall(body)
         for kind, name, body in BLOCK.findall(text)

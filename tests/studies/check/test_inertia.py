@@ -265,7 +265,7 @@ def test_shipped_scenes(name: str) -> None:
 
 def test_the_identified_inertias_are_those_of_bodies() -> None:
     """Positive and within the triangle, as Gaz et al. demand of them."""
-    spec = mujoco.MjSpec.from_file(str(resources.models() / "panda_free" / "scene.xml"))
+    spec = mujoco.MjSpec.from_file(str(resources.MODELS / "panda_free" / "scene.xml"))
     assert list(written_inertia_faults(spec)) == []
     moments = np.sort(spec.compile().body_inertia[1:], axis=1)
     assert moments.min() > 0

@@ -19,7 +19,7 @@ MAJOR = 4
 NEWER = int(version("mujoco").partition(".")[0]) >= MAJOR
 
 Rows = list[dict[str, Any]]
-FOLDER = resources.sweeps() / "stability"
+FOLDER = resources.SWEEPS / "stability"
 
 
 def swept(sweep: Path, store: Path, *only: str) -> Rows:
@@ -54,7 +54,7 @@ def planted(tmp_path: Path) -> Callable[..., Rows]:
     def rows(name: str, old: str, new: str, *only: str) -> Rows:
         text = (FOLDER / f"{name}.yaml").read_text()
         scene = next(line for line in text.splitlines() if line.startswith("scene: "))[7:]
-        shutil.copytree(resources.models() / scene, tmp_path / scene)
+        shutil.copytree(resources.MODELS / scene, tmp_path / scene)
         model = tmp_path / scene / "scene.xml"
         assert old in model.read_text()
         model.write_text(model.read_text().replace(old, new))

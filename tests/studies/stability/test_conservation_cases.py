@@ -68,11 +68,11 @@ def test_spin_alone_upsets_a_top_at_any_step(case: Case) -> None:
 
 def test_the_top_s_start_is_its_model_s() -> None:
     """The numbers m l^2 + I1, I3 and m g l stand in the manifest's start as in the model."""
-    model = (resources.models() / "heavy_top" / "scene.xml").read_text()
+    model = (resources.MODELS / "heavy_top" / "scene.xml").read_text()
     inertial = re.search(r'pos="0 0 ([\d.]+)" mass="([\d.]+)" diaginertia="(\S+) \S+ (\S+)"', model)
     assert inertial
     length, mass, across, along = map(float, inertial.groups())
-    start = (resources.models() / "heavy_top" / "scene.yaml").read_text()
+    start = (resources.MODELS / "heavy_top" / "scene.yaml").read_text()
     assert f"4 * {across + mass * length**2:.0e} *".replace("e-0", "e-") in start
     assert f"({along:.0e} * spin)**2".replace("e-0", "e-") in start
     assert f"2 * {mass * 9.81 * length:.4f} /" in start

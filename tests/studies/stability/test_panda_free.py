@@ -16,7 +16,7 @@ EULER = ("Euler", "implicitfast")
 
 def test_it_swings_with_the_energy_that_was_measured_of_the_real_one() -> None:
     """Known: 92.6 J at most, soon after the start, where no step of 2 ms or less shows."""
-    model = mujoco.MjModel.from_xml_path(str(resources.models() / "panda_free" / "scene.xml"))
+    model = mujoco.MjModel.from_xml_path(str(resources.MODELS / "panda_free" / "scene.xml"))
     model.opt.enableflags |= int(mujoco.mjtEnableBit.mjENBL_ENERGY)
     data = mujoco.MjData(model)
     mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)

@@ -92,9 +92,9 @@ def test_contacts_ahead_of_touch_stop_what_leaps(case: Case) -> None:
 
 def test_only_the_case_for_new_engines_names_their_switch() -> None:
     for name in (*CASES, *LONG_CASES):
-        sweep = (resources.sweeps() / "stability" / f"{name}.yaml").read_text()
+        sweep = (resources.SWEEPS / "stability" / f"{name}.yaml").read_text()
         assert ("speculative:" in sweep) == (name == "thin_plate_speculative")
-    assert "speculative" not in (resources.models() / "thin_plate" / "scene.xml").read_text()
+    assert "speculative" not in (resources.MODELS / "thin_plate" / "scene.xml").read_text()
 
 
 def test_meshes_need_more_than_one_contact(case: Case) -> None:

@@ -22,7 +22,7 @@ import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import DTypeLike, NDArray
 
-from contactlab.resources import schemas
+from contactlab.resources import SCHEMAS
 
 PACKAGE = "contactlab"
 STATE_TOPIC = "/state"
@@ -91,7 +91,7 @@ _VALUE = re.compile(r"^  (\w+) = \d+;", re.MULTILINE)
 _PUBLISHED = {
     name: (keyword, body)
     for keyword, name, body in _BLOCK.findall(
-        (schemas() / "contactlab.proto").read_text(encoding="utf-8")
+        (SCHEMAS / "contactlab.proto").read_text(encoding="utf-8")
     )
 }
 
