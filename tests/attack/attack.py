@@ -19,23 +19,25 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Generator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
+from typing import Any
 
-from tests.attack.mutations import MANIFEST, Mutation, Target, mutations, redo
+from tests.attack.mutations import MANIFEST, Mutation, Target, mutations, redo, reseal
 
 from contactlab.errors import ContactlabError
-from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.recomputed_runs import (
     recomputed_problems,
     simulated_problems,
     unplanned,
     unresolved,
 )
-from contactlab.run.sweep_request import SceneLoader, SweepRequest
+from contactlab.run.sweep_request import SweepRequest, read_request
 from contactlab.run.sweep_runner import run_sweep
+from contactlab.run.tasks import ProgressCallback
+from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
 from contactlab.store.verify_store import unverified, verify
 
@@ -44,7 +46,11 @@ MODEL = """
   <worldbody>
     <geom name="floor" type="plane" size="1 1 1"/>
     <body pos="0 0 {height}"><freejoint/><geom name="ball" size="0.1" mass="1"/></body>
+    <body pos="0 1 1">
+      <joint name="rail" type="slide" axis="1 0 0"/><geom name="cart" size="0.1" mass="1"/>
+    </body>
   </worldbody>
+  <actuator><motor name="push" joint="rail" ctrlrange="-50 50"/></actuator>
 </mujoco>
 """
 SWEEP = """
@@ -53,8 +59,19 @@ scene: ./model.xml
 duration: 0.02
 seeds: 2
 trace: all
-axes: {timestep: [1.0e-3, 2.0e-3]}
+drive: {drive}
+axes: {{timestep: [1.0e-3, 2.0e-3]}}
 """
+CONTROLS = "time,push\n0,1\n0.01,-1\n0.02,0.5\n"
+POLICY = """
+class Push:
+    def __init__(self, model):
+        self.actuators = model.nu
+
+    def __call__(self, time, qpos, qvel, sensordata):
+        return 1.0 - 10.0 * qpos[:, -1:]
+"""
+DRIVES = {"plain": "hold", "file": "{file: controls.csv}", "policy": '{policy: "push.py:Push"}'}
 _SECONDS = 60
 _BYTES = 6 << 30
 OUTCOMES = (
@@ -68,27 +85,46 @@ OUTCOMES = (
 )
 
 
-def make_store(folder: Path, height: float) -> Path:
-    """Write a store of four runs, with traces."""
-    folder.mkdir()
+def request_in(folder: Path, height: float = 0.12, drive: str = "plain") -> SweepRequest:
+    """Return a sweep of four runs with traces, whose store is `store` in a folder."""
+    folder.mkdir(exist_ok=True)
     (folder / "model.xml").write_text(MODEL.format(height=height))
-    scenes = SceneLoader(folder)
-    read = read_sweep(SWEEP, scenes.vocabulary)
-    scene, store = scenes.open(read.sweep.scene), folder / "store"
-    request = SweepRequest(
-        plan=read.plan,
-        scene=scene,
-        name="small",
-        source=SWEEP,
-        overrides=(),
-        store=store,
-        workers=0,
-    )
-    run_sweep(request, lambda *_: None, lambda _: None)
-    return store
+    (folder / "controls.csv").write_text(CONTROLS)
+    (folder / "push.py").write_text(POLICY)
+    text = SWEEP.format(drive=DRIVES[drive])
+    ask = read_request(text, "small", folder / "store", folder=folder, workers=0)
+    return replace(ask, allow_code=True)
 
 
-def meaning(store: Path) -> object:
+def resume(request: SweepRequest, progress: ProgressCallback = lambda _: None) -> None:
+    """Run what is left of a sweep."""
+    run_sweep(request, lambda *_: None, progress)
+
+
+def make_store(folder: Path, height: float = 0.12, drive: str = "plain") -> Path:
+    """Write a store of four runs, with traces."""
+    request = request_in(folder, height, drive)
+    resume(request)
+    assert isinstance(request.store, Path)
+    return request.store
+
+
+def begin_store(folder: Path, height: float = 0.12) -> Path:
+    """Write a store whose sweep was stopped after three of its runs."""
+    left = iter(range(2))
+
+    def stop(_: object) -> None:
+        if next(left, None) is None:
+            raise KeyboardInterrupt
+
+    request = request_in(folder, height)
+    with suppress(KeyboardInterrupt):
+        resume(request, stop)
+    assert isinstance(request.store, Path)
+    return request.store
+
+
+def meaning(store: Path) -> Any:
     """Return all that a store says; what cannot be read raises an error."""
     opened = Store.open(store)
     records = [record.model_dump(mode="json") for record in opened.records()]
@@ -138,26 +174,71 @@ class Attack:
 
 
 def attack(folder: Path, count: int, seed: int) -> Attack:
-    """Bend a store so many times."""
-    store, older = make_store(folder / "now", 0.12), make_store(folder / "before", 0.13)
-    before, pinned = meaning(store), (store / MANIFEST).read_bytes()
-    left_open = left_out(Store.open(store))
-    found = Attack()
-    for number, (mutation, level) in enumerate(islice(mutations(), count)):
+    """Bend stores so many times: with each drive, a baseline, and one whose sweep has not ended."""
+    kinds = {
+        drive: (
+            make_store(folder / drive, 0.12, drive),
+            make_store(folder / f"{drive} 2", 0.13, drive),
+        )
+        for drive in DRIVES
+    }
+    now, before = (folder / each / "baseline" for each in ("plain", "plain 2"))
+    for target in (now, before):
+        write_baseline(target.parent / "store", target)
+    begun = begin_store(folder / "begun"), begin_store(folder / "begun 2", 0.13)
+    kinds |= {"baseline": (now, before), "unfinished": begun}
+    whole, found = meaning(kinds["plain"][0]), Attack()
+    for number, (kind, mutation, level) in enumerate(islice(mutations(tuple(kinds)), count)):
+        store, older = kinds[kind]
         with tempfile.TemporaryDirectory(dir=folder) as name:
-            bent = Path(name) / "store"
-            shutil.copytree(store, bent)
+            bent = shutil.copytree(store, Path(name) / "store")
             (Path(name) / "outside").mkdir()
             target = Target(bent, older, Path(name) / "outside", random.Random(f"{seed} {number}"))
-            said = mutation(target)
-            redo(bent, level) if level else None
-            outcome = judge(bent, before)
-            if outcome == "undetected" and left_out(Store.unchecked(bent)) != left_open:
-                outcome = OUTCOMES[4]
-            if outcome == "undetected" and (bent / MANIFEST).read_bytes() != pinned:
-                outcome = OUTCOMES[5]
+            said = f"{mutation(target)} of {kind}"
+            if kind == "unfinished":
+                reseal(bent) if level else None
+                outcome = judge_resumed(bent, whole)
+            else:
+                redo(bent, level) if level else None
+                outcome = judge_against(bent, store)
             found.add(mutation, level, outcome, f"{said} (seed {seed}, number {number})")
     return found
+
+
+def judge_against(bent: Path, store: Path) -> str:
+    """Return what became of a bent copy of a store."""
+    outcome = judge(bent, meaning(store))
+    if outcome == "undetected" and left_out(Store.unchecked(bent)) != left_out(Store.open(store)):
+        return OUTCOMES[4]
+    if (
+        outcome == "undetected"
+        and (bent / MANIFEST).read_bytes() != (store / MANIFEST).read_bytes()
+    ):
+        return OUTCOMES[5]
+    return outcome
+
+
+def judge_resumed(store: Path, whole: Any) -> str:
+    """Return what became of a bent store whose sweep goes on: it ends as one that was not bent."""
+    try:
+        with bounded():
+            try:
+                resume(request_in(store.parent))
+            except ContactlabError:
+                return "detected"
+        if lasting(meaning(store)) == lasting(whole):
+            return "harmless"
+        return "detected" if verify(store) else judge_runs(Store.open(store))
+    except Exception as error:  # noqa: BLE001 - whatever it is, it is no message to a user
+        return f"failed: {type(error).__name__}: {error}"[:200]
+
+
+def lasting(said: Any) -> object:
+    """Return what a store says, but for what differs from sweep to sweep: its clocks."""
+    content, *rest = said
+    _, records = json.loads(content)
+    clocks = ("cost", "started", "finished")
+    return [{key: each for key, each in row.items() if key not in clocks} for row in records], rest
 
 
 def left_out(store: Store) -> list[str | None]:

@@ -21,9 +21,11 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from contactlab.store.mcap.trace_writer import copy_trace
+from contactlab.store.row_journal import is_sealed, row_size, sealed
 from contactlab.store.runs_table import count_outcomes, rows_digest
 
 TABLE, MANIFEST, IDENTITY = "runs.parquet", "manifest.json", "sweep.json"
+JOURNAL = "journal.jsonl"
 
 
 @dataclass(frozen=True)
@@ -276,13 +278,62 @@ CONTENT: tuple[Mutation, ...] = (
 )
 
 
-def mutations() -> Iterator[tuple[Mutation, int]]:
-    """Yield all mutations with the levels that make a difference to them, again and again."""
+def exchange_lines(target: Target) -> str:
+    """Exchange, repeat or drop lines of the journal."""
+    path = target.store / JOURNAL
+    lines = path.read_bytes().splitlines(keepends=True)
+    how = target.chance.choice(["exchange", "repeat", "drop"])
+    one, other = target.chance.sample(range(len(lines)), 2)
+    if how == "exchange":
+        lines[one], lines[other] = lines[other], lines[one]
+    elif how == "repeat":
+        lines.append(lines[one])
+    else:
+        del lines[one]
+    path.write_bytes(b"".join(lines))
+    return f"{how} lines {one} {other}"
+
+
+def edit_line(target: Target) -> str:
+    """Change, remove or add a value of a row."""
+    path = target.store / JOURNAL
+    lines = path.read_bytes().splitlines(keepends=True)
+    place = target.chance.randrange(len(lines))
+    row = json.loads(lines[place][: row_size(lines[place])])
+    said = _edit(row, target.chance)
+    lines[place] = json.dumps(row).encode() + lines[place][row_size(lines[place]) :]
+    path.write_bytes(b"".join(lines))
+    return f"line {place}: {said}"
+
+
+_OF_TRACES = (swap, edit_trace, leave_out_traces)
+_OF_JOURNALS = (exchange_lines, edit_line, edit_line, edit_line)
+
+
+def mutations(stores: tuple[str, ...]) -> Iterator[tuple[str, Mutation, int]]:
+    """Yield all mutations of kinds of stores, again and again, at levels that make a difference.
+
+    Baselines have no traces. Of an unfinished store, level 1 redoes the journal's checksums.
+    """
     while True:
-        for each in FILES:
-            yield from ((each, 0), (each, 1))
-        for each in CONTENT:
-            yield from ((each, 0), (each, 1), (each, 2), (each, 2))
+        for store in stores:
+            own = _OF_JOURNALS if store == "unfinished" else CONTENT
+            levels = (0, 1) if store == "unfinished" else (0, 1, 2, 2)
+            fitting = [
+                each for each in (*FILES, *own) if store != "baseline" or each not in _OF_TRACES
+            ]
+            for each in fitting:
+                yield from ((store, each, level) for level in ((0, 1) if each in FILES else levels))
+
+
+def reseal(store: Path) -> None:
+    """Redo the checksums of a journal's lines."""
+    path = store / JOURNAL
+    if path.is_file() and not path.is_symlink():
+        lines = path.read_bytes().splitlines(keepends=True)
+        path.write_bytes(
+            b"".join(sealed(each[: row_size(each)]) if is_sealed(each) else each for each in lines)
+        )
 
 
 def redo(store: Path, level: int) -> None:

@@ -14,6 +14,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from mcap.writer import MCAP0_MAGIC, Writer
 from tests.attack.attack import MODEL, SWEEP, make_store
+from tests.attack.mutations import reseal
 
 from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.plan.sweep_file import read_sweep, read_yaml_as
@@ -24,7 +25,7 @@ from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.mcap.trace_reader import read_trace
-from contactlab.store.row_journal import is_sealed, row_size, sealed, write_journal
+from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows
 from contactlab.store.store_manifest import parse_identity, parse_manifest
 from contactlab.store.store_writer import open_writer
@@ -69,7 +70,7 @@ class Reader:
 
 def readers(folder: Path) -> dict[str, Reader]:
     """Return all readers by name; they write what they are given into a folder."""
-    store = make_store(folder / "made", 0.12)
+    store = make_store(folder / "made")
     trace = min(store.rglob("*.mcap"))
 
     def in_file(name: str, read: Callable[[Path], object]) -> Callable[[bytes], object]:
@@ -96,7 +97,8 @@ def readers(folder: Path) -> dict[str, Reader]:
     (folder / "scene" / "model.xml").write_text(MODEL.format(height=0.1))
     return {
         "sweep": Reader(
-            SWEEP.encode(), in_file("sweep.yaml", lambda p: read_sweep(p, scenes.vocabulary))
+            SWEEP.format(drive="hold").encode(),
+            in_file("sweep.yaml", lambda p: read_sweep(p, scenes.vocabulary)),
         ),
         "scene": Reader(SCENE, in_file("scene/scene.yaml", read_manifest)),
         "model": Reader(
@@ -115,7 +117,7 @@ def readers(folder: Path) -> dict[str, Reader]:
             f"drive {ending}": Reader(data, in_file(f"drive.{ending}", read_control_table))
             for ending, data in _drives(folder).items()
         },
-        **_journal_readers(make_store(folder / "unfinished", 0.12)),
+        **_journal_readers(make_store(folder / "unfinished")),
     }
 
 
@@ -195,10 +197,9 @@ def _journal_readers(store: Path) -> dict[str, Reader]:
             assert writer
 
     def resume_sealed(data: bytes) -> None:
-        lines = data.splitlines(keepends=True)
-        resume(
-            b"".join(sealed(each[: row_size(each)]) if is_sealed(each) else each for each in lines)
-        )
+        journal.write_bytes(data)
+        reseal(store)
+        resume(journal.read_bytes())
 
     return {
         "journal": Reader(sound, resume),

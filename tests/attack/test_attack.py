@@ -30,11 +30,12 @@ NAMES = (
 
 @pytest.mark.slow
 def test_no_bent_store_is_sound(tmp_path: Path) -> None:
-    count = 2 * len(FILES) + 4 * len(CONTENT)
+    # All of a store with each of three drives; most of a baseline and of an unfinished store.
+    count = 5 * (2 * len(FILES) + 4 * len(CONTENT)) - 40
     found = attack(tmp_path, count, seed=7)
     assert sum(found.counts.values()) == count
     assert set(found.counts) <= set(OUTCOMES[:6]), found.cases
-    assert found.counts["detected"] > 0.8 * count
+    assert found.counts["detected"] > 0.7 * count
 
 
 def test_some_bent_stores(tmp_path: Path) -> None:
