@@ -41,30 +41,18 @@ _NOTHING = (_OBJ.mjOBJ_UNKNOWN, "")
 
 @dataclass(frozen=True)
 class SensorLayout:
-    """Addresses in `sensordata`; None for what is not recorded.
+    """Addresses in `sensordata`; None for what is not recorded."""
 
-    Attributes:
-        pairs: where the contact slots of each monitored pair start.
-        contacts: of the count of all contacts, followed by their smallest distance.
-        kinetic: of the kinetic energy.
-        potential: of the potential energy.
-        momentum: of the velocity of the centre of mass.
-        angular_momentum: of the angular momentum.
-        held: of the held body's position relative to its holder, followed by the holder's
-            orientation.
-        forces: of the first actuator's force, which those of the others follow.
-        lengths: of the first tendon's length, likewise.
-    """
-
-    pairs: tuple[int, ...]
-    contacts: int
-    kinetic: int | None
-    potential: int | None
-    momentum: int | None
-    angular_momentum: int | None
+    pairs: tuple[int, ...]  # where the contact slots of each monitored pair start
+    contacts: int  # of the count of all contacts, followed by their smallest distance
+    kinetic: int | None  # of the kinetic energy
+    potential: int | None  # of the potential energy
+    momentum: int | None  # of the velocity of the centre of mass
+    angular_momentum: int | None  # of the angular momentum
+    # Of the held body's position relative to its holder, followed by the holder's orientation.
     held: int | None
-    forces: int
-    lengths: int
+    forces: int  # of the first actuator's force, which those of the others follow
+    lengths: int  # of the first tendon's length, likewise
 
 
 def add_sensors(

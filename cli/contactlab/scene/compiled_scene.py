@@ -50,31 +50,19 @@ from contactlab.schema.scene_manifest import SceneManifest
 
 @dataclass(frozen=True)
 class CompiledScene:
-    """One compiled structure of a scene, from which the models of its runs are made.
+    """One compiled structure of a scene, from which the models of its runs are made."""
 
-    Attributes:
-        model: the compiled model; never edited.
-        pairs: the monitored contact pairs.
-        layout: addresses of the recording sensors.
-        settings: every setting of the model as written.
-        flags: every flag of the model as written.
-        targets: where contact and mass settings go.
-        nonuniform: contact settings that not every target has as `settings` says.
-        free: whether momentum is conserved: nothing static, no actuator and no external field acts.
-        holding: what holds the subject and when, if the manifest says.
-        facts: what the structure decides about its effects.
-    """
-
-    model: mujoco.MjModel
-    pairs: tuple[MonitoredPair, ...]
-    layout: SensorLayout
-    settings: Settings
-    flags: Mapping[str, bool]
-    targets: EditTargets
-    nonuniform: frozenset[str]
+    model: mujoco.MjModel  # the compiled model; never edited
+    pairs: tuple[MonitoredPair, ...]  # those that are monitored
+    layout: SensorLayout  # addresses of the recording sensors
+    settings: Settings  # every setting of the model as written
+    flags: Mapping[str, bool]  # every flag of the model as written
+    targets: EditTargets  # where contact and mass settings go
+    nonuniform: frozenset[str]  # contact settings that not every target has as `settings` says
+    # Whether momentum is conserved: nothing static, no actuator and no external field acts.
     free: bool
-    holding: HoldSpec | None
-    facts: ModelFacts
+    holding: HoldSpec | None  # what holds the subject and when, if the manifest says
+    facts: ModelFacts  # what the structure decides about its effects
 
     @property
     def size(self) -> int:

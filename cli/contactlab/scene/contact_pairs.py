@@ -33,21 +33,13 @@ _GEOM = mujoco.mjtGeom
 
 @dataclass(frozen=True)
 class MonitoredPair:
-    """A monitored contact pair: two geoms, or two bodies with all of their geoms.
+    """A monitored contact pair: two geoms, or two bodies with all of their geoms."""
 
-    Attributes:
-        name: `side-side`, unique in the model.
-        sides: the names of both geoms or bodies.
-        bodies: whether the sides are bodies.
-        geoms: ids of the geoms on each side.
-        slots: how many of its contacts are recorded each step.
-    """
-
-    name: str
-    sides: tuple[str, str]
-    bodies: bool
-    geoms: tuple[tuple[int, ...], tuple[int, ...]]
-    slots: int
+    name: str  # `side-side`, unique in the model
+    sides: tuple[str, str]  # the names of both geoms or bodies
+    bodies: bool  # whether the sides are bodies
+    geoms: tuple[tuple[int, ...], tuple[int, ...]]  # ids of the geoms on each side
+    slots: int  # how many of its contacts are recorded each step
 
 
 def declared_pairs(

@@ -76,24 +76,16 @@ class InitialStates(NamedTuple):
 
     The inputs are the controls, then `applied`, then `mocap`. Signals drive some of them over time;
     the others are constant.
-
-    Attributes:
-        qpos: (n, nq) configuration.
-        qvel: (n, nv) velocity.
-        ctrl: (n, nu) control at the start.
-        applied: (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
-        act: (n, na) actuator activations at the start.
-        mocap: (n, 7 nmocap) positions [m], then quaternions, of mocap bodies at the start.
-        signals: (n) what drives each run.
     """
 
-    qpos: Floats
-    qvel: Floats
-    ctrl: Floats
+    qpos: Floats  # (n, nq) configuration
+    qvel: Floats  # (n, nv) velocity
+    ctrl: Floats  # (n, nu) control at the start
+    # (n, 6 nbody) force [N] and torque [N m] on each body at the start, world frame.
     applied: Floats
-    act: Floats
-    mocap: Floats
-    signals: tuple[Signals, ...]
+    act: Floats  # (n, na) actuator activations at the start
+    mocap: Floats  # (n, 7 nmocap) positions [m], then quaternions, of mocap bodies at the start
+    signals: tuple[Signals, ...]  # (n) what drives each run
 
     @property
     def driven(self) -> NDArray[np.intp]:
@@ -184,25 +176,16 @@ _LOOSE = {int(mujoco.mjtJoint.mjJNT_FREE): 2, int(mujoco.mjtJoint.mjJNT_BALL): 0
 
 @dataclass(frozen=True)
 class InitialStateRule:
-    """How the initial states of one structure are made.
+    """How the initial states of one structure are made."""
 
-    Attributes:
-        state: one state of `InitialStates` in a row, of a keyframe or of `QPOS0`.
-        ends: where each of its parts ends.
-        formulas: expressions over the initial values, with the indices that each sets.
-        profiles: what inputs do over time.
-        perturbed: indices that a seed perturbs, by at most `scale`.
-        scale: size of the perturbation [m, rad, m/s or rad/s].
-        quaternions: where unit quaternions start.
-    """
-
-    state: Floats
-    ends: tuple[int, ...]
+    state: Floats  # one state of `InitialStates` in a row, of a keyframe or of `QPOS0`
+    ends: tuple[int, ...]  # where each of its parts ends
+    # Expressions over the initial values, with the indices that each sets.
     formulas: tuple[tuple[Expression, tuple[int, ...]], ...]
-    profiles: tuple[ControlProfile, ...]
-    perturbed: tuple[int, ...]
-    scale: float
-    quaternions: tuple[int, ...]
+    profiles: tuple[ControlProfile, ...]  # what inputs do over time
+    perturbed: tuple[int, ...]  # indices that a seed perturbs, by at most `scale`
+    scale: float  # size of the perturbation [m, rad, m/s or rad/s]
+    quaternions: tuple[int, ...]  # where unit quaternions start
 
     @classmethod
     def of(

@@ -182,27 +182,16 @@ def _find_resource(name: str, folder: Path, copy: Path | None) -> Path:
 
 @dataclass(frozen=True)
 class SceneFiles:
-    """The files of a scene.
+    """The files of a scene."""
 
-    Attributes:
-        root: the folder that holds them all, and the folders of the packages that they name.
-        model: the model file, relative to the root.
-        files: every file, relative to the root, sorted.
-        licences: licence files of the folders that hold the files, up to the root.
-        resources: files that models name by ROS resource names, by `plain_name`.
-        copied: whether these are a store's copy.
-        absolute: whether a model names files by absolute paths.
-        hash: SHA-256 over names and bytes of the files, shortened to 16 hex digits.
-    """
-
-    root: Path
-    model: Path
-    files: tuple[Path, ...]
-    licences: tuple[Path, ...]
-    resources: Mapping[str, Path]
-    copied: bool
-    absolute: bool
-    hash: str
+    root: Path  # the folder that holds them all, and the folders of the packages that they name
+    model: Path  # the model file, relative to the root
+    files: tuple[Path, ...]  # every file, relative to the root, sorted
+    licences: tuple[Path, ...]  # licence files of the folders that hold the files, up to the root
+    resources: Mapping[str, Path]  # files that models name by ROS resource names, by `plain_name`
+    copied: bool  # whether these are a store's copy
+    absolute: bool  # whether a model names files by absolute paths
+    hash: str  # SHA-256 over names and bytes of the files, shortened to 16 hex digits
 
     def copy_to(self, folder: Path) -> None:
         """Copy every file into the folder, licences with them, keeping their places."""

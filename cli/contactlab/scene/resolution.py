@@ -25,31 +25,18 @@ from contactlab.schema.drive import Drive, drive_identity
 
 @dataclass(frozen=True, slots=True)
 class ResolvedRun:
-    """Everything besides the scene's files that decides a run's trajectory.
+    """Everything besides the scene's files that decides a run's trajectory."""
 
-    Attributes:
-        structure: structure values, by name.
-        settings: every engine and contact setting.
-        changed: names of the settings that differ from the model as written.
-        flags: every engine flag.
-        initial: the scene's initial values.
-        seed: what perturbs the initial state.
-        duration: simulated time [s].
-        effect_request: the effects that it requests.
-        without: effects that its model is compiled without.
-        drive: what drives it, with the values of its axes.
-    """
-
-    structure: Mapping[str, object]
-    settings: Settings
-    changed: frozenset[str]
-    flags: Mapping[str, bool]
-    initial: Mapping[str, float]
-    seed: int
-    duration: float
-    effect_request: EffectRequest
-    without: frozenset[str]
-    drive: Drive = "none"
+    structure: Mapping[str, object]  # structure values, by name
+    settings: Settings  # every engine and contact setting
+    changed: frozenset[str]  # names of the settings that differ from the model as written
+    flags: Mapping[str, bool]  # every engine flag
+    initial: Mapping[str, float]  # the scene's initial values
+    seed: int  # what perturbs the initial state
+    duration: float  # simulated time [s]
+    effect_request: EffectRequest  # the effects that it requests
+    without: frozenset[str]  # effects that its model is compiled without
+    drive: Drive = "none"  # what drives it, with the values of its axes
 
     @property
     def engine(self) -> str:

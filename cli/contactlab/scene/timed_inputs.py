@@ -70,16 +70,11 @@ class Signals:
 
     Before its first knot an input has the first level, after its last knot the last; of two knots
     at one time, the later one counts.
-
-    Attributes:
-        places: (P,) their indices among the inputs.
-        times: (P, K) times of the knots [s], non-decreasing; (1, K) if all inputs share them.
-        levels: (P, K) values there.
     """
 
-    places: NDArray[np.intp]
-    times: Floats
-    levels: Floats
+    places: NDArray[np.intp]  # (P,) their indices among the inputs
+    times: Floats  # (P, K) times of the knots [s], non-decreasing; (1, K) if all inputs share them
+    levels: Floats  # (P, K) values there
 
     @classmethod
     def none(cls) -> "Signals":

@@ -36,22 +36,16 @@ _NO_OPTIONS: Mapping[bool, Mapping[str, object]] = {True: {}, False: {}}
 
 @dataclass(frozen=True)
 class Switch:
-    """How an effect is read from a model, and how it is turned on or off.
+    """How an effect is read from a model, and how it is turned on or off."""
 
-    Attributes:
-        is_on: returns whether a run's model has it.
-        write: turns it on or off in a compiled model, in place.
-        flag: MuJoCo's flag, if it is one.
-        options: settings that turn it on and off, if it is a matter of options.
-        is_set: returns whether options have it.
-        condim: bound on every contact's dimensions: at least, to turn on; at most, to turn off.
-    """
-
-    is_on: Callable[[RunState], bool]
+    is_on: Callable[[RunState], bool]  # returns whether a run's model has it
+    # Turns it on or off in a compiled model, in place.
     write: Callable[[mujoco.MjModel, bool], None]
-    flag: str | None = None
+    flag: str | None = None  # MuJoCo's flag, if it is one
+    # Settings that turn it on and off, if it is a matter of options.
     options: Mapping[bool, Mapping[str, object]] = field(default_factory=lambda: _NO_OPTIONS)
-    is_set: Callable[[Settings], bool] | None = None
+    is_set: Callable[[Settings], bool] | None = None  # returns whether options have it
+    # Bound on every contact's dimensions: at least, to turn on; at most, to turn off.
     condim: Mapping[bool, int] | None = None
 
     @property
@@ -69,30 +63,20 @@ class Switch:
 
 @dataclass(frozen=True)
 class Effect:
-    """One physical or numerical feature that can be on or off.
+    """One physical or numerical feature that can be on or off."""
 
-    Attributes:
-        name: its name in sweeps, scenes and records.
-        kind: whether it is part of the physics, of how it is computed, or of what is recorded.
-        what: what it is.
-        switch: how it is turned on and off.
-        studied: whether studies change it; some effects define the model itself.
-        called_by: what in a scene needs it.
-        unused: a proof that nothing changes without it.
-        feature: what runs must exercise to show what it does; None where every run does.
-        on: axis values with which a study turns it on; none where studies do not.
-        off: axis values with which a study turns it off; its own axis, if left out.
-    """
-
-    name: str
-    kind: Kind
-    what: str
-    switch: Switch
-    studied: bool = True
-    called_by: str = ""
-    unused: Proof = never
+    name: str  # its name in sweeps, scenes and records
+    kind: Kind  # whether it is part of the physics, of how it is computed, or of what is recorded
+    what: str  # what it is
+    switch: Switch  # how it is turned on and off
+    studied: bool = True  # whether studies change it; some effects define the model itself
+    called_by: str = ""  # what in a scene needs it
+    unused: Proof = never  # a proof that nothing changes without it
+    # What runs must exercise to show what it does; None where every run does.
     feature: Feature | None = None
+    # Axis values with which a study turns it on; none where studies do not.
     on: Mapping[str, object] = field(default_factory=dict[str, object])
+    # Axis values with which a study turns it off; its own axis, if left out.
     off: Mapping[str, object] = field(default_factory=dict[str, object])
 
     def needed_by(

@@ -155,17 +155,11 @@ def _turns(model: mujoco.MjModel, body: int) -> bool:
 
 @dataclass(frozen=True)
 class RunState:
-    """A run as the proofs see it, before it starts.
+    """A run as the proofs see it, before it starts."""
 
-    Attributes:
-        model: the run's model, its settings written.
-        facts: what its structure decides.
-        straight: whether nothing turns or moves sideways at the start, or is pushed to.
-    """
-
-    model: mujoco.MjModel
-    facts: ModelFacts
-    straight: bool
+    model: mujoco.MjModel  # the run's model, its settings written
+    facts: ModelFacts  # what its structure decides
+    straight: bool  # whether nothing turns or moves sideways at the start, or is pushed to
 
 
 Proof = Callable[[RunState], str | None]

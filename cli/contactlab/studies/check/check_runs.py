@@ -63,27 +63,16 @@ _WINDOW = 0.5
 
 @dataclass(frozen=True)
 class HeldPair:
-    """One pair in a time window.
-
-    Attributes:
-        name: the pair's name.
-        share: fraction of steps in which it carries force.
-        sliding: fraction of these in which it slides.
-        speed: bound on that of its surfaces against each other, of their mean motion [m/s].
-        force: mean net normal force over the window [N].
-        switches: changes between stick and slide, and losses of contact while sticking [1/s].
-        depth: mean penetration [m].
-        slip: largest slip from its place at the start of the window [m].
-    """
+    """One pair in a time window."""
 
     name: str
-    share: float
-    sliding: float
-    speed: float
-    force: float
-    switches: float
-    depth: float
-    slip: float
+    share: float  # fraction of steps in which it carries force
+    sliding: float  # fraction of these in which it slides
+    speed: float  # bound on that of its surfaces against each other, of their mean motion [m/s]
+    force: float  # mean net normal force over the window [N]
+    switches: float  # changes between stick and slide, and losses of contact while sticking [1/s]
+    depth: float  # mean penetration [m]
+    slip: float  # largest slip from its place at the start of the window [m]
 
     @property
     def holds(self) -> bool:
@@ -93,17 +82,11 @@ class HeldPair:
 
 @dataclass(frozen=True)
 class Holding:
-    """What a run of the model holds in a time window.
+    """What a run of the model holds in a time window."""
 
-    Attributes:
-        window: its start and end [s].
-        declared: whether the scene declares that something is held then.
-        bearing: the pairs that carry force in it.
-    """
-
-    window: tuple[float, float]
-    declared: bool
-    bearing: tuple[HeldPair, ...]
+    window: tuple[float, float]  # its start and end [s]
+    declared: bool  # whether the scene declares that something is held then
+    bearing: tuple[HeldPair, ...]  # the pairs that carry force in it
 
     @property
     def held(self) -> tuple[HeldPair, ...]:

@@ -43,27 +43,18 @@ def axis_value(name: str, value: object) -> object:
 
 @dataclass
 class CheckedModel:
-    """A model under check, which runs it, or other scenes with its parameters.
+    """A model under check, which runs it, or other scenes with its parameters."""
 
-    Attributes:
-        reference: the model as requested, and as sweeps name their scene.
-        values: the settings as requested, by axis.
-        duration: simulated time of its nominal run [s].
-        drive: what drives it; the scene's own if None.
-        kind_reason: why it is for that kind of task, in words.
-        brief: whether only the runs are made that measures with limits need.
-    """
-
-    reference: str
+    reference: str  # the model as requested, and as sweeps name their scene
     scenes: SceneLoader
     session: Session
-    values: Mapping[str, object]
-    duration: float
-    drive: Drive | None
+    values: Mapping[str, object]  # the settings as requested, by axis
+    duration: float  # simulated time of its nominal run [s]
+    drive: Drive | None  # what drives it; the scene's own if None
     limits: Limits
     kind: TaskKind
-    kind_reason: str
-    brief: bool = False
+    kind_reason: str  # why it is for that kind of task, in words
+    brief: bool = False  # whether only the runs are made that measures with limits need
     _written: set[str] = field(default_factory=set[str])
     _steps: Counter[str] = field(default_factory=Counter[str])
 

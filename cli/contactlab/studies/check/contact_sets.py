@@ -23,17 +23,12 @@ _LEAST_WIDTH = 1e-15
 
 @dataclass(frozen=True)
 class ContactSet:
-    """Monitored pairs with equal contact parameters.
+    """Monitored pairs with equal contact parameters."""
 
-    Attributes:
-        record: the parameters.
-        solref: as the engine uses it: refsafe raises time constants to two timesteps.
-        pairs: names of the pairs.
-    """
-
-    record: PairRecord
+    record: PairRecord  # the parameters
+    # As the engine uses it: refsafe raises time constants to two timesteps.
     solref: tuple[float, ...]
-    pairs: tuple[str, ...]
+    pairs: tuple[str, ...]  # names of the pairs
 
     @property
     def name(self) -> str:

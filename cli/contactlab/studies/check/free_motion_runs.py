@@ -20,21 +20,13 @@ from contactlab.studies.session import Values
 
 
 class Tree(NamedTuple):
-    """Bodies that move together, and no others with them.
+    """Bodies that move together, and no others with them."""
 
-    Attributes:
-        name: of its root body.
-        dofs: (nv,) whether each degree of freedom is its.
-        bodies: (nbody,) whether each body is its.
-        mass: of its bodies [kg].
-        floats: whether gravity would move its root freely.
-    """
-
-    name: str
-    dofs: NDArray[np.bool_]
-    bodies: NDArray[np.bool_]
-    mass: float
-    floats: bool
+    name: str  # of its root body
+    dofs: NDArray[np.bool_]  # (nv,) whether each degree of freedom is its
+    bodies: NDArray[np.bool_]  # (nbody,) whether each body is its
+    mass: float  # of its bodies [kg]
+    floats: bool  # whether gravity would move its root freely
 
 
 def trees_of(model: mujoco.MjModel) -> list[Tree]:
@@ -109,21 +101,13 @@ _STATES = 500
 
 
 class EnergyBudget(NamedTuple):
-    """The energy budget of one motion.
+    """The energy budget of one motion."""
 
-    Attributes:
-        seconds: its duration [s].
-        change: mechanical energy at the end minus that at the start [J].
-        most: largest deviation of the energy from that at the start [J].
-        peak: largest kinetic energy [J].
-        dampers: energy taken by viscous damping of the joints [J].
-    """
-
-    seconds: float
-    change: float
-    most: float
-    peak: float
-    dampers: float
+    seconds: float  # its duration [s]
+    change: float  # mechanical energy at the end minus that at the start [J]
+    most: float  # largest deviation of the energy from that at the start [J]
+    peak: float  # largest kinetic energy [J]
+    dampers: float  # energy taken by viscous damping of the joints [J]
 
     def rate(self, peak: float) -> float:
         """Return the change of energy per peak kinetic energy [J] and time, in 1/s."""

@@ -57,27 +57,17 @@ _ORDER = ("failed", "warned", "noted", "skipped", "passed")
 
 @dataclass(frozen=True)
 class CheckRequest:
-    """Which model to check, and how.
+    """Which model to check, and how."""
 
-    Attributes:
-        model: a shipped scene, a folder, a model file or menagerie:ROBOT.
-        assign: settings to check it with, `NAME=VALUE` each.
-        only: names of checks; all if empty.
-        kind: of task; derived from the model if None.
-        drive: what drives it; the default for such a model if None.
-        limits: limits that replace those of the checks, by the name of the measure.
-        accepted: findings that are known and accepted.
-        remedies: whether to look for changes that help.
-    """
-
-    model: str
-    assign: Sequence[str] = ()
-    only: Sequence[str] = ()
-    kind: TaskKind | None = None
-    drive: Drive | None = None
+    model: str  # a shipped scene, a folder, a model file or menagerie:ROBOT
+    assign: Sequence[str] = ()  # settings to check it with, `NAME=VALUE` each
+    only: Sequence[str] = ()  # names of checks; all if empty
+    kind: TaskKind | None = None  # of task; derived from the model if None
+    drive: Drive | None = None  # what drives it; the default for such a model if None
+    # Limits that replace those of the checks, by the name of the measure.
     limits: Mapping[str, float] = field(default_factory=dict[str, float])
-    accepted: Sequence[AcceptedCheck] = ()
-    remedies: bool = True
+    accepted: Sequence[AcceptedCheck] = ()  # findings that are known and accepted
+    remedies: bool = True  # whether to look for changes that help
 
 
 def run(request: CheckRequest, session: Session) -> CheckReport:
