@@ -1,0 +1,173 @@
+"""Pairs of geoms that can never touch, by proof: wherever their joints are within their ranges.
+
+Between two geoms are the joints of either body up to the body from which both hang. While one of
+them turns by an angle, no point that it carries moves further than that angle times its greatest
+distance from the joint. So a distance in the middle of a box of joint positions bounds those in all
+of it. Boxes are halved until the geoms are apart in each of them.
+"""
+
+import copy
+from collections.abc import Iterable, Iterator
+
+import mujoco
+import numpy as np
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.scene.contact_pairs import explicit_pair, may_touch
+
+GeomPair = tuple[int, int]
+_JOINT, _GEOM, _OFF = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
+_UNMEASURED = {int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF)}
+"""Shapes of which MuJoCo computes no distances."""
+_SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
+_BEYOND = 0.1
+"""How far a joint may get beyond either limit, since limits are soft; as a share of its range."""
+_TOUCH = 1e-6
+"""Distance [m] up to which geoms count as touching, beyond their margins."""
+_SAMPLES, _MOST_BOXES = 64, 4096
+_FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 18
+
+
+def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
+    """Return the pairs of geoms, the lower id first, that may touch because their masks say so.
+
+    Those of <pair> elements touch whatever their masks say.
+    """
+    kind, affinity = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    bits = (kind[:, None] & affinity) | (kind & affinity[:, None])
+    pairs: list[list[int]] = np.argwhere(np.triu(bits, 1)).tolist()
+    return [
+        (first, second)
+        for first, second in pairs
+        if may_touch(model, first, second) and explicit_pair(model, first, second) is None
+    ]
+
+
+class Clearance:
+    """How far apart geoms are, and how far joints bring them together."""
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        # Only the native functions compute distances of all shapes.
+        self.model = copy.copy(model)
+        self.model.opt.disableflags &= ~int(_OFF.mjDSBL_NATIVECCD)
+        self.data = mujoco.MjData(self.model)
+        self.ranges = joint_ranges(model)
+
+    def place(self, qpos: Floats) -> None:
+        """Put all bodies where a configuration (nq,) has them."""
+        self.data.qpos[:] = qpos
+        mujoco.mj_kinematics(self.model, self.data)
+
+    def distance(self, pair: GeomPair, most: float) -> float:
+        """Return how far two placed geoms are from contact, up to `most` [m]; below 0 in it."""
+        margin = float(self.model.geom_margin[[*pair]].sum()) + _TOUCH
+        return mujoco.mj_geomDistance(self.model, self.data, *pair, most + margin, None) - margin
+
+    def touching(self, qpos: Floats) -> set[GeomPair]:
+        """Return the pairs of geoms that touch in a configuration (nq,), the lower id first."""
+        self.place(qpos)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_collision(self.model, self.data)
+        pairs: list[list[int]] = np.sort(self.data.contact.geom, axis=1).tolist()
+        return {(first, second) for first, second in pairs}
+
+    def levers(self, pair: GeomPair) -> Floats | None:
+        """Return (njnt,) how far each joint moves two geoms against each other at most.
+
+        In metres a radian, or a metre; 0 for joints that are not between them. None where there is
+        no bound: between them is a free or mocap body, a ball joint or a slide without limits, a
+        plane turns, or MuJoCo cannot measure their distance.
+        """
+        model, found = self.model, np.zeros(self.model.njnt)
+        bodies = [int(model.geom_bodyid[geom]) for geom in pair]
+        above = [set(_upward(model, body)) for body in bodies]
+        for geom, body, others in zip(pair, bodies, reversed(above), strict=True):
+            is_plane = model.geom_type[geom] == _GEOM.mjGEOM_PLANE
+            reach = np.inf if is_plane else float(model.geom_rbound[geom])
+            reach += float(np.linalg.norm(model.geom_pos[geom]))
+            for each in (each for each in _upward(model, body) if each not in others):
+                if model.body_mocapid[each] >= 0:
+                    return None
+                joints = np.flatnonzero(model.jnt_bodyid == each)
+                slides = model.jnt_type[joints] == _JOINT.mjJNT_SLIDE
+                reach += self._extent(joints, slides)
+                found[joints] = np.where(slides, 1.0, reach)
+                reach += float(np.linalg.norm(model.body_pos[each]))
+        bounded = np.isfinite(found).all() and np.isfinite(self.ranges[found > 0]).all()
+        measured = not _UNMEASURED & set(model.geom_type[[*pair]].tolist())
+        return found if bounded and measured else None
+
+    def _extent(self, joints: np.ndarray, slides: np.ndarray) -> float:
+        """Return what the joints of a body add to the reach from its frame at most [m]."""
+        zero = self.model.qpos0[self.model.jnt_qposadr[joints]]
+        ways = np.abs(self.ranges[joints] - zero[:, None]).max(axis=1, initial=0.0)
+        anchors = 2 * np.linalg.norm(self.model.jnt_pos[joints], axis=1)
+        return float(anchors.sum() + ways[slides].sum())
+
+
+def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
+    """Yield a body and all from which it hangs, but for the world."""
+    while body:
+        yield body
+        body = int(model.body_parentid[body])
+
+
+def joint_ranges(model: mujoco.MjModel) -> Floats:
+    """Return (njnt, 2) where hinges and slides may be, somewhat beyond their limits.
+
+    A hinge without a limit goes once round, a slide without one anywhere; of others, NaN.
+    """
+    ends = np.full((model.njnt, 2), np.nan)
+    hinges, slides = (model.jnt_type == kind for kind in (_JOINT.mjJNT_HINGE, _JOINT.mjJNT_SLIDE))
+    ends[hinges], ends[slides] = (-np.pi, np.pi), (-np.inf, np.inf)
+    if not model.opt.disableflags & (_OFF.mjDSBL_LIMIT | _OFF.mjDSBL_CONSTRAINT):
+        limited = np.asarray(model.jnt_limited, bool) & (hinges | slides)
+        spread = _BEYOND * np.ptp(model.jnt_range, axis=1, keepdims=True)
+        ends[limited] = (model.jnt_range + spread * [-1, 1])[limited]
+    return ends
+
+
+def unreachable_pairs(model: mujoco.MjModel, pairs: Iterable[GeomPair]) -> set[GeomPair]:
+    """Return the pairs that cannot touch, whatever joints do within a tenth beyond their ranges.
+
+    Others may be unable to touch as well: only so many boxes are tried. A pair counts as able where
+    contacts are made at a distance, for what would pass within a step.
+    """
+    if model.opt.enableflags & _SPECULATIVE:
+        return set()
+    clearance = Clearance(model)
+    levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
+    known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
+    for _ in range(_SAMPLES):
+        qpos = model.qpos0.copy()
+        qpos[model.jnt_qposadr[known]] = generator.uniform(*clearance.ranges[known].T)
+        for pair in clearance.touching(qpos) & levers.keys():
+            del levers[pair]
+    first = min(_FIRST_BOXES, _ALL_FIRST_BOXES // max(1, len(levers)))
+    return {pair for pair, each in levers.items() if _is_apart(clearance, pair, each, first)}
+
+
+def _is_apart(clearance: Clearance, pair: GeomPair, levers: Floats, first: int) -> bool:
+    """Return whether a pair is apart in all boxes of joint positions.
+
+    A search is given up that would take too many boxes at the pace of its first ones.
+    """
+    model, between = clearance.model, np.flatnonzero(levers)
+    places, levers, ranges = model.jnt_qposadr[between], levers[between], clearance.ranges[between]
+    boxes, qpos = [(ranges.mean(axis=1), np.ptp(ranges, axis=1) / 2, 1.0)], model.qpos0.copy()
+    tried, done = 0, 0.0
+    while boxes:
+        tried += 1
+        middle, half, share = boxes.pop()
+        qpos[places] = middle
+        clearance.place(qpos)
+        slack = float(levers @ half)
+        distance = clearance.distance(pair, slack)
+        if distance <= 0 or (tried > first and tried > done * _MOST_BOXES):
+            return False
+        if distance >= slack:
+            done += share
+        else:
+            shift = np.where(np.arange(len(half)) == (levers * half).argmax(), half / 2, 0.0)
+            boxes += [(middle + way * shift, half - shift, share / 2) for way in (-1, 1)]
+    return True

@@ -1,0 +1,138 @@
+"""What never touches: masks leave every state as it was, and luck of one run decides nothing."""
+
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from contactlab.engines import engine_of
+from contactlab.engines.engine import Buffers, PreparedRuns
+from contactlab.scene.scene import Scene
+from contactlab.scene.unreachable import filtered_pairs
+from contactlab.studies.tune.savers import UntouchedGeoms, distant_pairs, untouched_geoms
+
+# An arm that turns by 1.5 rad either way, a post at 1.4 rad, a wall out of reach, a lamp above all;
+# and a box on the floor, which may be anywhere.
+WORKSHOP = """<mujoco>
+  <compiler angle="radian"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="5 5 0.1"/>
+    <geom name="wall" type="box" size="0.1 2 2" pos="4 0 0"/>
+    <geom name="post" type="capsule" size="0.03" fromto="0.153 0.887 0 0.153 0.887 1.2"/>
+    <body name="arm" pos="0 0 1">
+      <joint name="shoulder" axis="0 0 1" range="-1.5 1.5" damping="10"/>
+      <geom name="arm" type="capsule" size="0.05" fromto="0.1 0 0 0.8 0 0"/>
+      <body name="lamp" pos="0 0 3"><geom name="lamp" size="0.1" pos="0.5 0 0"/></body>
+      <body name="hand" pos="0.9 0 0">
+        <joint name="wrist" axis="1 0 0" range="-1 1" damping="1"/>
+        <geom name="hand" type="box" size="0.05 0.1 0.02"/>
+      </body>
+    </body>
+    <body name="box" pos="-2 0 0.1"><freejoint/><geom name="box" type="box" size=".1 .1 .1"/></body>
+  </worldbody>
+  <actuator>
+    <position joint="shoulder" kp="300" ctrlrange="-1.5 1.5"/>
+    <position joint="wrist" kp="20" ctrlrange="-1 1"/>
+  </actuator>
+</mujoco>
+"""
+Runs = list[NDArray[np.float64]]
+
+
+@pytest.fixture(scope="module")
+def workshop(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("workshop") / "workshop.xml"
+    path.write_text(WORKSHOP)
+    return path
+
+
+def driven(path: Path, seeds: range) -> Runs:
+    """Return (T, nq) configurations of exercised runs."""
+    scene = Scene.open(str(path)).with_drive("exercise", Path())
+    runs = PreparedRuns.of(scene, *[scene.resolve({}, seed, None) for seed in seeds])
+    rollout = engine_of(runs.resolved[0]).roll_out(runs, Buffers())
+    return [np.array(each[:, 1 : 1 + runs.models[0].nq]) for each in rollout.state]
+
+
+@pytest.fixture(scope="module")
+def model() -> mujoco.MjModel:
+    return mujoco.MjModel.from_xml_string(WORKSHOP)
+
+
+@pytest.fixture(scope="module")
+def runs(workshop: Path) -> Runs:
+    return driven(workshop, range(3))
+
+
+def distant(model: mujoco.MjModel, runs: Runs) -> set[tuple[str, str]]:
+    found = distant_pairs(model, filtered_pairs(model), runs)
+    return {(model.geom(first).name, model.geom(second).name) for first, second in found}
+
+
+NEAR_POST = {("post", "hand")}
+
+
+def test_without_runs_proofs_remain(model: mujoco.MjModel) -> None:
+    """No joint brings anything to the wall or the floor; the arm may get to the post."""
+    found = untouched_geoms(model, [])
+    assert found.masked == ()
+    assert found.excluded == (("world", "arm"), ("world", "lamp"))
+    assert (found.proven, found.distant) == (8, 0)
+
+
+def test_runs_show_what_stays_apart(model: mujoco.MjModel, runs: Runs) -> None:
+    """The arm is 0.8 rad from the post at least; what the box touches in a run is luck."""
+    assert distant(model, runs) >= NEAR_POST
+    assert not any("box" in pair for pair in distant(model, runs))
+    found = untouched_geoms(model, runs)
+    assert ("world", "hand") in found.excluded
+    assert found.pairs == len(filtered_pairs(model))
+    assert found.proven + found.distant == found.pairs - 6, "the box and all others"
+
+
+def test_too_few_runs_or_too_little_motion_show_nothing(model: mujoco.MjModel, runs: Runs) -> None:
+    assert distant(model, runs[:2]) == set()
+    assert distant(model, [0.5 * each for each in runs]) == set()
+
+
+def test_what_comes_near_between_two_measurements_is_seen(
+    model: mujoco.MjModel, runs: Runs
+) -> None:
+    """Of 1280 steps every tenth is measured; a single other one has the hand at the post."""
+    calm = [np.tile(model.qpos0, (1280, 1)) for _ in runs]
+    for each in calm:
+        each[:, :2] = np.linspace([-0.6, -0.4], [0.6, 0.4], len(each))
+    assert distant(model, calm) >= NEAR_POST
+    calm[1][645, 0] = 1.4
+    assert not NEAR_POST & distant(model, calm)
+
+
+def edited(text: str, found: UntouchedGeoms) -> str:
+    """Return a model without what never touches."""
+    for name in found.masked:
+        text = text.replace(
+            f'<geom name="{name}"', f'<geom name="{name}" contype="0" conaffinity="0"'
+        )
+    pairs = (f'<exclude body1="{one}" body2="{other}"/>' for one, other in found.excluded)
+    return text.replace("</mujoco>", f"<contact>{''.join(pairs)}</contact></mujoco>")
+
+
+ALONE = WORKSHOP[: WORKSHOP.index('<body name="box"')] + WORKSHOP[WORKSHOP.index("</worldbody>") :]
+
+
+@pytest.mark.parametrize(("text", "masks"), [(WORKSHOP, False), (ALONE, True)])
+def test_without_them_states_stay_bit_equal_from_fresh_seeds(
+    tmp_path: Path, text: str, *, masks: bool
+) -> None:
+    """Nothing is masked that the box may hit; without the box, all is."""
+    written, path = tmp_path / "written.xml", tmp_path / "edited.xml"
+    written.write_text(text)
+    found = untouched_geoms(mujoco.MjModel.from_xml_string(text), driven(written, range(3)))
+    assert bool(found.masked) == masks
+    path.write_text(edited(text, found))
+    assert not masks or not filtered_pairs(mujoco.MjModel.from_xml_path(str(path)))
+    seeds = range(100, 103)
+    for one, other in zip(driven(written, seeds), driven(path, seeds), strict=True):
+        np.testing.assert_array_equal(one, other)
