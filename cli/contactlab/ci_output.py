@@ -67,13 +67,10 @@ def _annotations(command: str, title: str, messages: Sequence[str]) -> Iterator[
     shown = list(messages[:_MOST_ANNOTATIONS])
     if len(messages) > len(shown):
         shown.append(f"and {len(messages) - len(shown):,} more; see the summary")
+    titled = _data(title).replace(":", "%3A").replace(",", "%2C")
     for message in shown:
-        yield f"::{command} title={_property(title)}::{_data(message)}"
+        yield f"::{command} title={titled}::{_data(message)}"
 
 
 def _data(text: str) -> str:
     return visible(text).replace("%", "%25").replace("\n", "%0A")
-
-
-def _property(text: str) -> str:
-    return _data(text).replace(":", "%3A").replace(",", "%2C")

@@ -13,8 +13,7 @@ import pytest
 
 from contactlab.printable import visible
 from contactlab.reporting.map_cells import STATISTICS, MapAxes, cell_statistic
-from contactlab.reporting.report_data import read_report_data
-from contactlab.reporting.write_report import write_page
+from contactlab.reporting.report import read_report_data, write_page
 from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]

@@ -15,8 +15,7 @@ from contactlab.comparison.compare_stores import compare
 from contactlab.errors import OutputError, SweepFileError
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.paper_figures import bouncing_runs, first_impacts
-from contactlab.reporting.report_data import PageRequest, read_report_data
-from contactlab.reporting.write_report import write_figures, write_page
+from contactlab.reporting.report import PageRequest, read_report_data, write_figures, write_page
 from contactlab.store.finished_store import Store
 
 Swept = Callable[[str], Store]
@@ -27,7 +26,7 @@ from pathlib import Path
 
 sys.modules["mujoco"] = None
 from contactlab.store.finished_store import Store
-from contactlab.reporting.write_report import write_page
+from contactlab.reporting.report import write_page
 
 write_page(Store.open(Path(sys.argv[1])), Path(sys.argv[2]))
 print(sorted({"contactlab.run", "contactlab.scene", "contactlab.engines"} & set(sys.modules)))

@@ -6,8 +6,7 @@ from typing import Literal
 from contactlab.comparison.compare_stores import DEFAULT_POLICY
 from contactlab.comparison.compare_stores import compare as compare_stores
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.reporting.report_data import PageRequest
-from contactlab.reporting.write_report import write_page
+from contactlab.reporting.report import PageRequest, write_page
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import ComparisonReport
 from contactlab.store.finished_store import Store

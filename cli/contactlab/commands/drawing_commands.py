@@ -37,8 +37,7 @@ def report(
     ),
 ) -> None:
     """Draw a store as one page that works offline: maps, accuracy against time, every run."""
-    from contactlab.reporting.report_data import PageRequest
-    from contactlab.reporting.write_report import write_figures, write_page
+    from contactlab.reporting.report import PageRequest, write_figures, write_page
     from contactlab.store.finished_store import Store
 
     criteria = opt.accuracy_criteria(error, tolerance)

@@ -38,16 +38,21 @@ def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:
     The first value of each axis is the scene's own.
     """
     axes = [_line(name, values, vocabulary) for name, values in _varied(scene, vocabulary)]
-    further = [_line(name, values, vocabulary) for name, values in _kept(scene, vocabulary)]
+    further = [
+        _line(name, (own, *_others(name, own, vocabulary), *([10.0] * (own == 1.0))), vocabulary)
+        for name, own in _own(scene, vocabulary, ("keyframe", "solver", "solimp", "impratio"))
+    ]
     expected = "stable" if "stable" in vocabulary.labels else next(iter(vocabulary.labels), "")
     metric = next(iter(vocabulary.metrics), "")
+    drive = f"drive: {scene.drive}" if scene.drive else "# drive: none"
     timestep = _word(scene.settings.get("timestep", 1e-3))
     lines = [
         f"# yaml-language-server: $schema=./{SCHEMA_NAME}",
         "version: 1",
         f"scene: {json.dumps(scene.reference, ensure_ascii=False)}",
         f"duration: {_word(scene.duration):<12}# s of simulated time",
-        *_drive(scene.drive),
+        f"{drive:<22}# none; hold: keep the start posture; exercise: move every actuator;",
+        f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
         f"seeds: {_SEEDS:<15}# a count, or a list such as [0, 7]",
         "",
         "# The sweep is the product of its axes; of each, the first value is the scene's own.",
@@ -77,14 +82,6 @@ def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _drive(drive: str | None) -> list[str]:
-    own = f"drive: {drive}" if drive else "# drive: none"
-    return [
-        f"{own:<22}# none; hold: keep the start posture; exercise: move every actuator;",
-        f"{'':<22}# {{noise: 0.3, rate: 10}}, {{file: controls.csv}} or {{policy: FILE.py:CLASS}}",
-    ]
-
-
 def _varied(
     scene: SceneAsWritten, vocabulary: Vocabulary
 ) -> Iterator[tuple[str, Sequence[object]]]:
@@ -105,13 +102,6 @@ def _varied(
             words = _others(name, own, vocabulary)
             others = [word for word in words if word == "implicitfast"] or words[:1]
         yield name, (own, *others)
-
-
-def _kept(scene: SceneAsWritten, vocabulary: Vocabulary) -> Iterator[tuple[str, Sequence[object]]]:
-    """Yield further axes, with values that a comment proposes."""
-    for name, own in _own(scene, vocabulary, ("keyframe", "solver", "solimp", "impratio")):
-        words = _others(name, own, vocabulary)
-        yield name, (own, *words, *([10.0] if own == 1.0 else []))
 
 
 def _own(

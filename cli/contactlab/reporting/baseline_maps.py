@@ -13,6 +13,7 @@ from contactlab.comparison.pairing import Pairing
 from contactlab.palette import COLOURS, STABLE_COLOUR
 from contactlab.reporting.heatmap import Layered, label_map, number_map, ratio_map
 from contactlab.reporting.map_cells import MapAxes, cell_statistic
+from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
     STABLE,
     Quantity,
@@ -21,7 +22,6 @@ from contactlab.reporting.report_columns import (
     read_run_labels,
     summary_metrics,
 )
-from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import Spec, themed
 from contactlab.schema.comparison_report import Check, ComparisonReport
 from contactlab.schema.judged_check import CheckOutcome

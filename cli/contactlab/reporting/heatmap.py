@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import INK
 from contactlab.reporting.map_cells import Boundary, MapAxes, label_counts, most_frequent_failure
+from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import RunLabels
-from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.vega_rendering import (
     HALO_AND_TEXT,
     Rows,

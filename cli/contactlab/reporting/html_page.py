@@ -17,13 +17,12 @@ from contactlab.pareto.recommendation import (
 from contactlab.printable import visible
 from contactlab.reporting.baseline_maps import compare_with_baseline
 from contactlab.reporting.heatmap import default_map
-from contactlab.reporting.knob_changes import KnobChange, knob_changes
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.packing import packed_text
-from contactlab.reporting.page_charts import label_bar, tradeoff_chart
+from contactlab.reporting.page_charts import KnobChange, knob_changes, label_bar, tradeoff_chart
 from contactlab.reporting.page_content import page_content
+from contactlab.reporting.report import PageRequest, ReportData, read_report_data
 from contactlab.reporting.report_columns import number_with_unit, summary_metrics, with_unit
-from contactlab.reporting.report_data import PageRequest, ReportData, read_report_data
 from contactlab.reporting.vega_rendering import static_svg, vega_bundle
 from contactlab.schema.evidence import StoreManifest
 from contactlab.schema.pair_expectation import PairExpectation

@@ -1,17 +1,24 @@
-"""The charts of a page beside its map: labels, accuracy against time, a run over time."""
+"""The charts of a page beside its map: labels, accuracy and time, a run, what a knob changes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import altair as alt
 import numpy as np
 
-from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK
+from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.drawing import specify
 from contactlab.reporting.heatmap import label_map, number_map
-from contactlab.reporting.report_columns import STABLE, RunLabels
-from contactlab.reporting.report_data import ReportData
+from contactlab.reporting.report import ReportData
+from contactlab.reporting.report_columns import (
+    STABLE,
+    GridAxis,
+    Quantity,
+    RunLabels,
+    combination_codes,
+)
 from contactlab.reporting.vega_rendering import (
     HALO_AND_TEXT,
     Rows,
@@ -27,6 +34,8 @@ MODE_NAMES = {NO_CONTACT: "no contact", STICK: "stick", SLIDE: "slide"}
 _BAR = 700, 26
 _LEAST_WITH_TEXT = 0.03
 _MOST_CONFIGURATIONS = 600
+_MOST_VALUES = 12
+_ROOM = 3.0
 _TIMELINE_WIDTH = 620
 _TIMELINE_HEIGHTS = {"motion": 120, "force": 120, "depth": 90}
 
@@ -129,3 +138,97 @@ def _contact_modes() -> alt.Chart:
         .encode(x, y, colour, x2="end:Q")
         .properties(width=_TIMELINE_WIDTH, height={"step": 22})
     )
+
+
+@dataclass(frozen=True)
+class KnobChange:
+    """One knob from one value to another, over the pairs of runs that differ in nothing else.
+
+    Of these a fraction failed before, and after. The ratios are, by quantity, the geometric mean of
+    after over before where neither run fails; None where no pair has two positive values.
+    """
+
+    axis: str
+    before: str
+    after: str
+    pairs: int
+    failed: tuple[float, float]
+    ratios: dict[str, float | None]
+
+
+def knob_changes(
+    axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> list[KnobChange]:
+    """Return every knob's values against its first, where runs can be matched."""
+    knobs = [axis for axis in axes if axis.role == "knob" and len(axis.ticks) <= _MOST_VALUES]
+    return [each for axis in knobs for each in _changes_of(axis, axes, labels, quantities)]
+
+
+def _changes_of(
+    axis: GridAxis, axes: Sequence[GridAxis], labels: RunLabels, quantities: Sequence[Quantity]
+) -> Iterator[KnobChange]:
+    others = combination_codes([each for each in axes if each is not axis], len(axis.codes))
+    base = np.flatnonzero(axis.codes == 0)
+    failed = labels.failed
+    for code in range(1, len(axis.ticks)):
+        rows = np.flatnonzero(axis.codes == code)
+        _, *places = np.intersect1d(others[base], others[rows], return_indices=True)
+        before, after = base[places[0]], rows[places[1]]
+        if len(before):
+            fine = ~(failed[before] | failed[after])
+            shares = float(failed[before].mean()), float(failed[after].mean())
+            ratios = {
+                each.name: _mean_ratio(each.values[before[fine]], each.values[after[fine]])
+                for each in quantities
+            }
+            ticks = axis.ticks[0], axis.ticks[code]
+            yield KnobChange(axis.name, *ticks, len(before), shares, ratios)
+
+
+def _mean_ratio(before: Floats, after: Floats) -> float | None:
+    positive = (before > 0) & (after > 0)
+    if not positive.any():
+        return None
+    return float(np.exp(np.log(after[positive] / before[positive]).mean()))
+
+
+def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
+    """Return bars of the factor by which each change multiplies each quantity."""
+    rows: Rows = [
+        {
+            "change": f"{each.axis}  {each.before} → {each.after}",
+            "name": name,
+            "ratio": ratio,
+            "one": 1.0,
+            "text": f"x {ratio:.3g}",
+            "align": "left" if ratio >= 1 else "right",
+            "dx": 5 if ratio >= 1 else -5,
+        }
+        for each in changes
+        for name in names
+        if (ratio := each.ratios.get(name)) is not None
+    ]
+    order = list(dict.fromkeys(row["change"] for row in rows))
+    shown = {name: [row for row in rows if row["name"] == name] for name in names}
+    panels = [
+        _bars(own, name, order, is_first=name == names[0]) for name, own in shown.items() if own
+    ]
+    return alt.hconcat(*panels, spacing=26).to_dict()
+
+
+def _bars(
+    rows: Rows, name: str, order: list[str], *, is_first: bool
+) -> alt.LayerChart | alt.FacetChart:
+    sizes = [row["ratio"] for row in rows]
+    domain = [min(*sizes, 1.0) / _ROOM, max(*sizes, 1.0) * _ROOM]
+    x = alt.X("ratio:Q").scale(type="log", domain=domain, nice=False)
+    x = x.axis(title=f"{name}, after / before", format="~g", tickCount=5)
+    y = alt.Y("change:N").scale(domain=order).axis(title=None, labelLimit=260, labels=is_first)
+    colour = alt.condition("datum.ratio >= 1", alt.value(COLOURS[1]), alt.value(COLOURS[0]))
+    base = layer_of(f"changes {name}", rows)
+    bars = base.mark_bar(height=13).encode(x, y, x2="one:Q", color=colour)
+    align, dx = alt.ExprRef("datum.align"), alt.ExprRef("datum.dx")
+    texts = base.mark_text(fontSize=11, color=INK, align=align, dx=dx)
+    texts = texts.encode(x, y, text="text:N")
+    one = base.mark_rule(color=INK).encode(alt.X("one:Q").scale(type="log", domain=domain))
+    return alt.layer(bars, one, texts).properties(width=240, height={"step": 22})

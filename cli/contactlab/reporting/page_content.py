@@ -21,8 +21,8 @@ from contactlab.reporting.packing import (
     run_id_halves,
 )
 from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
+from contactlab.reporting.report import PageRequest, ReportData
 from contactlab.reporting.report_columns import GridAxis
-from contactlab.reporting.report_data import PageRequest, ReportData
 from contactlab.reporting.run_series import coverage_rows, run_series
 from contactlab.reporting.vega_rendering import Spec
 from contactlab.schema.evidence import EvidenceRecord

@@ -11,11 +11,10 @@ from contactlab.contact.contact_laws import damping_ratio, restitution_of, stick
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
 from contactlab.reporting.heatmap import default_map, number_map
-from contactlab.reporting.knob_changes import change_panels, knob_changes
 from contactlab.reporting.map_cells import cell_statistic
-from contactlab.reporting.page_charts import tradeoff_chart
+from contactlab.reporting.page_charts import change_panels, knob_changes, tradeoff_chart
+from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import GridAxis
-from contactlab.reporting.report_data import ReportData
 from contactlab.reporting.run_series import decimated, qpos_entries
 from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed, word_colours
 from contactlab.schema.evidence import EvidenceRecord

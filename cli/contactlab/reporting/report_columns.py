@@ -204,7 +204,11 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
     names = sorted(unordered, key=lambda name: (name == STABLE, ranks.get(name, -1), name))
     placed = np.array([names.index(string) for string in strings], dtype=np.int64)[codes]
     failures = [name for name in names if name != STABLE]
-    letters = dict(zip(failures, _letters(failures), strict=True))
+    letters: dict[str, str] = {}
+    for name in failures:
+        # A letter that no name before it has; a digit where none is left.
+        own = [*name.upper().replace("_", ""), *"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"]
+        letters[name] = next(letter for letter in own if letter not in letters.values())
     colours = {name: failure_colour(rank) for rank, name in enumerate(failures)}
     return RunLabels(
         tuple(names),
@@ -213,12 +217,3 @@ def read_run_labels(store: Store, also: Sequence[str] = ()) -> RunLabels:
         placed,
         *store.columns.string_sets("labels"),
     )
-
-
-def _letters(names: list[str]) -> list[str]:
-    """Return a letter of each name that no name before it has; a digit where none is left."""
-    taken: list[str] = []
-    for name in names:
-        candidates = [*name.upper().replace("_", ""), *"ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789"]
-        taken.append(next(letter for letter in candidates if letter not in taken))
-    return taken

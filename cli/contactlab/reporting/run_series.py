@@ -17,6 +17,7 @@ _POINTS = 400
 _MOST_COORDINATES = 6
 _MOST_LISTED = 4
 _BITS = 12
+_APART = PairUse()
 _JOINT_SIZES = {"free": 7, "ball": 4, "slide": 1, "hinge": 1}
 
 
@@ -141,18 +142,17 @@ def coverage_rows(coverage: Coverage, pairs: Iterable[str]) -> list[tuple[str, s
         "equalities loaded": {
             name: f"{load:g}" if load else "" for name, load in coverage.equalities.items()
         },
-        "pairs touched": {
-            name: _touching(coverage.pairs[name]) if name in coverage.pairs else ""
-            for name in pairs
-        },
+        "pairs touched": {name: _touching(coverage.pairs.get(name, _APART)) for name in pairs},
     }
-    rows: list[tuple[str, str, str]] = []
-    for kind, done in kinds.items():
-        idle = [name for name, text in done.items() if not text]
-        used = [f"{name} {text}" for name, text in done.items() if text]
-        if done:
-            rows.append((kind, _listed(idle, ", "), _listed(used, "; ")))
-    return rows
+    return [
+        (
+            kind,
+            _listed([name for name, text in done.items() if not text], ", "),
+            _listed([f"{name} {text}" for name, text in done.items() if text], "; "),
+        )
+        for kind, done in kinds.items()
+        if done
+    ]
 
 
 def _listed(texts: list[str], separator: str) -> str:

@@ -16,11 +16,6 @@ from contactlab.schema.strict_model import Model, about
 _LARGEST = 1e300
 
 
-def _short(value: float) -> float:
-    """Return a number to four digits, which is as much as coverage is read for."""
-    return float(f"{min(value, _LARGEST):.4g}")
-
-
 Feature = Literal[
     "contact",
     "friction",
@@ -35,7 +30,8 @@ Feature = Literal[
 ]
 """What of a model a run may exercise."""
 
-Short = Annotated[float, AfterValidator(_short)]
+Short = Annotated[float, AfterValidator(lambda value: float(f"{min(value, _LARGEST):.4g}"))]
+"""A number to four digits, which is as much as coverage is read for."""
 End = Literal["lower", "upper"]
 
 _MOVED = 0.01

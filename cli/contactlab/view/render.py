@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import OutputError, optional
 from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.store.finished_store import Store
@@ -52,7 +51,11 @@ def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFA
     _check_options(target, options)
     replay = prepare_replay(store, run)
     trace = store.trace(replay.record)
-    _check_times(options, trace.time)
+    start, end = trace.time[[0, -1]].tolist()
+    if outside := [each for each in options.at if not start <= each <= end]:
+        raise OutputError(
+            f"--at {outside[0]:g}: choose a time within the run, {start:g} to {end:g} s"
+        )
     if target.suffix.lower() in _VIEWERS:
         return _write_for_viewer(store, replay, trace, target)
     return _write_pictures(replay, trace, target, options)
@@ -118,12 +121,3 @@ def _check_options(target: Path, options: PictureOptions) -> None:
     slowest, fastest = _SPEEDS
     if options.speed is not None and not slowest <= options.speed <= fastest:
         raise OutputError(f"--speed takes {slowest:g} to {fastest:g}; 0.1 is slow motion")
-
-
-def _check_times(options: PictureOptions, time: Floats) -> None:
-    """Check that all times lie in the run."""
-    outside = [each for each in options.at if not time[0] <= each <= time[-1]]
-    if outside:
-        raise OutputError(
-            f"--at {outside[0]:g}: choose a time within the run, {time[0]:g} to {time[-1]:g} s"
-        )

@@ -1,8 +1,10 @@
-"""What a page is asked to hold, and everything of a store that it is made of, read once."""
+"""A store's page and figures: what is asked for, what is read of the store, and the files."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
-from contactlab.errors import StoreError
+from contactlab.errors import OutputError, StoreError, optional
 from contactlab.pareto.analysis import ToleranceTable, analyse, tolerance_table
 from contactlab.pareto.criteria import Criteria
 from contactlab.reporting.map_cells import Boundary, MapAxes, most_informative_axes, read_boundary
@@ -15,8 +17,10 @@ from contactlab.reporting.report_columns import (
     read_run_labels,
 )
 from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.store.atomic_files import atomic_write
 from contactlab.store.finished_store import Store
 
+FORMATS = ("png", "svg", "pdf")
 _DEFAULT_CRITERIA = Criteria()
 
 
@@ -79,3 +83,57 @@ def read_report_data(store: Store, criteria: Criteria = _DEFAULT_CRITERIA) -> Re
     map_axes, boundary = most_informative_axes(axes, labels), read_boundary(store, axes)
     quantities = read_quantities(store)
     return ReportData(store, axes, labels, quantities, map_axes, boundary, report, reason)
+
+
+_DEFAULT_PAGE = PageRequest()
+
+
+def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE) -> tuple[str, ...]:
+    """Write a store as one HTML page that needs no other file and no network.
+
+    The same store gives the same bytes; notes say what the page leaves out.
+
+    Raises:
+        OutputError: a library is missing, or the file cannot be written.
+        SweepFileError: a tolerance names a metric that the store does not have.
+        StoreError: the store cannot be read.
+    """
+    with optional("figures", "a report"):
+        from contactlab.reporting.html_page import html_page  # noqa: PLC0415 - an extra
+    text, notes = html_page(store, request)
+    with atomic_write(target) as temporary:
+        temporary.write_bytes(text.encode())
+    return notes
+
+
+def write_figures(
+    store: Store, folder: Path, formats: Sequence[str], criteria: Criteria = _DEFAULT_CRITERIA
+) -> list[Path]:
+    """Write every figure for which a store has the data as png, svg or pdf; return the files.
+
+    The same store gives the same bytes.
+
+    Raises:
+        OutputError: a format is unknown, a library is missing, or a file cannot be written.
+        SweepFileError: a tolerance names a metric that the store does not have.
+        StoreError: the store cannot be read.
+    """
+    for form in formats:
+        if form not in FORMATS:
+            raise OutputError(f"unknown format '{form}'; choose from {', '.join(FORMATS)}")
+    with optional("figures", "a report"):
+        from contactlab.reporting.paper_figures import figure_specs  # noqa: PLC0415 - an extra
+        from contactlab.reporting.vega_rendering import render_chart  # noqa: PLC0415 - an extra
+    data = read_report_data(store, criteria)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"cannot make {folder}: {error.strerror}") from error
+    written: list[Path] = []
+    for name, spec in figure_specs(data).items():
+        for form in formats:
+            path = folder / f"{name}.{form}"
+            with atomic_write(path) as temporary:
+                temporary.write_bytes(render_chart(spec, form))
+            written.append(path)
+    return written
