@@ -64,6 +64,14 @@ class Change:
     line: int
     element: str
 
+    @property
+    def where(self) -> str:
+        """The place as `FILE:LINE`."""
+        return f"{self.file}:{self.line}"
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.element or 'removed'}"
+
 
 _KINDS = {**KINDS, "mesh": "meshes", "sensor": "sensors"}
 

@@ -59,7 +59,7 @@ class WrittenModel:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The changes in words: where, and what then stands there."""
+        """The changes, as printed."""
         return tuple(
             f"{each.file}:{each.line}: {each.element or 'removed'}" for each in self.changes
         )

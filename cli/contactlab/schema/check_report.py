@@ -51,7 +51,7 @@ class Finding(JudgedCheck):
 
 
 class Edit(Model):
-    """Lines of MJCF and where they belong, tried by compiling the model with them."""
+    """An element as it is then, and where it stands in the model's files; none if it is removed."""
 
     where: str
     lines: tuple[str, ...]

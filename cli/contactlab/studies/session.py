@@ -1,7 +1,6 @@
 """What every study shares: the session that it runs in, and settings given as options."""
 
 import json
-import re
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -14,7 +13,6 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Finished, Stop
-from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.store.atomic_files import atomic_write, write_error
 from contactlab.store.finished_store import Store
@@ -121,27 +119,6 @@ class Session:
         for name, text in files.items():
             with atomic_write(self.folder / name) as path:
                 path.write_text(text, encoding="utf-8")
-
-
-TOP, END = "right after <mujoco>", "before </mujoco>"
-"""Where lines go: defaults above the classes, which copy them, and options below all others."""
-_START = re.compile(r"<mujoco\b[^>]*[^/]>|<mujoco>")
-
-
-def paste(
-    source: SceneSource, folder: Path, top: Sequence[str], end: Sequence[str]
-) -> SceneSource | None:
-    """Copy a model with lines added at the top and the end; None if it is no such MJCF."""
-    text = source.model.read_text(encoding="utf-8")
-    start, stop = _START.search(text), text.rfind("</mujoco>")
-    if start is None or stop < 0 or source.model.suffix == ".urdf":
-        return None
-    source.content.copy_to(folder)
-    path = folder / source.path.resolve().relative_to(source.content.root.resolve())
-    copied = replace(source, path=path, content=replace(source.content, root=folder))
-    parts = text[: start.end()], *top, text[start.end() : stop], *end, text[stop:]
-    copied.model.write_text("\n".join(parts), encoding="utf-8")
-    return copied
 
 
 def model_name(reference: str) -> str:

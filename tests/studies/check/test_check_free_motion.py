@@ -140,7 +140,7 @@ def test_the_integrator_is_to_blame(
     assert rk4 < DRIFT
     (remedy,) = report.remedies
     assert remedy.settings == {"integrator": "RK4"}
-    assert remedy.edits[0].lines == ('<option integrator="RK4"/>',)
+    assert remedy.edits == ()  # The model has RK4 as it is written.
     assert {"energy_drift"} <= set(remedy.mends)
 
 

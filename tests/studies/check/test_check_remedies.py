@@ -10,13 +10,13 @@ import pytest
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
 from contactlab.store.finished_store import Store
 from contactlab.studies.check import checked_model
+from contactlab.studies.check.remedies import MODEL
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]
 Missed = Callable[[CheckResult], list[Measure]]
 
 CLASSES = """<mujoco>
-  {after}
   <option timestep="0.001"/>
   <default>
     <default class="foot"><geom {foot}/></default>
@@ -26,39 +26,19 @@ CLASSES = """<mujoco>
     <body pos="0 0 .05"><freejoint/>
       <geom class="foot" name="box" type="box" size=".05 .05 .05"/></body>
   </worldbody>
-  {before}
 </mujoco>"""
 
 
-def classes(after: str = "", before: str = "", foot: str = "") -> str:
-    return CLASSES.format(after=after, before=before, foot=foot)
-
-
-def pasted(report: CheckReport, foot: str = "") -> mujoco.MjModel:
-    """Return the model with the lines of each remedy where these belong."""
-    places = {"right after <mujoco>": "", "before </mujoco>": ""}
-    for edit in (edit for remedy in report.remedies for edit in remedy.edits):
-        places[edit.where] += "\n".join(edit.lines)
-    return mujoco.MjModel.from_xml_string(classes(*places.values(), foot=foot))
-
-
-def test_lines_reach_what_they_are_meant_for(checked: Checked) -> None:
-    """A class copies the defaults when it is read: only defaults above it reach its geoms."""
-    report = checked(classes(), "flat_contact", assign=("duration=0.6",))
+@pytest.mark.parametrize("foot", ["", 'solref="0.02 1"', 'solref="0.02 1" priority="1"'])
+def test_changes_reach_what_they_are_meant_for(checked: Checked, tmp_path: Path, foot: str) -> None:
+    """No default, class or priority goes over them, and the written model has them all."""
+    report = checked(CLASSES.format(foot=foot), "flat_contact", assign=("duration=0.6",))
     (remedy,) = report.remedies
     assert remedy.mends == ("penetration_steady",)
-    assert [edit.where for edit in remedy.edits] == ["right after <mujoco>"]
-    model = pasted(report)
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "check" / MODEL / "own.xml"))
     assert [tuple(row) for row in model.geom_solref] == [(0.005, 1.0)] * 2
-    late = classes(before="\n".join(remedy.edits[0].lines))
-    assert tuple(mujoco.MjModel.from_xml_string(late).geom_solref[1]) == (0.02, 1.0)
-
-
-def test_elements_are_named_that_no_default_reaches(checked: Checked) -> None:
-    report = checked(classes(foot='solref="0.02 1"'), "flat_contact", assign=("duration=0.6",))
-    ((edit,),) = (remedy.edits for remedy in report.remedies)
-    assert edit.where == "in each of the geoms 'floor', 'box'"
-    assert edit.lines == ('solref="0.005 1"',)
+    assert [edit.where.rpartition(":")[2] for edit in remedy.edits] == ["7", "9"]
+    assert all('solref="0.005 1"' in line for edit in remedy.edits for line in edit.lines)
 
 
 @pytest.mark.parametrize(
@@ -103,7 +83,7 @@ def test_creep_is_mended_by_firm_friction(checked: Checked) -> None:
     report = checked("gripping_pad", "hold", assign=("solref=0.005 1", "impratio=1"))
     (remedy,) = report.remedies
     assert remedy.mends == ("slip",)
-    assert remedy.edits[0].lines == ('<option impratio="10" cone="elliptic"/>',)
+    assert remedy.settings == {"impratio": 10.0, "cone": "elliptic"}
 
 
 SOFT = """<mujoco>

@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 from itertools import chain, starmap
 
-from contactlab.printable import in_markdown
+from contactlab.printable import in_markdown, shortened
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Remedy
 from contactlab.schema.drive import drive_text
 from contactlab.studies.check.check_results import mjcf_text
+from contactlab.studies.check.remedies import MODEL
 
 STABILITY = (
     "check looks at what the model is made of and at one run; whether whole runs from several "
@@ -26,13 +27,12 @@ def summary_rows(report: CheckReport) -> Iterator[tuple[str, str, str]]:
 
 
 def remedy_lines(number: int, remedy: Remedy) -> Iterator[str]:
-    """Yield the lines of a remedy: what it mends, its price, and where its MJCF belongs."""
+    """Yield the lines of a remedy: what it mends, its price, and what it changes in the model."""
     settings = ", ".join(f"{name} {mjcf_text(value)}" for name, value in remedy.settings.items())
     price = "" if remedy.time is None else f"; steps take {remedy.time:.2g} times as long"
     yield f"{number}. {settings} mends {', '.join(remedy.mends)}{price}"
-    for edit in remedy.edits:
-        yield f"   {edit.where}:"
-        yield from (f"     {line}" for line in edit.lines)
+    edits = [f"{edit.where}: {line}" for edit in remedy.edits for line in edit.lines]
+    yield from (f"   {line}" for line in shortened(edits, 12, f"a patch in {MODEL}"))
 
 
 REMEDIES = "changes that help, each run on the model with those above it:"

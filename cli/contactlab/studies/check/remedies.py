@@ -1,30 +1,21 @@
-"""Changes that help a model, each run on the model itself together with those before it.
+"""Changes that help a model, each run on the model itself together with those before it."""
 
-What each changes in the model's file is tried by compiling a copy of the model with it.
-"""
-
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
-from tempfile import TemporaryDirectory
-
-import mujoco
 
 from contactlab.errors import ContactlabError, OutputError, SceneError, StoppedError
-from contactlab.mjcf import CONTACT, OPTIONS, attributes, default_lines, option_lines
 from contactlab.run.evidence_record import as_written
-from contactlab.scene.compile_model import compile_model
-from contactlab.scene.contact_pairs import effective_parameters
-from contactlab.scene.scene_source import SceneSource
+from contactlab.scene.model_draft import Change, ModelEdits
+from contactlab.scene.model_writer import write_model
 from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import CheckName, CheckResult, Edit, Finding, Remedy
-from contactlab.studies.check.check_results import findings_of, mjcf_text, settings_text
+from contactlab.studies.check.check_results import findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError
 from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
 from contactlab.studies.check.free_motion_check import steadier
 from contactlab.studies.check.hold_check import firmer, harder, shorter_steps
 from contactlab.studies.check.timestep_check import shorter_timestep
-from contactlab.studies.session import END, TOP, Values, paste
+from contactlab.studies.session import Values
 
 Check = Callable[[CheckedModel], CheckResult]
 _Proposal = Callable[[CheckedModel, CheckResult], Iterator[Values]]
@@ -46,6 +37,8 @@ _MOVES_FREELY = {"timestep", "integrator", "gravity"}
 """Settings on which free motion depends, where contacts are off."""
 
 _ROUNDS = 5
+MODEL = "remedies/model"
+"""Where the model is written with all changes."""
 _Found = tuple[Values, tuple[str, ...]]
 
 
@@ -166,14 +159,15 @@ def find_remedies(
         times = _times(checked, [settings for settings, _ in search.found]) if times else []
     except TooLongError as error:
         search.notes.append(f"what the changes cost was not measured: {error}")
+    edits = _edits(checked, [settings for settings, _ in search.found], search.notes)
     remedies = tuple(
         Remedy(
             settings={name: as_written(value) for name, value in settings.items()},
             mends=mends,
             time=time,
-            edits=tuple(edits_of(checked.trying(settings, "remedies"), settings)),
+            edits=each,
         )
-        for (settings, mends), time in zip(search.found, times, strict=True)
+        for (settings, mends), time, each in zip(search.found, times, edits, strict=True)
     )
     return remedies, search.notes
 
@@ -192,76 +186,25 @@ def _times(checked: CheckedModel, changes: Sequence[Values]) -> list[float | Non
     return [each / times[0] if each and times[0] else None for each in times[1:]]
 
 
-_MOST_NAMED = 12
+def _edits(
+    checked: CheckedModel, changes: Sequence[Values], notes: list[str]
+) -> list[tuple[Edit, ...]]:
+    """Write the model with each change and those before it; return what each adds to its files.
 
-
-def edits_of(checked: CheckedModel, settings: Values) -> Iterator[Edit]:
-    """Yield the changes of a model's file that make settings, options before contact parameters.
-
-    Lines are given only where a copy of the model with them compiles to the checked model, which
-    has the settings; else the elements to change are named.
+    What cannot be written is noted.
     """
-    texts = {name: mjcf_text(value) for name, value in settings.items()}
-    yield from _option_edits(checked, {name: texts[name] for name in OPTIONS if name in texts})
-    yield from _contact_edits(checked, {name: texts[name] for name in CONTACT if name in texts})
-
-
-def _option_edits(checked: CheckedModel, options: Mapping[str, str]) -> Iterator[Edit]:
-    if not options:
-        return
-    edit = Edit(where=END, lines=tuple(option_lines(options, {})))
-    model, expected = _compiled(checked.scene.source, edit), checked.prepared.model.opt
-    if model and all(_equal(getattr(model.opt, each), getattr(expected, each)) for each in options):
-        yield edit
-    else:
-        yield Edit(where="in the <option> element", lines=(attributes(options).strip(),))
-
-
-def _contact_edits(checked: CheckedModel, contact: Mapping[str, str]) -> Iterator[Edit]:
-    if not contact:
-        return
-    elements = ("geom", "pair") if checked.base.targets.explicit else ("geom",)
-    lines = tuple(default_lines(contact, elements))
-    for where in (TOP, END):
-        edit = Edit(where=where, lines=lines)
-        model = _compiled(checked.scene.source, edit)
-        if model and _reaches(checked, model, contact):
-            yield edit
-            return
-    yield Edit(where=_elements(checked), lines=(attributes(contact).strip(),))
-
-
-def _elements(checked: CheckedModel) -> str:
-    model, targets = checked.base.model, checked.base.targets
-    geoms = [f"'{model.geom(each).name}'" for each in targets.geoms]
-    named = ", ".join(geoms[:_MOST_NAMED])
-    more = f" and {len(geoms) - _MOST_NAMED} more" if len(geoms) > _MOST_NAMED else ""
-    pairs = f"the {len(targets.explicit)} <pair> elements" if targets.explicit else ""
-    of_geoms = f"each of the geoms {named}{more}" if geoms else ""
-    return "in " + " and ".join(filter(None, [of_geoms, pairs]))
-
-
-def _reaches(checked: CheckedModel, model: mujoco.MjModel, names: Iterable[str]) -> bool:
-    """Say whether a compiled model gives every monitored pair the parameters that were run."""
-    wanted = checked.prepared.pairs
-    found = {pair.name: effective_parameters(model, pair) for pair in checked.base.pairs}
-    return all(
-        _equal(getattr(found[pair], name), getattr(wanted[pair], name))
-        for pair in wanted
-        for name in names
-    )
-
-
-def _equal(some: object, other: object) -> bool:
-    return mjcf_text(some) == mjcf_text(other)
-
-
-def _compiled(source: SceneSource, edit: Edit) -> mujoco.MjModel | None:
-    """Return a copy of the model with lines added; None if it does not compile, or is no MJCF."""
-    with TemporaryDirectory(prefix="contactlab-") as folder:
-        top, end = (edit.lines * (edit.where == where) for where in (TOP, END))
+    whole: dict[str, object] = {}
+    edits: list[tuple[Edit, ...]] = []
+    before: tuple[Change, ...] = ()
+    for settings in changes:
         try:
-            copied = paste(source, Path(folder), top, end)
-            return copied and compile_model(copied, {}, lambda _: None)
-        except SceneError:
-            return None
+            with_it = ModelEdits({**whole, **settings})
+            after = write_model(checked.scene, with_it, checked.session.folder / MODEL).changes
+        except SceneError as error:
+            notes.append(f"{settings_text(settings)} is in no file of the model: {error}")
+            edits.append(())
+            continue
+        new = [each for each in after if each not in before]
+        edits.append(tuple(Edit(where=each.where, lines=(each.element,)) for each in new))
+        whole, before = {**whole, **settings}, after
+    return edits
