@@ -6,11 +6,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from contactlab.contact.trace_arrays import PairTrace
 from contactlab.measure import assess
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.check_report import CheckResult, Measure
-from contactlab.studies.check.check_runs import held_pairs, part_of, slots_of
+from contactlab.studies.check.check_runs import held_pairs, part_of
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.check.model_check import CheckRequest, open_model
 from contactlab.studies.session import Session
@@ -99,15 +98,7 @@ def test_a_whole_window_gives_the_metrics_of_the_record(
     base = model.base
     setup = make_setup(base, None, [model.resolved], [model.prepared.model], {})
     steps = slice(0, own.record.steps)
-    pairs = tuple(
-        PairTrace(
-            pair.name,
-            slots_of(own.trace, pair, steps),
-            np.array([own.record.pairs[pair.name].friction]),
-        )
-        for pair in base.pairs
-    )
-    found = assess(part_of(own.trace, steps, pairs), setup).metrics
+    found = assess(part_of(own, steps, base.pairs), setup).metrics
     for name in ("mode_switches", "contact_losses"):
         assert found[name][0] == own.record.metrics[name], name
     for name in ("slip_distance", "penetration_mean"):

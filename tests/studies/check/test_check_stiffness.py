@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from contactlab.contact.contact_laws import rest_penetration
-from contactlab.studies.check.contact_sets import (
+from contactlab.studies.check.contact_checks import (
     STIFF_SOLREF,
     load_at_depth,
     longest_timestep,

@@ -9,7 +9,7 @@ import numpy as np
 
 from contactlab.contact.trace_arrays import SLIDE, SLOT_WIDTH, Floats, PairTrace, Trace
 from contactlab.contact.trace_setup import HoldWindow
-from contactlab.measure import assess
+from contactlab.measure import METRICS, context_of
 from contactlab.scene.contact_pairs import MonitoredPair
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import make_setup
@@ -59,6 +59,9 @@ _AT_REST = 0.05
 falls: a body that falls has it after 5 ms."""
 
 _WINDOW = 0.5
+_HELD = ("hold_switches", "penetration_mean", "hold_slip")
+_COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
+_BY_STEP = ("kinetic", "potential", *_COUNTS)
 
 
 @dataclass(frozen=True)
@@ -107,40 +110,50 @@ def holding_of(tried: CheckRun) -> Holding:
 def held_pairs(tried: CheckRun, start: float, stop: float) -> Iterator[HeldPair]:
     """Yield every monitored pair between two times [s] of a run of the model."""
     base, model, trace = tried.scene.base(tried.resolved.structure), tried.model, tried.trace
-    timestep = tried.resolved.timestep
-    setup = make_setup(base, None, [tried.resolved], [model], {})
-    steps = slice(*(round(time / timestep) for time in (start, stop)))
-    speeds = pair_speeds(model, base.pairs, trace.qpos[steps], trace.qvel[steps], mean=True)
+    steps = slice(*(round(time / tried.resolved.timestep) for time in (start, stop)))
     whole = HoldWindow(np.zeros(1), (steps.stop - steps.start) * np.diff(trace.time[:2]))
-    for index, pair in enumerate(base.pairs):
-        friction = tried.record.pairs[pair.name].friction
-        slots = PairTrace(pair.name, slots_of(trace, pair, steps), np.array([friction]))
-        alone = replace(
-            setup,
-            thickness=setup.thickness[[index]],
-            slots=setup.slots[[index]],
-            barriers=(),
-            hold=whole,
-            mechanism=None,
-        )
-        found = assess(part_of(trace, steps, (slots,)), alone)
-        series, metrics = found.series[0], found.metrics
+    setup = replace(make_setup(base, None, [tried.resolved], [model], {}), hold=whole)
+    speeds = pair_speeds(model, base.pairs, trace.qpos[steps], trace.qvel[steps], mean=True)
+    for pair, speed in zip(base.pairs, speeds.tolist(), strict=True):
+        context = context_of(part_of(tried, steps, [pair]), setup)
+        (series,) = context.series
         bearing = series.normal[0] > 0
+        switches, depth, slip = (float(METRICS[name].of(context)[0]) for name in _HELD)
         yield HeldPair(
             name=pair.name,
             share=float(bearing.mean()),
             sliding=float((series.mode[0] == SLIDE)[bearing].mean()) if bearing.any() else 0.0,
-            speed=float(speeds[index]),
+            speed=speed,
             force=float(series.normal[0].mean()),
-            switches=float(metrics["hold_switches"][0]),
-            depth=float(metrics["penetration_mean"][0]),
-            slip=float(metrics["hold_slip"][0]),
+            switches=switches,
+            depth=depth,
+            slip=slip,
         )
 
 
-def slots_of(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
+def part_of(tried: CheckRun, steps: slice, pairs: Sequence[MonitoredPair]) -> Trace:
+    """Return some steps and pairs of a run as the trace of one run, without momenta."""
+    trace, states = tried.trace, slice(steps.start, steps.stop + 1)
+    arrays = {name: getattr(trace, name)[None, states] for name in ("time", "qpos", "qvel")}
+    arrays |= {name: getattr(trace, name)[None, steps] for name in _BY_STEP}
+    frictions = [np.array([tried.record.pairs[pair.name].friction]) for pair in pairs]
+    return Trace(
+        timestep=np.diff(trace.time[:2]),
+        steps_asked=steps.stop - steps.start,
+        momentum=None,
+        angular_momentum=None,
+        pairs=tuple(
+            PairTrace(pair.name, _slots(trace, pair, steps), friction)
+            for pair, friction in zip(pairs, frictions, strict=True)
+        ),
+        warnings=({},),
+        **arrays,
+    )
+
+
+def _slots(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
     """Return the stored contact points of a pair as slots (1, N, S, 23) of some steps."""
-    stored = next(each for each in trace.pairs if each.name == pair.name)
+    stored = trace.pair(pair.name)
     slots = np.zeros((1, steps.stop - steps.start, pair.slots, SLOT_WIDTH))
     first = np.cumsum(stored.contacts) - stored.contacts
     place = np.arange(len(stored.points)) - np.repeat(first, stored.contacts)
@@ -148,28 +161,6 @@ def slots_of(trace: StoredTrace, pair: MonitoredPair, steps: slice) -> Floats:
     inside = (step >= steps.start) & (step < steps.stop)
     slots[0, step[inside] - steps.start, place[inside]] = stored.points[inside]
     return slots
-
-
-def part_of(trace: StoredTrace, steps: slice, pairs: tuple[PairTrace, ...]) -> Trace:
-    """Return some steps of a stored run as the trace of one run, without momenta."""
-    states = slice(steps.start, steps.stop + 1)
-    return Trace(
-        timestep=np.diff(trace.time[:2]),
-        steps_asked=steps.stop - steps.start,
-        time=trace.time[None, states],
-        qpos=trace.qpos[None, states],
-        qvel=trace.qvel[None, states],
-        kinetic=trace.kinetic[None, steps],
-        potential=trace.potential[None, steps],
-        contacts=trace.contacts[None, steps],
-        least_distance=trace.least_distance[None, steps],
-        iterations=trace.iterations[None, steps],
-        iterations_most=trace.iterations_most[None, steps],
-        momentum=None,
-        angular_momentum=None,
-        pairs=pairs,
-        warnings=({},),
-    )
 
 
 _MOST_STATES = 5000

@@ -12,7 +12,7 @@ from contactlab.schema.check_report import CheckResult, Measure, TaskKind
 from contactlab.studies.check.check_results import check_result, informative, utilization, violated
 from contactlab.studies.check.check_runs import pair_speeds
 from contactlab.studies.check.checked_model import NOMINAL_STORE, CheckedModel
-from contactlab.studies.check.contact_sets import contact_sets, rounded_down
+from contactlab.studies.check.contact_checks import contact_sets, rounded_down
 from contactlab.studies.session import Values
 
 NAME = "timestep"
