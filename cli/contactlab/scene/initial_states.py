@@ -164,8 +164,7 @@ _ARRAYS = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")
 _SEED_SCALE = 1e-4
 _FREE_DOFS = 6
 _NUDGE = 1e-6
-_PERTURBATION = 1e-8
-"""How far a perturbed copy starts from its run [m, rad, m/s, rad/s]."""
+_PERTURBATION = 1e-8  # how far a perturbed copy starts from its run [m, rad, m/s, rad/s]
 # Where a joint's quaternion starts within its part of qpos.
 _ROTATIONS = {int(mujoco.mjtJoint.mjJNT_FREE): 3, int(mujoco.mjtJoint.mjJNT_BALL): 0}
 

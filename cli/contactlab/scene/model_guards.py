@@ -97,10 +97,8 @@ def _allowed() -> list[Path]:
     return [Path(each).resolve() for each in os.environ.get(ALLOWED, "").split(os.pathsep) if each]
 
 
-_MOST_VALUES = 1 << 28
-"""Heights of a field, or pixels of a texture."""
-_MOST_COPIES = 1 << 20
-"""Bodies or points that one element makes."""
+_MOST_VALUES = 1 << 28  # heights of a field, or pixels of a texture
+_MOST_COPIES = 1 << 20  # bodies or points that one element makes
 _VALUES = {"hfield": ("nrow", "ncol"), "texture": ("width", "height")}
 _COPIES = ("flexcomp", "composite", "replicate")
 _PNG = struct.Struct(">8s4x4sII")

@@ -16,8 +16,7 @@ from contactlab.scene.timed_inputs import Signals, input_index
 
 TIME = "time"
 _ELEMENT = re.compile(r"(ctrl|qpos|qvel)\[(\d+)\]")
-_SNAP = 1e-6
-"""A row this close to a step, in timesteps, is at that step."""
+_SNAP = 1e-6  # a row this close to a step, in timesteps, is at that step
 
 TableReader = Callable[[Path], Mapping[str, Floats]]
 """Returns the columns of a file by name, each (T,)."""

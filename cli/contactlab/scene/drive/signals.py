@@ -18,8 +18,7 @@ from contactlab.schema.drive import NoiseDrive
 _LEAST_SINES = 64
 # Knots of a period of the highest frequency: linear between them, 1.4 % of it is lost.
 _KNOTS = 12
-_STREAM = 3
-"""The seed's stream of random numbers for controls; the first perturbs the start."""
+_STREAM = 3  # the seed's stream of random numbers for controls; the first perturbs the start
 
 # Peak speed of joints [rad/s or m/s], and how far those without limits go [rad or m].
 _SPEED = 6.0

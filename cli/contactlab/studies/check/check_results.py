@@ -22,8 +22,7 @@ from contactlab.schema.check_report import (
 )
 from contactlab.schema.judged_check import CheckOutcome
 
-_SLACK = 1 + 1e-9
-"""Keeps a value that equals its limit within it, whatever its rounding error."""
+_SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
 
 
 class Limit(NamedTuple):
@@ -198,8 +197,7 @@ def _by_name(measures: Sequence[Measure]) -> list[list[Measure]]:
     return list(groups.values())
 
 
-_DEFAULT_CURVE = (0.5, 2.0)
-"""Midpoint and power of an impedance, where MJCF names none."""
+_DEFAULT_CURVE = (0.5, 2.0)  # midpoint and power of an impedance, where MJCF names none
 
 
 def mjcf_text(value: object) -> str:

@@ -51,9 +51,7 @@ class CheckRun:
 _BEARS = 0.5
 """Fraction of steps with force from which a pair counts as held; chattering pairs lose it."""
 
-_SLIDES = 0.9
-"""Fraction of these steps with sliding from which a pair just slides."""
-
+_SLIDES = 0.9  # fraction of these steps with sliding from which a pair just slides
 _AT_REST = 0.05
 """Speed of a pair's surfaces against each other [m/s], of the mean motion, up to which neither
 falls: a body that falls has it after 5 ms."""

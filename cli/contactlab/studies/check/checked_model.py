@@ -25,8 +25,7 @@ NOMINAL_STORE, HOLD_STORE = "run", "hold"
 
 _MOST_STEPS, _MOST_REMEDY_STEPS = 300_000, 600_000
 """Steps that a run of a check takes at most, beside the nominal one, and all remedies together."""
-_SMALL = 10
-"""Degrees of freedom up to which a model may take so many steps; larger ones take fewer."""
+_SMALL = 10  # degrees of freedom up to which a model may take so many steps; larger ones take fewer
 
 
 class TooLongError(SweepFileError):

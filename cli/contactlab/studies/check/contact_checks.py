@@ -30,12 +30,8 @@ from contactlab.studies.check.checked_model import (
 from contactlab.studies.check.hold_check import nothing_held
 from contactlab.studies.session import Values
 
-_REFSAFE_STEPS = 2.0
-"""Timesteps to which refsafe raises a shorter time constant."""
-
-_IMPEDANCE_RANGE = (1e-4, 0.9999)
-"""Bounds that the engine holds an impedance to."""
-
+_REFSAFE_STEPS = 2.0  # timesteps to which refsafe raises a shorter time constant
+_IMPEDANCE_RANGE = (1e-4, 0.9999)  # bounds that the engine holds an impedance to
 _LEAST_WIDTH = 1e-15
 
 
@@ -93,8 +89,7 @@ def _clipped(solimp: tuple[float, ...]) -> tuple[float, ...]:
 STIFF_SOLREF = (0.005, 1.0)
 """The guideline's solref where the engine's default penetrates too deep; see docs/check.md."""
 
-_BELOW = 1 - 1e-6
-"""Factor that keeps the depth strictly below its limit, beyond rounding."""
+_BELOW = 1 - 1e-6  # factor that keeps the depth strictly below its limit, beyond rounding
 
 
 def stiff_solref(
@@ -154,9 +149,7 @@ def rounded_down(value: float) -> float:
     return float(f"{math.floor(value / 10**digits * (1 + 1e-9))}e{digits}")
 
 
-_FLAT = "flat_contact"
-"""The check, its store and its scene."""
-
+_FLAT = "flat_contact"  # the check, its store and its scene
 _RESTS = "a body rests on flat ground less than 0.1 mm deep, and does not sink further"
 _CORNERS = 4
 _SETTINGS = (
@@ -167,8 +160,7 @@ _SETTINGS = (
 _SWITCHES = ("refsafe", "diagexact", "eulerdamp", "nativeccd", "multiccd", "warmstart", "island")
 _GRAVITY = 9.81
 _SHORTEST, _LONGEST = 3.0, 60.0
-_TIMES = 30
-"""Time constants in which a mode decays to rounding."""
+_TIMES = 30  # time constants in which a mode decays to rounding
 
 
 def check_flat_contact(checked: CheckedModel) -> CheckResult:

@@ -87,17 +87,10 @@ def _alone(model: mujoco.MjModel, tree: Tree) -> mujoco.MjModel:
     return own
 
 
-_SAMPLE = 0.25
-"""Time at which trajectories are compared [s], before chaos separates them."""
-
-_LEAST = 1e-12
-"""Difference [m or rad] below which there is only rounding."""
-
-_STILL = 1e-6
-"""Kinetic energy per mass [J/kg] below which nothing moves: about 1 mm/s."""
-
-_STATES = 500
-"""States at which the energy is computed, evenly spaced."""
+_SAMPLE = 0.25  # time at which trajectories are compared [s], before chaos separates them
+_LEAST = 1e-12  # difference [m or rad] below which there is only rounding
+_STILL = 1e-6  # kinetic energy per mass [J/kg] below which nothing moves: about 1 mm/s
+_STATES = 500  # states at which the energy is computed, evenly spaced
 
 
 class EnergyBudget(NamedTuple):

@@ -33,12 +33,8 @@ LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
 
 # Shapes are simplified, so both bounds are generous.
-_OUTSIDE = 0.05
-"""Fraction of its length by which a centre of mass may lie outside of a shape."""
-
-_SLACK = 2.0
-"""Factor by which rms distances may exceed what fits into a shape."""
-
+_OUTSIDE = 0.05  # fraction of its length by which a centre of mass may lie outside of a shape
+_SLACK = 2.0  # factor by which rms distances may exceed what fits into a shape
 _LEAST_SPREAD = 1 / 30
 """Smallest rms distance over length; 0.29 for a uniform rod, and 1/10 for any real body."""
 

@@ -49,9 +49,7 @@ _CHECKS: Mapping[CheckName, Check] = {
     "shells": check_contact_margin,
 }
 _KNOWN = {*LIMITS, "inertia_not_positive", "inertia_triangle", "inertia_balanced"}
-_WALKING = 2
-"""Number of actuated limbs from which a free body is taken to walk."""
-
+_WALKING = 2  # number of actuated limbs from which a free body is taken to walk
 _ORDER = ("failed", "warned", "noted", "skipped", "passed")
 
 
