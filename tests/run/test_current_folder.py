@@ -12,8 +12,7 @@ import pytest
 
 from contactlab.run import worker_pool
 from contactlab.run.tasks import Crashed, Job, PlannedRun, Stop
-from contactlab.run.worker_pool import WorkerPool
-from contactlab.run.worker_process import WorkerHandle, end_halted
+from contactlab.run.worker_pool import WorkerHandle, WorkerPool, end_halted
 
 JOB: Job = (PlannedRun(0, "first", {}, 0),)
 MODULES = ("selectors", "signal", "numpy", "socket", "contactlab", "struct")

@@ -12,8 +12,7 @@ from typing import Any
 import pytest
 
 from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
-from contactlab.run.worker_pool import WorkerPool
-from contactlab.run.worker_process import WorkerHandle
+from contactlab.run.worker_pool import WorkerHandle, WorkerPool
 from contactlab.store.verify_store import verify
 
 FIRST: Job = (PlannedRun(0, "first", {}, 0),)

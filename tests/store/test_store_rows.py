@@ -17,7 +17,7 @@ from contactlab.errors import StoreError
 from contactlab.schema.coverage import Coverage, PairUse, Travel
 from contactlab.schema.evidence import Accuracy, Cost, EvidenceRecord, LabelEntry, Timing, TraceFile
 from contactlab.store.finished_store import Store, similar_ids
-from contactlab.store.runs_table import iterate_rows, read_table, shared_fields, write_table
+from contactlab.store.runs_table import iterate_rows, shared_fields, write_table
 from contactlab.store.table_layout import record_to_row, row_to_record
 
 MANY_IDS = pa.array([hashlib.sha256(b"%d" % run).hexdigest()[:16] for run in range(10_000)])
@@ -147,7 +147,7 @@ def test_records_survive_the_table(
     records = [record_of(index, **change) for index, change in enumerate(changes)]
     folder = tmp_path_factory.mktemp("table")
     path = write(folder, records, columns_of(records), shared_part(records[0]))
-    table = read_table(path)
+    table = pq.read_table(path)
     read = [row_to_record(row, shared_fields(table.schema)) for row in table.to_pylist()]
     assert read == records
     assert [kinds(each) for each in read] == [kinds(each) for each in records]
@@ -170,7 +170,7 @@ def test_a_table_survives_the_journal(
     journal, again = folder / "again.jsonl", folder / "again.parquet"
     journal.write_bytes(b"".join(json.dumps(row).encode() + b"\n" for row in iterate_rows(path)))
     write_table(journal, again, columns, shared)
-    assert read_table(again).equals(read_table(path), check_metadata=True)
+    assert pq.read_table(again).equals(pq.read_table(path), check_metadata=True)
     assert again.read_bytes() == path.read_bytes()
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any
 
 from contactlab.accuracy.discretization import Note, accuracies, families
 from contactlab.accuracy.timing import InterleavedTimer, timings
@@ -36,17 +36,6 @@ from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 
 
-class RecordedOutcome(NamedTuple):
-    """The outcome of a recorded run, as far as later passes need it.
-
-    They need the metrics with a tolerance that are no errors, and the hash of what its policy did.
-    """
-
-    status: str
-    metrics: Mapping[str, float | None]
-    controls: str | None
-
-
 @dataclass(frozen=True)
 class SweepSession:
     """A sweep that is running, and what runs it."""
@@ -61,15 +50,11 @@ class SweepSession:
     progress: ProgressCallback
 
     @cached_property
-    def outcomes(self) -> dict[str, RecordedOutcome]:
-        """The outcome of each run, by its id."""
-        names = self.task.sweep.tolerances.keys() - set(ERRORS)
-        return {
-            row["run_id"]: RecordedOutcome(
-                row["status"], {name: row[name] for name in names}, row.get("controls")
-            )
-            for row in self.store.rows()
-        }
+    def outcomes(self) -> dict[str, Mapping[str, Any]]:
+        """What later passes need of each row, by run id: no errors are in it yet."""
+        tolerances = self.task.sweep.tolerances.keys() - set(ERRORS)
+        names = ("status", "controls", *tolerances)
+        return {row["run_id"]: {name: row.get(name) for name in names} for row in self.store.rows()}
 
     @cached_property
     def planned(self) -> Planned:
@@ -79,9 +64,9 @@ class SweepSession:
     def repeatable(self, able: Callable[[SimulationEngine], bool]) -> Planned:
         """Return the runs that completed and whose engine is able; no others are repeated."""
         return [
-            (replace(run, controls=outcome.controls), resolved)
+            (replace(run, controls=row["controls"]), resolved)
             for run, resolved in self.planned
-            if (outcome := self.outcomes[run.run_id]).status == "ok" and able(engine_of(resolved))
+            if (row := self.outcomes[run.run_id])["status"] == "ok" and able(engine_of(resolved))
         ]
 
 
@@ -122,7 +107,7 @@ def _resolved(planned: Planned) -> dict[str, ResolvedRun]:
 def _row(session: SweepSession, run_id: str, accuracy: Accuracy) -> dict[str, Any]:
     """Return the columns of a run's accuracy, and whether it still meets every tolerance."""
     row = accuracy.model_dump()
-    metrics = {**session.outcomes[run_id].metrics, **{name: row[name] for name in ERRORS}}
+    metrics = {**session.outcomes[run_id], **{name: row[name] for name in ERRORS}}
     return {**row, "tolerances_met": within_tolerances(session.task.sweep.tolerances, metrics)}
 
 

@@ -1,19 +1,12 @@
 """What a run's outcome means: expectations, tolerances, and effects that it turned out to need."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import (
-    ANGULAR_VELOCITY,
-    FORCE,
-    LINEAR_VELOCITY,
-    PairTrace,
-    Trace,
-)
+from contactlab.contact.trace_arrays import ANGULAR_VELOCITY, FORCE, LINEAR_VELOCITY, Trace
 from contactlab.measure.pair_expectations import PAIR_LABELS
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.scene.effects.effect import NOT_IN_MODEL
@@ -84,7 +77,6 @@ _SLIDE = 5e-3
 _TURN = 0.1
 # As the engine numbers kinds of joints: free, ball, slide, hinge.
 _SLIDE_JOINT = 2
-Moving = Callable[[PairTrace, int], NDArray[np.float64]]
 
 
 def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:
@@ -103,11 +95,12 @@ def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str
 
 def _motion(trace: Trace, run: int, name: str) -> str | None:
     """Return the first motion in a contact that a friction effect would oppose."""
-    word, unit, least, measure = _MOTIONS[name]
+    word, unit, least, velocity, parts = _MOTIONS[name]
     moving: list[tuple[int, str, float]] = []
     for pair in trace.pairs:
         bearing = pair.touching[run] & (pair.slots[run, ..., FORCE.start] > 0)
-        speed = np.where(bearing, measure(pair, run), 0.0).max(axis=-1, initial=0.0)
+        speeds = np.linalg.norm(pair.slots[run, ..., velocity][..., parts], axis=-1)
+        speed = np.where(bearing, speeds, 0.0).max(axis=-1, initial=0.0)
         steps = np.flatnonzero(speed > least)
         moving += [(step, pair.name, float(speed.max())) for step in steps[:1].tolist()]
     if not moving:
@@ -116,22 +109,11 @@ def _motion(trace: Trace, run: int, name: str) -> str | None:
     return f"{pair_name} {word} from step {step}, at up to {fastest:.3g} {unit}"
 
 
-def _sliding(pair: PairTrace, run: int) -> NDArray[np.float64]:
-    return np.linalg.norm(pair.slots[run, ..., LINEAR_VELOCITY][..., 1:], axis=-1)
-
-
-def _spinning(pair: PairTrace, run: int) -> NDArray[np.float64]:
-    return np.abs(pair.slots[run, ..., ANGULAR_VELOCITY][..., 0])
-
-
-def _rolling(pair: PairTrace, run: int) -> NDArray[np.float64]:
-    return np.linalg.norm(pair.slots[run, ..., ANGULAR_VELOCITY][..., 1:], axis=-1)
-
-
-_MOTIONS: Mapping[str, tuple[str, str, float, Moving]] = {
-    "tangential_friction": ("slides", "m/s", _SLIDE, _sliding),
-    "torsional_friction": ("spins", "rad/s", _TURN, _spinning),
-    "rolling_friction": ("rolls", "rad/s", _TURN, _rolling),
+# What moves how, in which unit, from which speed on: which velocities, and which parts of them.
+_MOTIONS = {
+    "tangential_friction": ("slides", "m/s", _SLIDE, LINEAR_VELOCITY, slice(1, 3)),
+    "torsional_friction": ("spins", "rad/s", _TURN, ANGULAR_VELOCITY, slice(0, 1)),
+    "rolling_friction": ("rolls", "rad/s", _TURN, ANGULAR_VELOCITY, slice(1, 3)),
 }
 
 

@@ -1,30 +1,48 @@
 """Runs jobs on worker processes, one job each; a worker that dies loses that job and no other.
 
 Each worker has a private pipe, whose end is the only sign of its death: a shared queue would
-break, or hang, with the process that holds its lock.
+break, or hang, with the process that holds its lock. Workers are forked from a server that has
+loaded what they need, and are out of reach of signals that are meant for the command.
 """
 
+import contextlib
+import fcntl
+import multiprocessing
 import os
-from collections.abc import Iterable, Iterator
-from contextlib import closing
+import re
+import select
+import signal
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Collection, Generator, Iterable, Iterator, MutableMapping
 from dataclasses import dataclass
 from itertools import count, islice, takewhile
-from multiprocessing.connection import wait
+from multiprocessing import resource_tracker
+from multiprocessing.connection import Connection, wait
+from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from types import ModuleType
+from typing import TypeVar
 
+from contactlab.errors import ContactlabError
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
-from contactlab.run.worker_process import (
-    WorkerHandle,
-    end_halted,
-    kill_workers,
-    receive_result,
-    request_stop,
-    send_job,
-    start_worker,
-)
 
+Value = TypeVar("Value")
+
+_STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
+# As the engine, zstandard and the operating system put it.
+_NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
+_MAX_TRACEBACK_LINES = 6
+_MOST_HALTED = 3
+_HALTED = "the worker was halted, as by SIGSTOP, and did not go on"
+# Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
+_MAX_FOLDER = 75
+# How often, and how far apart [s], a process is started while the fork server is being replaced.
+_START_ATTEMPTS, _START_PAUSE = 20, 0.1
 # How long a request to stop may go unnoticed [s]: on a cluster it comes without a signal.
 _STOP_INTERVAL = 0.1
 # How often in a row workers may be silent for that long before they are looked at.
@@ -57,8 +75,8 @@ class LocalPool:
             yield from map(worker.run, takewhile(lambda _: not stop.is_set, jobs))
             return
         with (
-            TemporaryDirectory(prefix="contactlab-") as folder,
-            closing(WorkerPool(task, Path(folder), self.workers)) as pool,
+            tempfile.TemporaryDirectory(prefix="contactlab-") as folder,
+            contextlib.closing(WorkerPool(task, Path(folder), self.workers)) as pool,
         ):
             yield from pool.run(jobs, stop)
 
@@ -101,3 +119,237 @@ class WorkerPool:
         """Kill the workers, whatever they are doing."""
         kill_workers(self._workers.values())
         self._workers.clear()
+
+
+@dataclass
+class WorkerHandle:
+    """A worker process, whose pipe takes jobs and brings results.
+
+    Attributes:
+        marker: the file where the worker writes a traceback when a run times out.
+        job: the job that it is on; None while it waits for one.
+        halted: how often in a row it was seen halted, as by SIGSTOP.
+    """
+
+    process: BaseProcess
+    pipe: Connection
+    marker: Path
+    job: Job | None = None
+    stop_requested: bool = False
+    halted: int = 0
+
+
+def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job) -> None:
+    """Start a worker on a job, and add it to the others before a signal can come between."""
+    marker.unlink(missing_ok=True)
+    environment = dict(os.environ)
+    _place_socket()
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload([__name__])
+    # Nothing is imported from the current folder, which may be a stranger's, with a `selectors.py`
+    # that is none.
+    with _replaced(os.environ, "PYTHONSAFEPATH", "1"), _signals_blocked():
+        ours, theirs = context.Pipe()
+        arguments = (task, theirs, marker, environment)
+        process = context.Process(target=_serve_jobs, args=arguments, daemon=True)
+        _start_process(process)
+        theirs.close()
+        workers[marker] = WorkerHandle(process, ours, marker)
+    send_job(workers[marker], job)
+
+
+def send_job(worker: WorkerHandle, job: Job) -> None:
+    """Send a worker a job; one that has just died is noticed later."""
+    worker.job = job
+    _send(worker, job)
+
+
+def request_stop(workers: Iterable[WorkerHandle]) -> None:
+    """Ask workers to stop, each after the run that it is on."""
+    for worker in workers:
+        if not worker.stop_requested:
+            worker.stop_requested = True
+            _send(worker, None)
+
+
+def _send(worker: WorkerHandle, job: Job | None) -> None:
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        worker.pipe.send(job)
+
+
+def end_halted(workers: Iterable[WorkerHandle]) -> None:
+    """Kill workers that were seen halted for the third time: they may never answer.
+
+    Whoever suspends the whole command, as Ctrl-Z does, suspends the one who looks as well.
+    """
+    for worker in [each for each in workers if each.halted < _MOST_HALTED]:
+        worker.halted = worker.halted + 1 if _is_halted(worker.process.pid) else 0
+        if worker.halted == _MOST_HALTED:
+            worker.process.kill()
+
+
+def _is_halted(process: int | None) -> bool:
+    """Return whether a process is stopped by a signal, where the system says so."""
+    try:
+        status = Path(f"/proc/{process}/stat").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return False
+    return status.rpartition(")")[2].split()[:1] == ["T"]
+
+
+def receive_result(worker: WorkerHandle) -> Result:
+    """Return what a worker sends, or its job as crashed if it died.
+
+    Raises:
+        Exception: the job raised it there; it should end the sweep.
+    """
+    job, worker.job = worker.job, None
+    assert job is not None
+    try:
+        received = worker.pipe.recv()
+    except (EOFError, OSError):
+        worker.process.join()
+        worker.pipe.close()
+        marker = worker.marker
+        traceback = marker.read_text(encoding="utf-8") if marker.is_file() else ""
+        timed_out = bool(traceback) or worker.process.exitcode == -signal.SIGALRM
+        halted = worker.halted >= _MOST_HALTED
+        reason = _HALTED if halted else _death(worker.process.exitcode, traceback)
+        return Crashed(job, reason, timed_out)
+    if isinstance(received, Exception):
+        raise received
+    return received
+
+
+def kill_workers(workers: Collection[WorkerHandle]) -> None:
+    """Kill workers, whatever they are doing, and wait for them."""
+    with _signals_blocked():
+        for worker in workers:
+            worker.pipe.close()
+            worker.process.kill()
+        for worker in workers:
+            worker.process.join()
+
+
+def _death(exitcode: int | None, traceback: str) -> str:
+    if traceback:
+        return " / ".join(line.strip() for line in traceback.splitlines()[:_MAX_TRACEBACK_LINES])
+    if exitcode is not None and exitcode < 0:
+        return f"the worker was ended by {signal.Signals(-exitcode).name}"
+    return f"the worker exited with code {exitcode}"
+
+
+def _place_socket() -> None:
+    """Choose a folder for the fork server's socket, whose path the system wants to be short.
+
+    It would be in the temporary folder, whose name a batch system may make long.
+    """
+    chosen = tempfile.gettempdir()
+    if len(chosen) > _MAX_FOLDER:
+        tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
+        try:
+            get_temp_dir()
+        finally:
+            tempfile.tempdir = chosen
+
+
+def _start_process(process: BaseProcess) -> None:
+    """Start a process; if the fork server was just killed, from the one that replaces it.
+
+    It would import the `__main__` module, and with it all that a command line needs; a script
+    without `if __name__ == "__main__"` would start its sweep again in each worker.
+    """
+    with _replaced(sys.modules, "__main__", ModuleType("__main__")):
+        for _ in range(_START_ATTEMPTS):
+            with contextlib.suppress(ConnectionRefusedError):
+                process.start()
+                return
+            time.sleep(_START_PAUSE)
+        process.start()
+
+
+@contextlib.contextmanager
+def _signals_blocked() -> Generator[None]:
+    """Block Ctrl-C and SIGTERM, also for all of the life of processes that start meanwhile.
+
+    A terminal's Ctrl-C and a batch system's SIGTERM reach every process; workers are stopped by
+    the process that started them.
+    """
+    # Starting the tracker ends with signals let through; if it runs already, nothing happens.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _replaced(entries: MutableMapping[str, Value], name: str, value: Value) -> Generator[None]:
+    """Have another entry of this name for a while, here and in processes that start meanwhile."""
+    before = entries.get(name)
+    entries[name] = value
+    try:
+        yield
+    finally:
+        del entries[name]
+        if before is not None:
+            entries[name] = before
+
+
+def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str, str]) -> None:
+    """Run jobs until the pipe closes or None arrives; a worker never outlives its parent.
+
+    The environment is that of the process that started this one; the fork server's is of the time
+    when it was started. The marker gets a traceback when a run times out.
+    """
+    os.environ.update(environment)
+    signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
+    _exit_with_parent()
+    with contextlib.suppress(OSError):
+        # Where memory runs out, Linux should kill a worker, not the command.
+        Path("/proc/self/oom_score_adj").write_text("1000", encoding="utf-8")
+    poll = select.poll()
+    poll.register(pipe, select.POLLIN)
+    with contextlib.suppress(EOFError, BrokenPipeError, ConnectionResetError):
+        try:
+            worker = Worker(task, marker, lambda: not poll.poll(0))
+        except ContactlabError as error:
+            pipe.recv()
+            pipe.send(error)
+            return
+        while (job := pipe.recv()) is not None:
+            pipe.send(_run_job(worker, job))
+
+
+def _run_job(worker: Worker, job: Job) -> Result | Exception:
+    """Return a job's results, or the error that should end the sweep.
+
+    A job whose memory does not suffice has crashed: that may not happen again in another process
+    or with fewer runs at once.
+    """
+    try:
+        return worker.run(job)
+    except Exception as error:  # noqa: BLE001 - raised again in the process that sent the job
+        if isinstance(error, MemoryError) or _NO_MEMORY.search(str(error)):
+            text = " / ".join(str(error).split("\n")) or "the worker can have no more"
+            return Crashed(job, f"out of memory: {text}", timed_out=False)
+        return error
+
+
+def _exit_with_parent() -> None:
+    """Have this process end as soon as its parent (not the fork server) has ended."""
+    parent = multiprocessing.parent_process()
+    assert parent is not None
+    pipe = parent.sentinel
+    if hasattr(fcntl, "F_SETSIG"):
+        # By the kernel: Python itself gets no turn as long as C code holds its lock.
+        fcntl.fcntl(pipe, fcntl.F_SETOWN, os.getpid())
+        fcntl.fcntl(pipe, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(pipe, fcntl.F_SETFL, fcntl.fcntl(pipe, fcntl.F_GETFL) | os.O_ASYNC)
+    threading.Thread(target=_wait_and_exit, args=(parent,), daemon=True).start()
+
+
+def _wait_and_exit(parent: BaseProcess) -> None:
+    parent.join()
+    os._exit(1)

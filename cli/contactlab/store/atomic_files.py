@@ -9,7 +9,7 @@ import secrets
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Event, Thread
+from threading import Timer
 
 from contactlab.errors import OutputError
 
@@ -115,7 +115,7 @@ def sync_filesystem(folder: Path) -> None:
 
 
 class GroupCommit:
-    """Syncs a file system soon after each change, in a thread of its own: many changes at once.
+    """Syncs a file system half a second after the first of many changes, in a thread of its own.
 
     What is written outlives a power cut a second later at most, however fast it is written.
     Methods raise an OutputError once a change could not be synced.
@@ -123,37 +123,35 @@ class GroupCommit:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
-        self._closing = Event()
-        self._is_dirty = False
+        self._timer: Timer | None = None
         self._failure: OSError | None = None
-        self._thread = Thread(target=self._run, name="group commit", daemon=True)
-        self._thread.start()
 
     def changed(self) -> None:
         """Note that something was written."""
         self._raise_failure()
-        self._is_dirty = True
+        if self._timer is None:
+            self._timer = Timer(_COMMIT_INTERVAL, self._sync)
+            self._timer.daemon = True
+            self._timer.start()
 
     def close(self) -> None:
-        """Sync what is not yet, and end."""
-        self._closing.set()
-        self._thread.join()
+        """Sync what is not yet."""
+        if (timer := self._timer) is not None:
+            timer.cancel()
+            self._sync()
         self._raise_failure()
+
+    def _sync(self) -> None:
+        # First, so that a change during the sync calls for another one.
+        self._timer = None
+        try:
+            sync_filesystem(self._folder)
+        except OSError as error:
+            self._failure = error
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
             raise write_error(self._folder, self._failure) from self._failure
-
-    def _run(self) -> None:
-        is_last = False
-        while not is_last and self._failure is None:
-            is_last = self._closing.wait(_COMMIT_INTERVAL)
-            is_dirty, self._is_dirty = self._is_dirty, False
-            try:
-                if is_dirty:
-                    sync_filesystem(self._folder)
-            except OSError as error:
-                self._failure = error
 
 
 def sync_path(path: Path) -> None:

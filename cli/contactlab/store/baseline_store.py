@@ -73,7 +73,7 @@ def _staging(target: Path) -> Generator[Path]:
 def _copy(store: Store, target: Path) -> None:
     shutil.copytree(store.scene_folder.parent, target / SCENES)
     shutil.copyfile(store.file(IDENTITY), target / IDENTITY)
-    write_compact_table(store.file(TABLE), target / TABLE)
+    write_compact_table(store.table, target / TABLE)
     for sha256 in {each.controls for each in store.records() if each.controls is not None}:
         file = target / controls_name(sha256)
         file.parent.mkdir(parents=True, exist_ok=True)

@@ -124,19 +124,17 @@ def _numbers(name: str, cells: list[str]) -> NDArray[np.float64]:
         raise
 
 
-def _read_parquet(path: Path) -> Columns:
-    table = pq.read_table(path)
-    return _columns({name: _plain(table.column(name)) for name in table.column_names})
-
-
-def _read_arrow(path: Path) -> Columns:
-    with pa.ipc.open_file(path) as file:
-        table = file.read_all()
-    return _columns({name: _plain(table.column(name)) for name in table.column_names})
-
-
-def _plain(column: pa.ChunkedArray) -> object:
-    return column.to_pylist() if pa.types.is_nested(column.type) else column.to_numpy()
+def _read_table(path: Path) -> Columns:
+    if path.suffix.lower() == ".parquet":
+        table = pq.read_table(path)
+    else:
+        with pa.ipc.open_file(path) as file:
+            table = file.read_all()
+    is_nested = {field.name: pa.types.is_nested(field.type) for field in table.schema}
+    columns = zip(table.column_names, table.columns, strict=True)
+    return _columns(
+        {name: each.to_pylist() if is_nested[name] else each.to_numpy() for name, each in columns}
+    )
 
 
 def _read_npz(path: Path) -> Columns:
@@ -180,8 +178,8 @@ def _read_mcap(path: Path) -> Columns:
 
 _READERS: Mapping[str, Callable[[Path], Columns]] = {
     ".csv": _read_csv,
-    ".parquet": _read_parquet,
-    ".arrow": _read_arrow,
+    ".parquet": _read_table,
+    ".arrow": _read_table,
     ".npz": _read_npz,
     ".mcap": _read_mcap,
 }

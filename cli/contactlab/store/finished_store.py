@@ -27,7 +27,6 @@ from contactlab.store.runs_table import (
     check_table_size,
     count_outcomes,
     iterate_rows,
-    read_table,
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
@@ -103,20 +102,14 @@ class Store:
             StoreError: there is none, it is unfinished, damaged or of another version.
         """
         store = cls.unchecked(address)
-        table, manifest = stored_file(store.path, TABLE), store.manifest
-        if table is not None and sha256_of(table) != manifest.files.get(TABLE):
+        table = stored_file(store.path, TABLE)
+        if table is not None and sha256_of(table) != store.manifest.files.get(TABLE):
             raise StoreError(
                 f"{store.address / TABLE} was changed since it was written; "
                 f"`contactlab verify {store.address}` says more"
             )
-        counted = count_outcomes(
-            read_table(store.path / TABLE, OUTCOME_COLUMNS, shown_path=store.address / TABLE)
-        )
-        for name in (name for name in counted if counted[name] != getattr(manifest, name)):
-            raise StoreError(
-                f"{store.address / MANIFEST} is damaged: {name} is {getattr(manifest, name)}, but "
-                f"{TABLE} has {counted[name]}"
-            )
+        for miscount in store.miscounts():
+            raise StoreError(f"{store.address / MANIFEST} is damaged: {miscount}")
         return store
 
     @classmethod
@@ -132,6 +125,12 @@ class Store:
         if table := stored_file(store.path, TABLE):
             check_table_size(table, manifest.runs)
         return store
+
+    def miscounts(self) -> Iterator[str]:
+        """Yield which counts of the manifest are not those of the table."""
+        for name, counted in count_outcomes(self.columns.arrow(OUTCOME_COLUMNS)).items():
+            if (stated := getattr(self.manifest, name)) != counted:
+                yield f"{name} is {stated}, but {TABLE} has {counted}"
 
     @cached_property
     def backend(self) -> Backend:
@@ -172,7 +171,7 @@ class Store:
     @cached_property
     def table(self) -> pa.Table:
         """Every run as a row, in plan order; units are in the fields' metadata."""
-        return read_table(self.file(TABLE), shown_path=self.address / TABLE)
+        return self.columns.arrow()
 
     @cached_property
     def columns(self) -> RunColumns:

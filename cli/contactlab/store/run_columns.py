@@ -85,6 +85,14 @@ class RunColumns:
         found = map(column_of, self.schema)
         return {each.name: each for each in found if each.better}
 
+    def arrow(self, names: Sequence[str] | None = None) -> pa.Table:
+        """Return the table, or some of its columns."""
+        with table_errors(self.path):
+            table = self._file.read(names and list(names), use_threads=False)
+            # Text that is no UTF-8 is damage too.
+            table.validate(full=True)
+            return table
+
     @cached_property
     def run_ids(self) -> pa.Array:
         """(runs,) the ids of the runs."""
@@ -141,8 +149,7 @@ class RunColumns:
 
     def to_pydict(self, names: Sequence[str]) -> dict[str, list[Any]]:
         """Return some columns as lists of Python values, None where null."""
-        with table_errors(self.path):
-            return self._file.read(columns=list(names)).to_pydict()
+        return self.arrow(names).to_pydict()
 
     def row(self, index: int) -> dict[str, Any]:
         """Return one row of the table, reading no more than its row group."""
@@ -156,8 +163,7 @@ class RunColumns:
 
     @cached_property
     def _identities(self) -> pa.Table:
-        with table_errors(self.path):
-            return self._file.read(columns=["run_id", "seed", *self.axis_names])
+        return self.arrow(["run_id", "seed", *self.axis_names])
 
     def _read(self, name: str) -> pa.Array:
         if name not in self.schema.names:

@@ -125,9 +125,8 @@ def _blocks(lines: BinaryIO, spans: NDArray[np.void]) -> Iterator[bytes]:
         yield b"\n".join([*(os.pread(lines.fileno(), size, start) for start, size in where), b""])
 
 
-def write_compact_table(source: Path, target: Path) -> None:
+def write_compact_table(table: pa.Table, target: Path) -> None:
     """Write a table without descriptions and column statistics, which only explain."""
-    table = read_table(source)
     fields = [field.with_metadata(_essential(field)) for field in table.schema]
     meta = {_SHARED: (table.schema.metadata or {})[_SHARED]}
     pq.write_table(
@@ -143,18 +142,6 @@ def write_compact_table(source: Path, target: Path) -> None:
 def _essential(field: pa.Field) -> dict[bytes, bytes]:
     """Return the metadata of a column without its description, which only explains."""
     return {key: text for key, text in (field.metadata or {}).items() if key != b"description"}
-
-
-def read_table(
-    path: Path, columns: list[str] | None = None, *, shown_path: object = None
-) -> pa.Table:
-    """Return the table, or some of its columns; a StoreError names it by the shown path."""
-    with table_errors(shown_path or path):
-        with pq.ParquetFile(path) as file:
-            table = file.read(columns, use_threads=False)
-        # Text that is no UTF-8 is damage too.
-        table.validate(full=True)
-        return table
 
 
 def check_table_size(path: Path, runs: int) -> None:

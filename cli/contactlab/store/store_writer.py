@@ -29,11 +29,11 @@ from contactlab.store.row_journal import (
     sealed,
     write_journal,
 )
+from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,
     count_outcomes,
     iterate_rows,
-    read_table,
     write_table,
 )
 from contactlab.store.store_access import backend_at
@@ -126,7 +126,7 @@ class StoreWriter:
         manifest = StoreManifest(
             sweep=self.identity,
             provenance=provenance,
-            **count_outcomes(read_table(self.path / TABLE, OUTCOME_COLUMNS)),
+            **count_outcomes(RunColumns(self.path).arrow(OUTCOME_COLUMNS)),
             files=files | {f"{SCENES}/{name}": sha256 for name, sha256 in scenes},
             records=records,
             started=started,

@@ -13,13 +13,7 @@ from contactlab.store.atomic_files import sha256_of
 from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import trace_problems
-from contactlab.store.runs_table import (
-    OUTCOME_COLUMNS,
-    count_outcomes,
-    iterate_rows,
-    read_table,
-    rows_digest,
-)
+from contactlab.store.runs_table import iterate_rows, rows_digest
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, stored_file
 from contactlab.store.store_manifest import parse_identity
@@ -83,11 +77,10 @@ def damaged_traces(store: Store) -> Iterator[str]:
     if store.manifest.traces_left_out:
         return
     left = _READ_BYTES
-    names = ("trace_file", "trace_bytes", "trace_sha256")
-    table = read_table(store.path / TABLE, list(names))
-    table = table.filter(table["trace_file"].is_valid())
-    columns = (table[name].to_pylist() for name in names)
-    for file, expected, sha256 in zip(*columns, strict=True):
+    columns = store.columns.to_pydict(("trace_file", "trace_bytes", "trace_sha256"))
+    for file, expected, sha256 in zip(*columns.values(), strict=True):
+        if file is None:
+            continue
         left -= expected or 0
         size = store.backend.trace_size(file)
         if size is None:
@@ -144,10 +137,7 @@ def _check_columns(store: Store) -> Iterator[str]:
             f"this contactlab reads version {RECORD_VERSION}"
         )
     manifest = store.manifest
-    for name, counted in count_outcomes(read_table(store.path / TABLE, OUTCOME_COLUMNS)).items():
-        stated = getattr(manifest, name)
-        if stated != counted:
-            yield f"{MANIFEST}: {name} is {stated}, but {TABLE} has {counted}"
+    yield from (f"{MANIFEST}: {miscount}" for miscount in store.miscounts())
     if manifest.runs != manifest.sweep.runs_asked:
         planned = manifest.sweep.runs_asked
         yield f"{MANIFEST}: {manifest.runs} runs, but the sweep has {planned}"
@@ -169,7 +159,7 @@ def _check_sweep(store: Store) -> Iterator[str]:
     stated |= {name: shared.get(name) for name in ("schema_version", "severity")}
     # Older stores say it in the manifest alone.
     said = store.manifest.model_dump(mode="json", include={"started", "finished", "provenance"})
-    stated |= {name: value for name, value in said.items() if name in shared}
+    stated |= said if said.keys() & shared.keys() else {}
     for name in dict.fromkeys((*shared, *stated)):
         if shared.get(name) != stated.get(name):
             yield f"{MANIFEST}: another {name} than {TABLE}"
@@ -184,8 +174,7 @@ def _check_controls(store: Store) -> Iterator[str]:
     """Yield which recorded controls are missing or changed."""
     if "controls" not in store.columns.schema.names:
         return
-    table = read_table(store.path / TABLE, ["controls"])
-    for sha256 in table["controls"].unique().drop_null().to_pylist():
+    for sha256 in store.columns.arrow(["controls"])["controls"].unique().drop_null().to_pylist():
         try:
             read_controls(store.backend, sha256)
         except StoreError as error:
