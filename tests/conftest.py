@@ -242,7 +242,6 @@ def extras() -> Any:
 
     return TraceExtras(
         record_json=b'{"run_id": "r1", "label": "stable", "metrics": {"penetration": 1e-4}}',
-        record_schema=b'{"type": "object"}',
         metadata={"run_id": "r1", "seed": "0", "unité": "m/s²"},
         model_xml=b"<mujoco><worldbody/></mujoco>",
     )

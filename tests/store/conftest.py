@@ -183,7 +183,6 @@ def write_run(store: Path, record: EvidenceRecord) -> EvidenceRecord:
     path.parent.mkdir(parents=True, exist_ok=True)
     extras = TraceExtras(
         record.model_dump_json().encode(),
-        b'{"type":"object"}',
         {"activations": "0"},
         SCENE.encode(),
     )

@@ -7,7 +7,6 @@ import platform
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -35,6 +34,7 @@ from contactlab.schema.evidence import (
     LabelEntry,
     Provenance,
 )
+from contactlab.store.store_manifest import time_now
 
 
 def metric_units() -> dict[str, str]:
@@ -99,11 +99,6 @@ class RunOutcome:
     def controls(self) -> RecordedControls | None:
         """What its policy did; None without one, and where it failed."""
         return self.rollout.controls[self.place] if self.rollout.controls else None
-
-
-def time_now() -> str:
-    """Return the time (UTC) as it is written in records."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def record_of(task: Task, outcome: RunOutcome) -> EvidenceRecord:

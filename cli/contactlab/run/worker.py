@@ -32,7 +32,6 @@ from contactlab.run.evidence_record import (
     RunPlan,
     crash_record,
     record_of,
-    time_now,
     with_cost,
 )
 from contactlab.run.planned_runs import Preparer, reference_models
@@ -45,11 +44,11 @@ from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.mcap.stored_trace import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.store.store_access import TraceSink
+from contactlab.store.store_manifest import time_now
 from contactlab.store.table_layout import record_to_row
 
 # How long a job's second pass may go on once the sweep should stop [s].
 _GRACE = 1.0
-_RECORD_SCHEMA = b'{"type":"object"}'
 
 CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
 
@@ -253,7 +252,6 @@ class Worker:
         """Write a run's trace; its record has neither cost nor times of day, so that it repeats."""
         extras = TraceExtras(
             record_json=record.model_dump_json().encode(),
-            record_schema=_RECORD_SCHEMA,
             metadata=_metadata(record, outcome.plan.prepared.model.na),
             model_xml=self._model_xml,
         )

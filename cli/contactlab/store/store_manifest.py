@@ -1,5 +1,6 @@
 """`sweep.json` and `manifest.json`: the sweep that a store belongs to, and what the store holds."""
 
+from datetime import UTC, datetime
 from typing import TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -21,6 +22,11 @@ def parse_identity(data: bytes, store: Address) -> SweepIdentity:
 def parse_manifest(data: bytes, store: Address) -> StoreManifest:
     """Return the manifest of a finished store; see `parse_identity`."""
     return _parse(data, StoreManifest, store / MANIFEST)
+
+
+def time_now() -> str:
+    """Return the time (UTC) as it is written in manifests and records."""
+    return datetime.now(UTC).isoformat(timespec="milliseconds")
 
 
 def document_json(document: BaseModel) -> str:

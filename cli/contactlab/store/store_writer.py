@@ -6,7 +6,6 @@ Rows go to a journal as runs finish; the table follows at the end, and the manif
 import shutil
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import MappingProxyType
@@ -39,7 +38,12 @@ from contactlab.store.runs_table import (
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import IDENTITY, JOURNAL, MANIFEST, NOTES, SCENES, TABLE
-from contactlab.store.store_manifest import check_same_sweep, parse_identity, parse_manifest
+from contactlab.store.store_manifest import (
+    check_same_sweep,
+    parse_identity,
+    parse_manifest,
+    time_now,
+)
 from contactlab.store.table_layout import Column
 from contactlab.store.verify_store import verify
 
@@ -67,7 +71,7 @@ class StoreWriter:
         self.path = session.folder
         self.identity = identity
         self.done, self.unsealed = mended.runs, mended.unsealed
-        self.started = _now()
+        self.started = time_now()
         self._session = session
         self._files = {JOURNAL: (self.path / JOURNAL).open("ab")}
 
@@ -118,7 +122,7 @@ class StoreWriter:
         """
         self.close()
         amend_journal(self.path, amendments)
-        started, finished = self.started, _now()
+        started, finished = self.started, time_now()
         said = {"provenance": provenance.model_dump(), "started": started, "finished": finished}
         records = write_table(self.path / JOURNAL, self.path / TABLE, own, {**shared, **said})
         files = {name: sha256_of(self.path / name) for name in (IDENTITY, TABLE)}
@@ -307,7 +311,3 @@ def _refuse_foreign(backend: Backend, remedy: str) -> None:
     if foreign := backend.foreign_names():
         names = ", ".join(foreign[:3])
         raise OutputError(f"{backend.address} holds other files ({names}); {remedy}")
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="milliseconds")

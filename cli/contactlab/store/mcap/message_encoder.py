@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import partial
 
 import numpy as np
 import zstandard
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import (
     FOUND,
     POINT_FIELDS,
-    SLOT_WIDTH,
     Floats,
     PairSeries,
     PairTrace,
@@ -84,31 +83,6 @@ PAIR_ARRAYS = {
     "distance": ("distance", np.float64),
 }
 """Field and type of each array of a pair in its message."""
-
-_SINGLE = np.dtype("<f4")
-
-
-@cache
-def _point_blocks(point: np.dtype[np.void]) -> np.dtype[np.void]:
-    """Return a point's fields as opaque blocks, which NumPy copies faster than numbers."""
-    fields = list(point.fields.values()) if point.fields else []
-    sizes = [field[0].itemsize for field in fields]
-    return _blocks(sizes, [field[1] for field in fields], point.itemsize)
-
-
-@cache
-def _slot_blocks() -> np.dtype[np.void]:
-    """Return the same fields of a contact slot in single precision."""
-    size = _SINGLE.itemsize
-    spans = [np.arange(SLOT_WIDTH)[columns].ravel() for columns in POINT_FIELDS.values()]
-    offsets = [int(span[0]) * size for span in spans]
-    return _blocks([len(span) * size for span in spans], offsets, SLOT_WIDTH * size)
-
-
-def _blocks(sizes: list[int], offsets: list[int], itemsize: int) -> np.dtype[np.void]:
-    formats = [f"V{size}" for size in sizes]
-    names = list(POINT_FIELDS)
-    return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": itemsize})
 
 
 @dataclass(frozen=True)
@@ -190,12 +164,10 @@ def _fill_net(series: PairSeries, run: int, rows: Rows, timestep: float, items: 
 
 
 def _fill_points(slots: Floats, items: Items) -> None:
-    """Write contact slots (m, count, 23) as the points of m records."""
-    memory = SCRATCH.take("points", slots.size * _SINGLE.itemsize)
-    single = memory.view(_SINGLE).reshape(slots.shape)
-    with np.errstate(over="ignore"):
-        single[:] = slots
+    """Write contact slots (m, count, 23) as the points of m records, in single precision."""
     items["count"] = slots.shape[1]
     items["found"] = slots[:, 0, FOUND]
     points = items["points"]
-    points.view(_point_blocks(points.dtype))[:] = single.view(_slot_blocks())[..., 0]
+    with np.errstate(over="ignore"):
+        for name, columns in POINT_FIELDS.items():
+            points[name] = slots[..., columns]

@@ -48,6 +48,8 @@ from contactlab.store.mcap.trace_messages import (
 
 _METADATA_NAME = "contactlab.run"
 _MODEL_NAME = "model.xml"
+# Viewers reject `$ref`, `anyOf` and null in a schema, and the record has them.
+_RECORD_SCHEMA = b'{"type":"object"}'
 _NANOSECONDS = 1e9
 _CACHED_PREFIXES = 4
 """Scenes whose file prefixes are cached; a job is of one scene."""
@@ -61,13 +63,11 @@ class TraceExtras:
 
     Attributes:
         record_json: the EvidenceRecord, a JSON object; the one message of `/evidence`.
-        record_schema: its JSON Schema. Viewers reject `$ref`, `anyOf` and null in it.
         metadata: the run's identity, as the metadata record `contactlab.run`.
         model_xml: the MJCF as simulated, as the attachment `model.xml`.
     """
 
     record_json: bytes
-    record_schema: bytes
     metadata: Mapping[str, str]
     model_xml: bytes
 
@@ -83,7 +83,7 @@ def encode_trace(
     times = _log_times(trace.time[run])
     pairs = tuple(pair.name for pair in trace.pairs)
     sizes = trace.qpos.shape[2], trace.qvel.shape[2]
-    scene = _scene_start(pairs, sizes, extras.record_schema, extras.model_xml)
+    scene = _scene_start(pairs, sizes, extras.model_xml)
     start = with_metadata(scene, _METADATA_NAME, extras.metadata)
     groups = [*_groups(trace, run, series, extras.record_json)]
     return encode_file(start, interleave(groups, len(start.topics), times))
@@ -102,13 +102,11 @@ def _log_times(time: Floats) -> Times:
 
 
 @lru_cache(maxsize=_CACHED_PREFIXES)
-def _scene_start(
-    pairs: tuple[str, ...], sizes: tuple[int, int], record_schema: bytes, model_xml: bytes
-) -> FileStart:
+def _scene_start(pairs: tuple[str, ...], sizes: tuple[int, int], model_xml: bytes) -> FileStart:
     state, contacts, evidence = (
         Schema(1, file_descriptor_set(STATE), "protobuf", f"{PACKAGE}.{STATE.name}"),
         Schema(2, file_descriptor_set(CONTACTS), "protobuf", f"{PACKAGE}.{CONTACTS.name}"),
-        Schema(3, record_schema, "jsonschema", f"{PACKAGE}.EvidenceRecord"),
+        Schema(3, _RECORD_SCHEMA, "jsonschema", f"{PACKAGE}.EvidenceRecord"),
     )
     nq, nv = map(str, sizes)
     channels = [Channel(1, STATE_TOPIC, "protobuf", {"nq": nq, "nv": nv}, state.id)]
