@@ -23,15 +23,9 @@ from contactlab.schema.vocabulary import AxisSpec
 class EngineTraits(Protocol):
     """What a scene must know of an engine that may simulate its runs."""
 
-    @property
-    def summary(self) -> str:
-        """The engine, in a few words."""
-        ...
-
-    @property
-    def omits_unused_effects(self) -> bool:
-        """Whether effects that provably change nothing may be left out of its models."""
-        ...
+    summary: str  # the engine, in a few words
+    # Whether effects that provably change nothing may be left out of its models.
+    omits_unused_effects: bool
 
 
 Engines = Mapping[str, EngineTraits]

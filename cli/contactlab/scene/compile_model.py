@@ -37,6 +37,7 @@ _FIRST = 0
 _NEAREST = 1
 _OBJ, _KIND = mujoco.mjtObj, mujoco.mjtSensor
 _NOTHING = (_OBJ.mjOBJ_UNKNOWN, "")
+_NOT_ALWAYS = ("kinetic", "potential", "momentum", "angular_momentum", "held")
 
 
 @dataclass(frozen=True)
@@ -119,11 +120,7 @@ def find_layout(model: mujoco.MjModel, pairs: Sequence[MonitoredPair]) -> Sensor
     return SensorLayout(
         pairs=tuple(found[pair.name] for pair in pairs),
         contacts=found["contacts"],
-        kinetic=found.get("kinetic"),
-        potential=found.get("potential"),
-        momentum=found.get("momentum"),
-        angular_momentum=found.get("angular_momentum"),
-        held=found.get("held"),
+        **{name: found.get(name) for name in _NOT_ALWAYS},
         forces=found[_FORCE + model.actuator(0).name] if model.nu else 0,
         lengths=found[_LENGTH + model.tendon(0).name] if model.ntendon else 0,
     )

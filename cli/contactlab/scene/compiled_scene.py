@@ -76,13 +76,10 @@ class CompiledScene:
         start: InitialStates | None = None,
         servos: Servos | None = None,
     ) -> "PreparedModel":
-        """Return a copy of the model with edits written, and its effective contact parameters.
+        """Return a copy of the model with settings, effects and servos written.
 
-        Args:
-            edits: settings and effects to write.
-            effect_request: decides the other effects; they stay as they are if None.
-            start: the run's initial state, n being 1; proofs that look at it fail if None.
-            servos: springs that the run's drive adds to actuators.
+        The request decides the other effects, which stay as they are without one; proofs that look
+        at the run's initial state, n being 1, fail without one.
         """
         model = copy.copy(self.model)
         if servos is not None:

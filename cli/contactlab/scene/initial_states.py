@@ -247,11 +247,13 @@ def initial_states(
         if rule.perturbed and factor:
             offsets = np.random.default_rng(seed).uniform(-1, 1, len(rule.perturbed))
             row[list(rule.perturbed)] += rule.scale * factor * offsets
-    if rule.formulas or rule.perturbed:
-        _normalise(states, rule)
-    qpos, qvel, ctrl, applied, act, mocap = np.split(states, rule.ends[:-1], axis=1)
+    # Dividing by a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
+    for address in rule.quaternions if rule.formulas or rule.perturbed else ():
+        part = states[:, address : address + 4]
+        norm = np.linalg.norm(part, axis=1, keepdims=True)
+        np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
-    return at_begin(InitialStates(qpos, qvel, ctrl, applied, act, mocap, signals))
+    return at_begin(InitialStates(*np.split(states, rule.ends[:-1], axis=1), signals))
 
 
 def at_begin(starts: InitialStates) -> InitialStates:
@@ -310,14 +312,6 @@ def _formulas(
             places = [offset[at.field] + at.index for at in match_coordinates(model, pattern)]
             formulas.append((expression, tuple(places)))
     return formulas
-
-
-def _normalise(states: Floats, rule: InitialStateRule) -> None:
-    for address in rule.quaternions:
-        part = states[:, address : address + 4]
-        norm = np.linalg.norm(part, axis=1, keepdims=True)
-        # Dividing a norm of exactly 1 would be harmless; of 1 + 1e-16, it would change bits.
-        np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
 
 
 def _perturbed_coordinates(

@@ -142,11 +142,9 @@ class RunIdentity:
                 self._pieces[-1] += id_entry(base, name, values[name])
 
     def digests(self, entries: Sequence[str], seeds: Iterable[int]) -> bytes:
-        """Return the ids of runs, `ID_BYTES` each.
+        """Return the ids of runs of some seeds, `ID_BYTES` each.
 
-        Args:
-            entries: from `id_entry`, of what varies, in the order of their names.
-            seeds: of the runs.
+        Entries are those of what varies, from `id_entry`, in the order of their names.
         """
         pieces = self._pieces.copy()
         pieces[1::2] = entries

@@ -106,11 +106,8 @@ class _Setting:
 class RowGroup:
     """Rows that differ only in plain settings and initial values, those that axes decide.
 
-    Attributes:
-        first: the first of them, resolved.
-        settings: what varies, in the order of their names.
-        places: the index of each.
-        starting: the indices of those that decide the initial state.
+    `first` is the first of them, resolved. What varies, `settings`, is in the order of names;
+    `places` has the index of each, and `starting` those that decide the initial state.
     """
 
     def __init__(

@@ -44,7 +44,7 @@ def make_setup(
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([_gravity(model) for model in models]),
-        moving_mass=np.array([_moving_mass(model) for model in models]),
+        moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
         steered=any(run.drive not in _STEADY for run in runs),
         passive=passive,
         conservative=passive and all(map(is_conservative, models)),
@@ -69,10 +69,6 @@ def make_setup(
 def _gravity(model: mujoco.MjModel) -> Floats:
     off = model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_GRAVITY
     return np.zeros(3) if off else np.array(model.opt.gravity)
-
-
-def _moving_mass(model: mujoco.MjModel) -> float:
-    return float(model.body_mass[model.body_weldid != 0].sum())
 
 
 def _is_passive(model: mujoco.MjModel) -> bool:

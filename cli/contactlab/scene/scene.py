@@ -63,14 +63,9 @@ _NO_ENGINES: Engines = MappingProxyType({})
 class Scene:
     """A scene with its axes, what drives it but for their values, and what was compiled so far.
 
-    Attributes:
-        source: its files.
-        catalogue: its axes.
-        switched: effects that it switches itself.
-        lacking: flags that this version of MuJoCo lacks.
-        auto: whether what provably changes nothing is left out unless a sweep asks for it.
-        drive: what drives its runs, but for the values of axes.
-        duration: how long its runs take unless a sweep says otherwise [s].
+    `switched` are the effects that it switches itself, `lacking` the flags that this version of
+    MuJoCo lacks. If `auto`, what provably changes nothing is left out unless a sweep asks for it.
+    Its runs take `duration` [s] unless a sweep says otherwise.
     """
 
     def __init__(
@@ -128,9 +123,7 @@ class Scene:
     def with_effects(self, rest: str | None) -> "Scene":
         """Return the scene with another rule for effects that are not requested by name.
 
-        Args:
-            rest: `auto` leaves out what provably changes nothing, `all` nothing; None for the
-                scene's own rule.
+        `auto` leaves out what provably changes nothing, `all` nothing; None is the scene's own.
         """
         scene = copy.copy(self)
         scene.auto = self.auto if rest is None else rest == "auto"
@@ -155,7 +148,12 @@ class Scene:
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
         self.drive = LocatedDrive("none") if asked == "hold" and not model.nu else drive
-        self._table = self._read_table(drive) if isinstance(asked, FileDrive) else None
+        self._table = None
+        if isinstance(asked, FileDrive):
+            (file,) = drive.files
+            if self._tables is None:
+                raise SceneError(f"{file.name}: tables of controls cannot be read here")
+            self._table = DriveTable(file.name, self._tables(file))
         end = exercise_duration(model) if asked == "exercise" else self._table and self._table.end
         self.duration = manifest.duration if manifest else end or BARE_DURATION
         with self.source.named_in_errors():
@@ -163,12 +161,6 @@ class Scene:
             unheld = self._driving_of(run).unheld(run) if is_driven(asked) else ""
         if unheld:
             warn_once(self.source, f"not held: {unheld}", UnheldWarning)
-
-    def _read_table(self, drive: LocatedDrive) -> DriveTable:
-        (file,) = drive.files
-        if self._tables is None:
-            raise SceneError(f"{file.name}: tables of controls cannot be read here")
-        return DriveTable(file.name, self._tables(file))
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()

@@ -177,14 +177,9 @@ def pair_speeds(
 
     The relative speed of their centres, and for the rotation of each its angular speed times how
     far off its centre a ball of its least half extent can lie: a sphere that spins goes nowhere.
-
-    Args:
-        model: the run's model.
-        pairs: the pairs.
-        qpos: (N, nq) configurations; of more than 5000, an evenly spaced part counts.
-        qvel: (N, nv) velocities.
-        mean: whether of the mean velocities, where what only shakes is at rest; else the largest.
-        step: length of a step [s]; states count whose bounding spheres can meet within it.
+    Of configurations (N, nq) and velocities (N, nv), at most 5000 count, evenly spaced, and those
+    whose bounding spheres can meet within a step [s]. It is the largest, or that of the mean
+    velocities, by which what only shakes is at rest.
     """
     geoms = sorted({geom for pair in pairs for side in pair.geoms for geom in side})
     places = {geom: place for place, geom in enumerate(geoms)}

@@ -100,26 +100,15 @@ def stiff_solref(
     The guideline's "0.005 1" if that suffices; else the softest that does, rounded down to two
     digits. At rest ``r = F A (1 - d(r)) dwidth^2 / (K d(r)^2)``, whose right side falls with r, so
     that r is less than `depth` if and only if K is more than the right side times K there. The time
-    constant is ``1 / sqrt K``.
+    constant [s] is ``1 / sqrt K``; if below two timesteps [s], the timestep has to be smaller too.
 
-    Args:
-        load: on one contact [N].
-        inverse_mass: 1/m1 + 1/m2 of the two bodies [1/kg].
-        solimp: (5,) impedance.
-        timestep: length of a step [s]; the engine raises time constants below two of them.
-        depth: the depth [m].
-
-    Returns:
-        Time constant [s] and damping ratio; the time constant may be below two timesteps, where
-        the timestep has to be smaller too.
+    The load F [N] is that on one contact, the inverse mass A [1/kg] is 1/m1 + 1/m2 of its bodies.
     """
     if max(STIFF_SOLREF[0], _REFSAFE_STEPS * timestep) == STIFF_SOLREF[0]:
         found = rest_penetration(load, inverse_mass, STIFF_SOLREF, solimp)
         if float(found) < depth:
             return STIFF_SOLREF
-    end = float(np.clip(solimp[1], *_IMPEDANCE_RANGE))
-    d = float(impedance(depth, solimp))
-    stiffness = load * inverse_mass * (1 - d) * end**2 / (d * d) / depth
+    stiffness = load / _load_by_stiffness(depth, inverse_mass, solimp)
     return rounded_down(_BELOW / math.sqrt(stiffness)), 1.0
 
 
@@ -131,10 +120,14 @@ def load_at_depth(
     The inverse of the law of `stiff_solref`. With pyramidal cones this is an effective load, which
     friction and condim scale.
     """
+    return float(stiffness_damping(solref)[0]) * _load_by_stiffness(depth, inverse_mass, solimp)
+
+
+def _load_by_stiffness(depth: float, inverse_mass: float, solimp: Floats) -> float:
+    """Return the load over the stiffness K with which a contact rests at a depth [m]."""
     end = float(np.clip(solimp[1], *_IMPEDANCE_RANGE))
     d = float(impedance(depth, solimp))
-    stiffness, _ = stiffness_damping(solref)
-    return depth * float(stiffness) * d * d / (inverse_mass * (1 - d) * end**2)
+    return depth * d * d / (inverse_mass * (1 - d) * end**2)
 
 
 def longest_timestep(timeconst: float) -> float:
