@@ -65,11 +65,7 @@ class SceneCatalogue:
         return axis and in_this_version(axis, lenient=self._lenient)
 
     def switched(self, manifest: SceneManifest | None) -> dict[str, object]:
-        """Return the effects that a scene switches itself, by name.
-
-        Raises:
-            SceneError: there is no such effect, or it cannot be switched that way.
-        """
+        """Return the effects that a scene switches itself; a SceneError if one is unknown."""
         switched: dict[str, object] = {}
         for name, value in switches(manifest.effects if manifest else {}).items():
             axis = self.find(name) if name in EFFECTS else None

@@ -137,11 +137,7 @@ _BRACES = re.compile(r"\{([^{}]*)\}")
 def compile_model(
     source: SceneSource, structure: Mapping[str, object], edit: Callable[[mujoco.MjSpec], None]
 ) -> mujoco.MjModel:
-    """Compile one structure of a scene, after a last edit of its specification.
-
-    Raises:
-        SceneError: the model does not compile, or no element takes a structure value.
-    """
+    """Compile a scene's structure after an edit of its specification; a SceneError says why not."""
     with _model_file(source, structure) as path, _said_once(source):
         try:
             spec = mujoco.MjSpec.from_file(str(path))

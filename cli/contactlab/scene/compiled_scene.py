@@ -117,11 +117,7 @@ class PreparedModel:
 def compile_scene(
     source: SceneSource, structure: Mapping[str, object], without: Collection[str] = ()
 ) -> CompiledScene:
-    """Compile one structure of a scene without some effects.
-
-    Raises:
-        SceneError: the model does not compile, or the manifest names something that it lacks.
-    """
+    """Compile one structure of a scene without some effects; a SceneError says why it cannot."""
     plain = compile_model(source, structure, lambda _: None)
     free = _is_free(plain)
     with source.named_in_errors():

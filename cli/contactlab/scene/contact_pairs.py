@@ -45,11 +45,7 @@ class MonitoredPair:
 def declared_pairs(
     model: mujoco.MjModel, entries: tuple[PairEntry, ...]
 ) -> tuple[MonitoredPair, ...]:
-    """Return the pairs that a manifest lists.
-
-    Raises:
-        SceneError: an entry names an unknown geom or body, or none, or a pair is listed twice.
-    """
+    """Return the pairs that a manifest lists; a SceneError if one is unknown, or listed twice."""
     pairs = tuple(pair for entry in entries for pair in entry_pairs(model, entry))
     names = [pair.name for pair in pairs]
     for name in names:

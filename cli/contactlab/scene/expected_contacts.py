@@ -37,11 +37,7 @@ def expected_contacts(
 
 
 def check_expectations(base: CompiledScene, manifest: SceneManifest) -> None:
-    """Check what a manifest expects of pairs, with its initial values as they are by default.
-
-    Raises:
-        SceneError: an entry names no pair, or times outside the run.
-    """
+    """Check what a manifest expects of pairs by its defaults; a SceneError says what is wrong."""
     initial = {name: each.default for name, each in manifest.initial.items()}
     for place, entry in enumerate(manifest.pairs):
         if mistake := mistake_in(entry, base, initial, manifest.duration):

@@ -37,11 +37,8 @@ def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:
 def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> str:
     """Return the keyframe that runs start from unless their sweep says otherwise.
 
-    The manifest names it. Without a manifest it is the model's first: in the reference
-    configuration, links often intersect and joints exceed their limits.
-
-    Raises:
-        SceneError: the manifest names a keyframe that the model lacks.
+    The manifest names it; a SceneError if the model lacks it. Without a manifest it is the model's
+    first: in the reference configuration, links often intersect and joints exceed their limits.
     """
     known = keyframe_names(model)
     if manifest is None:
@@ -190,10 +187,9 @@ class InitialStateRule:
     def of(
         cls, model: mujoco.MjModel, manifest: SceneManifest | None, keyframe: str
     ) -> "InitialStateRule":
-        """Return how a model's initial states are made, from a keyframe or `QPOS0`.
+        """Return how initial states are made, from a keyframe or `QPOS0`.
 
-        Raises:
-            SceneError: the manifest names coordinates that the model lacks.
+        A SceneError names coordinates of the manifest that the model lacks.
         """
         data = start_data(model, keyframe)
         poses = np.concatenate([data.mocap_pos.ravel(), data.mocap_quat.ravel()])

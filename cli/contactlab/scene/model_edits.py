@@ -48,8 +48,7 @@ _UNSWEPT = re.compile(f"({_STRUCTURE}|{_DERIVED})$")
 def field_axis(model: mujoco.MjModel, name: str) -> AxisSpec | None:
     """Return the axis of a model field, or None if the name is not of that form.
 
-    Raises:
-        ValueError: it has that form, but names no such field, object or index.
+    A ValueError says that it is, but that there is no such field, object or index.
     """
     if (found := find_field(model, name)) is None:
         return None

@@ -64,8 +64,7 @@ class FileSearch:
     def references(self, model: Path) -> Iterator[Reference]:
         """Yield the files that an MJCF or URDF file refers to, existing or not.
 
-        Raises:
-            SceneError: the model, or a model that it includes or attaches, is missing or not XML.
+        A SceneError names it, or a model that it includes or attaches, if missing or not XML.
         """
         elements = list(self._elements(Reference(model), model.parent))
         compiler: dict[str, str] = {}
@@ -135,11 +134,7 @@ def name_in_copy(root: ET.Element, copy: Path) -> None:
 
 
 def parse(path: Path) -> ET.Element:
-    """Return the root element of an XML file.
-
-    Raises:
-        SceneError: it does not exist, or is not XML.
-    """
+    """Return the root element of an XML file; a SceneError says that it is none, and where."""
     check_regular(path)
     try:
         return ET.parse(path).getroot()  # noqa: S314 - a local model that the user asked to run

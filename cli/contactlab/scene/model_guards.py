@@ -31,10 +31,8 @@ def allow_files(folders: Iterable[Path]) -> None:
 def check_places(files: Iterable[Path], named: Path, copy: Path | None = None) -> None:
     """Check that files lie where a model, or the folder of its manifest, may name them.
 
-    Hidden files and folders, as `.ssh`, are never a scene's, and neither are pipes and devices.
-
-    Raises:
-        SceneError: one does not.
+    A SceneError names one that does not. Hidden files and folders, as `.ssh`, are never a scene's,
+    and neither are pipes and devices.
     """
     homes = (
         [named.resolve()] if named.is_dir() else [named.parent.resolve(), named.resolve().parent]

@@ -40,11 +40,7 @@ def is_address(name: str) -> bool:
 
 
 def name_by_address(spec: mujoco.MjSpec) -> None:
-    """Give whatever has no name in a specification its address for one.
-
-    Raises:
-        ValueError: the specification does not compile.
-    """
+    """Name what has no name in a specification by its address; a ValueError if it is invalid."""
     kinds = {kind: list(getattr(spec, plural)) for kind, plural in KINDS.items()}
     if all(element.name for elements in kinds.values() for element in elements):
         return
@@ -86,11 +82,7 @@ def find_id(model: mujoco.MjModel, kind: str, name: str) -> int:
 
 
 def known_id(model: mujoco.MjModel, kind: Literal["body", "geom"], name: str) -> int:
-    """Return the id of a body or geom.
-
-    Raises:
-        SceneError: there is none of this name.
-    """
+    """Return the id of a body or geom; a SceneError if there is none of this name."""
     index = find_id(model, kind, name)
     if index < 0:
         known = [getattr(model, kind)(each).name for each in range(getattr(model, f"n{kind}"))]
@@ -157,8 +149,7 @@ def match_coordinates(
 ) -> list[StateCoordinate]:
     """Return the coordinates, or also poses of mocap bodies, that match a pattern as `box*.x`.
 
-    Raises:
-        SceneError: nothing matches.
+    A SceneError says that nothing matches.
     """
     known = coordinates(model) | (mocap_coordinates(model) if mocap else {})
     found = dict.fromkeys(known[name] for name in matching(known, pattern))

@@ -105,8 +105,7 @@ class Scene:
     ) -> "Scene":
         """Find and compile the scene that a sweep names, relative paths starting in a folder.
 
-        Raises:
-            SceneError: there is no such scene, or it does not compile.
+        A SceneError says that there is none, or that it does not compile.
         """
         return cls(find_scene(reference, folder), engines, tables)
 
@@ -243,11 +242,7 @@ class Scene:
         return identity.digests([], [run.seed]).hex()
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return the initial states of runs of one structure.
-
-        Raises:
-            SceneError: a run does not suit its drive.
-        """
+        """Return the starts of runs of one structure; a SceneError if one does not suit its drive."""
         groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self.source.named_in_errors():
             starts = InitialStates.joined([self._starts(group) for group in groups])

@@ -110,10 +110,8 @@ class SceneSource:
 def find_scene(reference: str, base: Path | None = None) -> SceneSource:
     """Return the scene of a name, a folder with a manifest, an .xml or .urdf file, or a robot.
 
-    Relative paths start in the base folder, or in the working directory.
-
-    Raises:
-        SceneError: there is no such scene, or its manifest is invalid.
+    Relative paths start in the base folder, or in the working directory. A SceneError says that
+    there is no such scene, or that its manifest is invalid.
     """
     if is_menagerie(reference):
         return _bare_model(menagerie_model(reference), menagerie_name(reference))
@@ -165,11 +163,7 @@ def _folder(path: Path, name: str, copy: Path | None = None) -> SceneSource:
 
 
 def read_manifest(path: Path) -> SceneManifest:
-    """Read a scene's manifest.
-
-    Raises:
-        SceneError: it is not YAML, or keys are unknown, missing or invalid; it lists all of them.
-    """
+    """Read a scene's manifest; a SceneError says that it is not YAML, or lists all wrong keys."""
     try:
         text = path.read_text(encoding="utf-8-sig")
         check_extent(text)

@@ -17,11 +17,7 @@ from contactlab.schema.scene_manifest import SceneManifest
 
 
 def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression:
-    """Parse a number or an expression over initial values; messages say where it is.
-
-    Raises:
-        SceneError: it is not an expression, or names something other than initial values.
-    """
+    """Parse a number or an expression over initial values; a SceneError says where one is wrong."""
     try:
         expression = Expression(str(term))
     except ExpressionError as error:
@@ -34,11 +30,7 @@ def read_formula(term: Term, where: str, initial: Collection[str]) -> Expression
 
 
 def computed(formula: Expression, initial: Mapping[str, float]) -> float:
-    """Return an expression's value for the initial values of a run.
-
-    Raises:
-        SceneError: it cannot be computed, or is not a number.
-    """
+    """Return an expression's number for a run's initial values; a SceneError if it has none."""
     try:
         result = formula.evaluate(initial)
     except ExpressionError as error:
@@ -131,12 +123,7 @@ def _between(
 def read_control(
     model: mujoco.MjModel, manifest: SceneManifest | None
 ) -> tuple[ControlProfile, ...]:
-    """Return the profiles of a manifest's `control`.
-
-    Raises:
-        SceneError: a name is not an input of the model, an input is set twice, or an expression is
-            invalid.
-    """
+    """Return the profiles of a manifest's `control`; a SceneError says which one is wrong."""
     if manifest is None:
         return ()
     profiles: list[ControlProfile] = []
@@ -155,11 +142,7 @@ def read_control(
 
 
 def control_signals(profiles: Sequence[ControlProfile], initial: Mapping[str, float]) -> Signals:
-    """Return the signals of profiles for a run's initial values.
-
-    Raises:
-        SceneError: a knot cannot be computed, or times decrease.
-    """
+    """Return the signals of profiles for a run's initial values; a SceneError if times decrease."""
     if not profiles:
         return Signals.none()
     most = max(len(each.times) for each in profiles)
@@ -219,11 +202,7 @@ class HoldSpec:
     stop: Expression
 
     def window(self, initial: Mapping[str, float]) -> tuple[float, float]:
-        """Return the start and end [s] of the window in a run of these initial values.
-
-        Raises:
-            SceneError: the window is empty or starts before 0.
-        """
+        """Return its start and end [s] for initial values; a SceneError if it is empty."""
         start, stop = computed(self.start, initial), computed(self.stop, initial)
         if not 0 <= start < stop:
             raise SceneError(
@@ -236,11 +215,7 @@ class HoldSpec:
 def find_hold(
     model: mujoco.MjModel, manifest: SceneManifest | None, subject: int | None
 ) -> HoldSpec | None:
-    """Return the hold that a manifest declares, if it does.
-
-    Raises:
-        SceneError: there is no subject, no such holder, or the window does not fit the run.
-    """
+    """Return the hold that a manifest declares, if any; a SceneError if it does not fit the run."""
     if manifest is None or manifest.hold is None:
         return None
     if subject is None:

@@ -40,11 +40,7 @@ class LocatedDrive:
         return self if all(file.is_file() for file in self.files) else copy
 
     def check(self) -> None:
-        """Check that its files are what they were.
-
-        Raises:
-            SceneError: one is missing, or changed.
-        """
+        """Check that its files are what they were; a SceneError names one that is not."""
         assert isinstance(self.drive, FileDrive | PolicyDrive)
         if (sha256 := _hash(self.files)) != self.drive.sha256:
             raise SceneError(f"drive: {self.files[0]} is not what it was: its SHA-256 is {sha256}")
@@ -59,8 +55,7 @@ class LocatedDrive:
 def locate(drive: Drive, folder: Path) -> LocatedDrive:
     """Find the files of a drive, whose relative paths start at a folder.
 
-    Raises:
-        SceneError: a file is missing, or is not what it was when a record or store stated its hash.
+    A SceneError names one that is missing, or is not what it was when a record or store hashed it.
     """
     if not isinstance(drive, FileDrive | PolicyDrive):
         return LocatedDrive(drive)
@@ -111,11 +106,7 @@ DRIVE_AXES: Mapping[str, AxisSpec] = {
 
 
 def with_values(drive: Drive, values: Mapping[str, object]) -> Drive:
-    """Return a drive with the values of axes.
-
-    Raises:
-        SceneError: it has no such number.
-    """
+    """Return a drive with the values of axes; a SceneError if it has no such number."""
     if not values:
         return drive
     known = drive_settings(drive)

@@ -45,12 +45,9 @@ class RecordedInputs:
     start: tuple[tuple[StateCoordinate, float], ...]
 
     def during(self, duration: float, timestep: float) -> Signals:
-        """Return the signals for runs of some duration [s]; rows at steps are so to the bit.
+        """Return the signals for runs of a duration [s]; a SceneError if the last row is earlier.
 
-        Clocks that add up timesteps are off by their rounding.
-
-        Raises:
-            SceneError: the last row is earlier.
+        Rows at steps are so to the bit: clocks that add up timesteps are off by their rounding.
         """
         times = self.signals.times
         if (end := float(times[0, -1])) < duration * (1 - _SNAP):
