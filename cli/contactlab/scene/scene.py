@@ -242,7 +242,7 @@ class Scene:
         return identity.digests([], [run.seed]).hex()
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
-        """Return the starts of runs of one structure; a SceneError if one does not suit its drive."""
+        """Return the initial states of runs of one structure; a SceneError if a drive is wrong."""
         groups = [list(each) for _, each in groupby(runs, lambda run: (run.keyframe, run.drive))]
         with self.source.named_in_errors():
             starts = InitialStates.joined([self._starts(group) for group in groups])

@@ -123,7 +123,7 @@ _ROUNDING = 1e-9
 def scene_inertia_faults(
     source: SceneSource, structure: Mapping[str, object] | None = None
 ) -> tuple[InertiaFault, ...]:
-    """Return faults of a scene's model, as written and as it compiles; a SceneError if it does not."""
+    """Return the faults of a scene's model, as its file has it and as it compiles."""
     written: list[InertiaFault] = []
     model = compile_model(
         source, structure or {}, lambda spec: written.extend(written_inertia_faults(spec))
