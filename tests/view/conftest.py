@@ -78,6 +78,7 @@ def target(tmp_path: Path) -> Callable[[str], Path]:
     return lambda suffix: tmp_path / f"run{suffix}"
 
 
+FORMS: tuple[Form, ...] = ("box", "ellipsoid", "cylinder", "mesh")
 BODIES = ("world", "ball", "größe/2 b")
 
 
@@ -87,7 +88,7 @@ def unit(rng: np.random.Generator, *shape: int) -> np.ndarray:
 
 
 def shape_of(rng: np.random.Generator, body: int, form: Form) -> BodyShape:
-    corners = 4 if form is Form.mesh else 0
+    corners = 4 if form == "mesh" else 0
     return BodyShape(
         name=f"{form} {body}",
         body=body,
@@ -110,7 +111,7 @@ def random_motion(trace: Trace, rows: list[int], most: int = 3, seed: int = 0) -
     return BodyMotion(
         bodies=BODIES,
         moving=np.array([False, True, True]),
-        shapes=tuple(shape_of(rng, body, form) for body in range(bodies) for form in Form),
+        shapes=tuple(shape_of(rng, body, form) for body in range(bodies) for form in FORMS),
         rows=np.array(rows),
         time=trace.time[0, rows],
         positions=rng.standard_normal((frames, bodies, 3)),

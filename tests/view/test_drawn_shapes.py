@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_by_address
-from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, body_names, moving_bodies, poses, shapes
 
 GEOMS = {
     "box": 'type="box" size="0.1 0.2 0.3"',
@@ -60,12 +60,12 @@ def extremes(shape: BodyShape, turn: Floats, origin: Floats) -> tuple[Floats, Fl
     """Return the least and largest coordinates of a shape in a frame (turn, origin)."""
     axes = turn.T @ rotation(shape.rotation) * shape.size / 2
     centre = turn.T @ (shape.position - origin)
-    if shape.form is Form.mesh:
+    if shape.form == "mesh":
         points = (shape.vertices @ rotation(shape.rotation).T + shape.position - origin) @ turn
         return points.min(axis=0), points.max(axis=0)
-    if shape.form is Form.box:
+    if shape.form == "box":
         half = np.abs(axes).sum(axis=1)
-    elif shape.form is Form.ellipsoid:
+    elif shape.form == "ellipsoid":
         half = np.linalg.norm(axes, axis=1)
     else:
         half = np.linalg.norm(axes[:, :2], axis=1) + np.abs(axes[:, 2])
@@ -91,9 +91,9 @@ def test_shapes_fill_the_box_around_their_geom(geom: str) -> None:
 def test_a_capsule_has_round_ends() -> None:
     parts = [each for each in shapes(compiled("capsule")) if each.name.startswith("it")]
     assert sorted(each.form for each in parts) == ["cylinder", "ellipsoid", "ellipsoid"]
-    tube = next(each for each in parts if each.form is Form.cylinder)
+    tube = next(each for each in parts if each.form == "cylinder")
     ends = [tube.position + rotation(tube.rotation)[:, 2] * side * 0.3 for side in (1, -1)]
-    balls = [each.position for each in parts if each.form is Form.ellipsoid]
+    balls = [each.position for each in parts if each.form == "ellipsoid"]
     np.testing.assert_allclose(balls, ends, atol=1e-15)
 
 
@@ -122,7 +122,7 @@ def test_triangles_of_a_field_face_up() -> None:
 def test_a_plane_is_a_thin_box_below_it() -> None:
     model = compiled("box")
     [ground] = [each for each in shapes(model) if each.name == "ground"]
-    assert ground.form is Form.box
+    assert ground.form == "box"
     assert ground.position[2] + ground.size[2] / 2 == pytest.approx(-1)
     assert ground.size[1] == 6
     assert ground.size[0] > 2 * model.stat.extent

@@ -47,7 +47,8 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
     for metric in measured.values():
         rule = effective_rule(metric, paired.policy)
         reason = _not_comparable(paired, metric, rule)
-        pairs = None if reason else MetricPairs.of(paired, metric)
+        columns = None if reason else paired.numbers(metric.name)
+        exempt = paired.half_checked & metric.second_pass
         for group, member in groups(paired.baseline, paired.pairing, rule.by):
             subject = CheckSubject(
                 name=f"{metric.name} {'unchanged' if rule.better == 'none' else 'no worse'}",
@@ -58,11 +59,12 @@ def metric_checks(paired: PairedStores) -> Iterator[Check]:
                 budget=rule.budget,
                 two_sided=rule.better == "none",
             )
-            if pairs is None:
+            if columns is None:
                 yield subject.skipped(reason or "")
             else:
-                part = pairs if member.all() else pairs.at(np.flatnonzero(member))
-                yield part.check(subject, rule)
+                rows = np.flatnonzero(member)
+                before, after = (each.at(rows) for each in columns)
+                yield MetricPairs(paired, rows, before, after, exempt[rows]).check(subject, rule)
 
 
 def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -> str | None:
@@ -93,18 +95,6 @@ class MetricPairs:
     baseline: NumberColumn
     candidate: NumberColumn
     exempt: NDArray[np.bool_]
-
-    @classmethod
-    def of(cls, paired: PairedStores, metric: Column) -> "MetricPairs":
-        """Return the values of a metric in all pairs."""
-        exempt = paired.half_checked & metric.second_pass
-        return cls(paired, np.arange(len(exempt)), *paired.numbers(metric.name), exempt)
-
-    def at(self, indices: NDArray[np.intp]) -> "MetricPairs":
-        """Return the values of some of the pairs."""
-        before, after = self.baseline.at(indices), self.candidate.at(indices)
-        rows, exempt = self.indices[indices], self.exempt[indices]
-        return MetricPairs(self.paired, rows, before, after, exempt)
 
     def check(self, subject: CheckSubject, rule: EffectiveRule) -> Check:
         """Return the check that these values make by a rule."""

@@ -93,16 +93,11 @@ def boundary_rows(axes: MapAxes, boundary: Boundary | None) -> Rows:
         own = boundary.values[codes == code]
         for place in np.unique(boundary.along(np.array([own.min(), own.max()]))).tolist():
             if math.isfinite(place):
-                rows += _line(place, code, len(rows) // 2, is_horizontal=is_horizontal)
+                part = str(len(rows) // 2)
+                for order, end in enumerate((code, code + 1)):
+                    x, y = (place, end) if is_horizontal else (end, place)
+                    rows.append({"x": x, "y": y, "order": order, "part": part})
     return rows
-
-
-def _line(place: float, code: int, part: int, *, is_horizontal: bool) -> Rows:
-    across = [(place, code), (place, code + 1)]
-    ends = across if is_horizontal else [(code, place), (code + 1, place)]
-    return [
-        {"x": x, "y": y, "order": order, "part": str(part)} for order, (x, y) in enumerate(ends)
-    ]
 
 
 def number_rows(values: Floats) -> tuple[Rows, Rows]:

@@ -5,7 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -168,18 +168,13 @@ def aggregated_columns(
     return columns
 
 
-class BoundaryLaw(NamedTuple):
-    """A closed form, atan μ or atan μ (1 + e), that separates two outcomes along an axis."""
-
-    axis: str
-    meaning: str
-    rebounds: bool
-
-
+# By scene an axis, what separates two outcomes along it, and whether that is atan μ (1 + e), not μ.
 _LAWS = {
-    "incline": BoundaryLaw("tilt", "the angle of friction, atan μ; steeper slopes slide", False),
-    "oblique_impact": BoundaryLaw(
-        "angle", "the boundary of Coulomb's cone, tan = μ (1 + e); smaller angles stick", True
+    "incline": ("tilt", "the angle of friction, atan μ; steeper slopes slide", False),
+    "oblique_impact": (
+        "angle",
+        "the boundary of Coulomb's cone, tan = μ (1 + e); smaller angles stick",
+        True,
     ),
 }
 
@@ -200,20 +195,20 @@ class Boundary:
 
 def read_boundary(store: Store, axes: tuple[GridAxis, ...]) -> Boundary | None:
     """Return the boundary of a store's scene, where it has one and sweeps its axis."""
-    law = _LAWS.get(store.manifest.sweep.scene)
-    axis = next((each for each in axes if law and each.name == law.axis), None)
-    if law is None or axis is None or not np.isfinite(axis.tick_values).all():
+    name, meaning, rebounds = _LAWS.get(store.manifest.sweep.scene, ("", "", False))
+    axis = next((each for each in axes if each.name == name), None)
+    if axis is None or not np.isfinite(axis.tick_values).all():
         return None
     codes, pairs = store.columns.strings("pairs")
-    critical = np.array([_critical(law, each) for each in pairs])
-    return Boundary(axis, law.meaning, critical[codes])
+    critical = np.array([_critical(each, rebounds=rebounds) for each in pairs])
+    return Boundary(axis, meaning, critical[codes])
 
 
-def _critical(law: BoundaryLaw, pairs: str) -> float:
+def _critical(pairs: str, *, rebounds: bool) -> float:
     """Return the critical value of a run, from the parameters of its only pair."""
     contacts = list(json.loads(pairs).values())
     if len(contacts) != 1:
         return math.nan
     restitution = float(restitution_of(damping_ratio(contacts[0]["solref"])))
-    gain = 1 + restitution if law.rebounds else 1
+    gain = 1 + restitution if rebounds else 1
     return math.degrees(math.atan(contacts[0]["friction"][0] * gain))

@@ -35,14 +35,10 @@ _OUTCOMES = ["sticks", "slides throughout"]
 
 @dataclass(frozen=True)
 class BouncingRun:
-    """One run that bounces.
+    """One run that bounces: the setting that distinguishes it, and its contact's restitution.
 
-    Attributes:
-        setting: what distinguishes it from the others.
-        time: (P,) [s].
-        height: (P,) above the first contact [m].
-        peaks: (B + 1,) greatest height before the first bounce, and after each [m].
-        restitution: coefficient of restitution of its contact.
+    Over times (P,) [s] it has heights (P,) above the first contact [m]. The peaks (B + 1,) are its
+    greatest heights before the first bounce, and after each [m].
     """
 
     setting: str

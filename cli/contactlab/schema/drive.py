@@ -152,20 +152,18 @@ def drive_data(drive: Drive) -> object:
 
 def drive_file(drive: Drive) -> str | None:
     """Return the file that a drive names; None for others."""
-    match drive:
-        case FileDrive(file=file):
-            return file
-        case PolicyDrive(policy=policy):
-            return policy.rpartition(":")[0]
-        case _:
-            return None
+    return next(iter(drive_files(drive)), None)
 
 
 def drive_files(drive: Drive) -> tuple[str, ...]:
     """Return all files that a drive names, the one that drives first."""
-    file = drive_file(drive)
-    others = drive.files if isinstance(drive, PolicyDrive) else ()
-    return () if file is None else (file, *others)
+    match drive:
+        case FileDrive(file=file):
+            return (file,)
+        case PolicyDrive(policy=policy, files=files):
+            return (policy.rpartition(":")[0], *files)
+        case _:
+            return ()
 
 
 def drive_identity(drive: Drive) -> object:

@@ -42,15 +42,13 @@ _RENAMED = {"prefixItems": "items", "$defs": "definitions"}
 
 def json_schemas() -> dict[str, Node]:
     """Return the JSON Schema of every exchanged file, by file name."""
-    written: dict[str, Node] = {
-        name: {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
-        for name, model in WRITTEN.items()
-    }
-    emitted: dict[str, Node] = {
-        name: {"$schema": _DRAFT_2020, **model.model_json_schema(mode="serialization")}
-        for name, model in EMITTED.items()
-    }
-    return {**written, **emitted}
+    schemas: dict[str, Node] = {}
+    for name, model in WRITTEN.items():
+        schemas[name] = {"$schema": _DRAFT_07, **_rewritten(model.model_json_schema())}
+    for name, model in EMITTED.items():
+        schema = model.model_json_schema(mode="serialization")
+        schemas[name] = {"$schema": _DRAFT_2020, **schema}
+    return schemas
 
 
 def write_json_schemas(folder: Path) -> list[Path]:

@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Fl
 from contactlab.errors import StoreError
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
-from contactlab.view.drawn_shapes import BodyShape, Form, body_names, moving_bodies, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, body_names, moving_bodies, poses, shapes
 
 Rows = NDArray[np.intp]
 
@@ -167,9 +167,9 @@ def _reach(shapes: Sequence[BodyShape], bodies: int) -> Floats:
     reach = np.zeros(bodies)
     for shape in shapes:
         far = np.linalg.norm(shape.size) / 2
-        if shape.form is Form.mesh:
+        if shape.form == "mesh":
             far = np.linalg.norm(shape.vertices, axis=1).max(initial=0)
-        elif shape.form is Form.ellipsoid:
+        elif shape.form == "ellipsoid":
             far = shape.size.max() / 2
         reach[shape.body] = max(reach[shape.body], np.linalg.norm(shape.position) + far)
     return reach

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from enum import StrEnum
+from typing import Literal
 
 import mujoco
 import numpy as np
@@ -10,14 +10,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, Integers
 
-
-class Form(StrEnum):
-    """The form of a shape."""
-
-    box = "box"
-    ellipsoid = "ellipsoid"
-    cylinder = "cylinder"
-    mesh = "mesh"
+Form = Literal["box", "ellipsoid", "cylinder", "mesh"]
 
 
 @dataclass(frozen=True)
@@ -52,12 +45,12 @@ _VISIBLE_GROUPS = 3
 _UNSET_COLOUR = np.array([0.5, 0.5, 0.5, 1.0], dtype=np.float32)
 _GEOM = mujoco.mjtGeom
 # The form of a kind of geom, and which of its half sizes lie along its three axes.
-_SOLIDS = {
-    int(_GEOM.mjGEOM_SPHERE): (Form.ellipsoid, [0, 0, 0]),
-    int(_GEOM.mjGEOM_ELLIPSOID): (Form.ellipsoid, [0, 1, 2]),
-    int(_GEOM.mjGEOM_BOX): (Form.box, [0, 1, 2]),
-    int(_GEOM.mjGEOM_CYLINDER): (Form.cylinder, [0, 0, 1]),
-    int(_GEOM.mjGEOM_CAPSULE): (Form.cylinder, [0, 0, 1]),
+_SOLIDS: dict[int, tuple[Form, list[int]]] = {
+    int(_GEOM.mjGEOM_SPHERE): ("ellipsoid", [0, 0, 0]),
+    int(_GEOM.mjGEOM_ELLIPSOID): ("ellipsoid", [0, 1, 2]),
+    int(_GEOM.mjGEOM_BOX): ("box", [0, 1, 2]),
+    int(_GEOM.mjGEOM_CYLINDER): ("cylinder", [0, 0, 1]),
+    int(_GEOM.mjGEOM_CAPSULE): ("cylinder", [0, 0, 1]),
 }
 _SURFACES = {int(each) for each in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD)}
 _NO_VERTICES = np.empty((0, 3))
@@ -111,13 +104,13 @@ def _shapes_of(model: mujoco.MjModel, geom: int) -> Iterator[BodyShape]:
     if kind == _GEOM.mjGEOM_CAPSULE:
         for end, place in (("/top", size[1]), ("/bottom", -size[1])):
             offset = np.array([0.0, 0.0, place])
-            yield _shape(model, geom, Form.ellipsoid, np.full(3, 2 * size[0]), offset, end)
+            yield _shape(model, geom, "ellipsoid", np.full(3, 2 * size[0]), offset, end)
     elif kind == _GEOM.mjGEOM_PLANE:
         yield _plane(model, geom, size)
     elif kind in _SURFACES:
         read = _field if kind == _GEOM.mjGEOM_HFIELD else _surface
         vertices, triangles = read(model, int(model.geom_dataid[geom]))
-        plain = _shape(model, geom, Form.mesh, np.ones(3))
+        plain = _shape(model, geom, "mesh", np.ones(3))
         yield replace(plain, vertices=vertices, triangles=triangles)
 
 
@@ -127,7 +120,7 @@ def _plane(model: mujoco.MjModel, geom: int, size: Floats) -> BodyShape:
     half = np.where(size[:2] > 0, size[:2], 3 * reach)
     thickness = reach / 100
     below = np.array([0.0, 0.0, -thickness / 2])
-    return _shape(model, geom, Form.box, np.array([*(2 * half), thickness]), below)
+    return _shape(model, geom, "box", np.array([*(2 * half), thickness]), below)
 
 
 def _shape(

@@ -32,7 +32,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.mcap.trace_writer import AddedChannel, copy_trace
 from contactlab.view.drawn_motion import BodyMotion
-from contactlab.view.drawn_shapes import BodyShape, Form
+from contactlab.view.drawn_shapes import BodyShape
 
 _WORLD = 0
 _FORCES = "contact_forces"
@@ -125,11 +125,11 @@ def contact_forces(motion: BodyMotion, frame: int) -> SceneUpdate:
 def _add(entity: SceneEntity, shape: BodyShape) -> None:
     pose, colour = _pose(shape.position, shape.rotation), _colour(shape.colour)
     size = _vector(shape.size)
-    if shape.form is Form.box:
+    if shape.form == "box":
         entity.cubes.append(CubePrimitive(pose=pose, size=size, color=colour))
-    elif shape.form is Form.ellipsoid:
+    elif shape.form == "ellipsoid":
         entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
-    elif shape.form is Form.cylinder:
+    elif shape.form == "cylinder":
         entity.cylinders.append(
             CylinderPrimitive(pose=pose, size=size, bottom_scale=1, top_scale=1, color=colour)
         )

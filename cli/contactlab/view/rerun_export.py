@@ -17,7 +17,7 @@ from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion
-from contactlab.view.drawn_shapes import BodyShape, Form
+from contactlab.view.drawn_shapes import BodyShape
 
 _SPACE, _BODIES, _FORCES = "space", "bodies", "contact_forces"
 _XYZW = [1, 2, 3, 0]
@@ -66,7 +66,7 @@ def _send_bodies(recording: rr.RecordingStream, motion: BodyMotion) -> None:
 
 
 def _archetype(shape: BodyShape) -> rr.AsComponents:
-    if shape.form is Form.mesh:
+    if shape.form == "mesh":
         return rr.Mesh3D(
             vertex_positions=rotate(shape.rotation, shape.vertices) + shape.position,
             triangle_indices=shape.triangles,
@@ -79,9 +79,9 @@ def _archetype(shape: BodyShape) -> rr.AsComponents:
         "colors": [shape.colour],
         "fill_mode": rr.components.FillMode.Solid,
     }
-    if shape.form is Form.cylinder:
+    if shape.form == "cylinder":
         return rr.Cylinders3D(lengths=shape.size[2], radii=half[0], **look)
-    kind = rr.Boxes3D if shape.form is Form.box else rr.Ellipsoids3D
+    kind = rr.Boxes3D if shape.form == "box" else rr.Ellipsoids3D
     return kind(half_sizes=[half], **look)
 
 
