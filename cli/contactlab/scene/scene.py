@@ -157,8 +157,8 @@ class Scene:
         self.duration = manifest.duration if manifest else end or BARE_DURATION
         with self.source.named_in_errors():
             run = replace(self.resolve({}, 0, None), drive=asked)
-            unheld = self._driving_of(run).unheld(run) if is_driven(asked) else ""
-        if unheld:
+            driving = self._driving_of(run) if is_driven(asked) else None
+        if driving and not self.source.content.copied and (unheld := driving.unheld(run)):
             warn_once(self.source, f"not held: {unheld}", UnheldWarning)
 
     def base(

@@ -228,6 +228,32 @@ def test_signals_start_when_a_robot_is_at_rest(tmp_path: Path) -> None:
     assert 0.05 <= starts[0] < starts[1] == 1.0
 
 
+@pytest.mark.parametrize(("half", "falls"), [(0.02, True), (0.3, False)])
+def test_a_robot_that_falls_over_is_said(
+    half: float, falls: bool, tmp_path: Path, recwarn: pytest.WarningsRecorder
+) -> None:
+    """A centre of mass 0.1 m beside the middle of its foot is carried by the broad one only."""
+    (tmp_path / "robot.xml").write_text(
+        '<mujoco><worldbody><geom type="plane" size="5 5 .1"/><body name="trunk" pos="0 0 1">'
+        f'<freejoint/><geom type="box" size="{half} {half} .01" pos="0 0 -.99" mass=".1"/>'
+        '<geom type="capsule" size=".02" fromto="0 0 -.98 0 0 0" mass="1" contype="0"/>'
+        '<body><joint name="arm" axis="0 1 0"/><geom type="capsule" size=".03" mass="5"'
+        ' fromto="0 0 0 .24 0 0" contype="0"/></body></body></worldbody>'
+        '<actuator><motor joint="arm"/></actuator></mujoco>'
+    )
+    Scene.open(str(tmp_path / "robot.xml")).with_drive("hold", tmp_path)
+    said = [str(each.message) for each in recwarn.list]
+    assert [
+        each.endswith("not held: falls over, since actuators hold joints only: trunk")
+        for each in said
+    ] == [True] * falls
+
+
+def test_a_start_beyond_limits_is_said(tmp_path: Path) -> None:
+    with pytest.warns(UnheldWarning, match="up to 0.2 beyond their limits at the start: knee"):
+        standing(tmp_path, 0.86, "11.459156 90")
+
+
 def test_a_body_that_a_mocap_body_holds_is_said(tmp_path: Path) -> None:
     (tmp_path / "led.xml").write_text(
         '<mujoco><worldbody><body name="hand" mocap="true"/><body name="tool"><freejoint/>'

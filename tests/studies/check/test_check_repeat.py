@@ -10,6 +10,7 @@ from contactlab.engines import Rollout
 from contactlab.engines.mujoco_engine import MujocoEngine
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure, Reference
 from contactlab.store.finished_store import Store
+from contactlab.studies.check import checked_model
 
 Checked = Callable[..., CheckReport]
 One = Callable[..., CheckResult]
@@ -48,3 +49,17 @@ def test_a_run_that_differs_elsewhere_is_found(
     found = one("ball_drop", "repeat", "duration=0.1", "drop_height=0.5")
     assert found.verdict == "fail"
     assert {each.of for each in missed(found)} == {"in another process", "in the same process"}
+
+
+def test_a_bare_model_runs_no_longer_than_it_may(
+    checked: Checked, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """100 steps of 0.002 s, of the 2 s that bare models take, unless more are asked for."""
+    monkeypatch.setattr(checked_model, "_MOST_STEPS", 100)
+    model = '<mujoco><worldbody><body><joint/><geom size=".1"/></body></worldbody></mujoco>'
+    for assign, steps in ((), 100), (("duration=0.5",), 250):
+        report = checked(model, "repeat", assign=assign)
+        said = "runs take 0.2 s, not 2: longer ones take more than 100 steps"
+        assert any(note.startswith(said) for note in report.notes) == (steps == 100)
+        (record,) = Store.open(tmp_path / "check/run").records()
+        assert record.steps == steps

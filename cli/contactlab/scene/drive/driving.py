@@ -111,8 +111,8 @@ class Driving:
         """Return what of a run's start is not held, though nothing else drives it."""
         if self._recorded or (self._drive == "exercise" and not self._model.nu):
             return ""
-        start = self._rule.nominal(run.initial), self._rule.held_ctrl
-        return unheld(self._model, hold_posture(self._model, self.servos, *start))
+        posture, _ = self._posture(run.initial)
+        return unheld(self._model, self.servos, self._rule.nominal(run.initial), posture)
 
     def _signals(
         self, posture: Posture, room: ControlRoom, runs: Sequence[ResolvedRun]

@@ -41,8 +41,13 @@ _STILL, _LOOK, _LONGEST = 0.02, 0.05, 1.0
 _MOST_STEPS = 2000
 # How often it settles at most, and how near to its posture is near enough [rad or m].
 _ROUNDS, _NEAR = 4, 0.01
+# How long a robot has for falling over [s], and the cosine of the tilt by which it has.
+_FALL, _OVER = 4.0, np.cos(np.pi / 4)
+# How far beyond a limit a start is said to be [rad or m].
+_BEYOND = 1e-3
 
 _SCALARS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+_FREE = mujoco.mjtJoint.mjJNT_FREE
 _MUSCLE = int(mujoco.mjtDyn.mjDYN_MUSCLE)
 _FIXED = int(mujoco.mjtGain.mjGAIN_FIXED)
 _NO_BIAS, _AFFINE = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
@@ -116,11 +121,11 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     along = rows / np.square(rows).sum(axis=1, keepdims=True)
     masses = np.einsum("ij,jk,ik->i", along, inertia, along)
     dampers = np.square(along) @ model.dof_damping
-    frequency = _CARRYING if _carries_its_root(model, moment) else _FREQUENCY
+    frequency = _CARRYING if _carried(model, moment).size else _FREQUENCY
     # A model may leave its timestep to the sweep.
     step = float(model.opt.timestep) or 1e-9
     # MuJoCo integrates the damping of joints implicitly, as if it were inertia.
-    carried = _carried(inertia + step * np.diag(model.dof_damping), rows)
+    carried = _bearable(inertia + step * np.diag(model.dof_damping), rows)
     wanted = frequency * (frequency * masses + dampers)
     stiffness = np.minimum(wanted, _SPRING_LIMIT / step**2 * carried)
     damping = np.minimum(2 * np.sqrt(stiffness * masses), _DAMPER_LIMIT / step * carried)
@@ -170,7 +175,7 @@ def find_support(model: mujoco.MjModel, servos: Servos, qpos: Floats, ctrl: Floa
     brings their lengths closer.
     """
     found, least = Support(np.zeros(model.nu), 0.0), np.inf
-    if not _carries_its_root(model, _moment(model, _at(model, qpos))):
+    if not _carried(model, _moment(model, _at(model, qpos))).size:
         return found
     held, support = copy.copy(model), found.forces
     servos.write(held)
@@ -207,16 +212,31 @@ def _settled(model: mujoco.MjModel, posture: Posture, qpos: Floats) -> tuple[Flo
     return *np.mean(looks[len(looks) // 2 :], axis=0), _LONGEST
 
 
-def unheld(model: mujoco.MjModel, posture: Posture) -> str:
-    """Return what of a model a posture does not hold; empty if it holds all but free bodies."""
-    moved = np.abs(_moment(model, _at(model, posture.qpos))).max(axis=0, initial=0) > 0
-    jointed = np.flatnonzero(np.asarray(model.jnt_type) != int(mujoco.mjtJoint.mjJNT_FREE))
+def unheld(model: mujoco.MjModel, servos: Servos, qpos: Floats, posture: Posture) -> str:
+    """Return what a posture does not hold of a model that starts at qpos (nq,); free bodies aside.
+
+    Empty if it holds all.
+    """
+    moment = _moment(model, _at(model, posture.qpos))
+    moved = np.abs(moment).max(axis=0, initial=0) > 0
+    jointed = np.flatnonzero(np.asarray(model.jnt_type) != int(_FREE))
     muscles = np.asarray(model.actuator_biastype) == int(mujoco.mjtBias.mjBIAS_MUSCLE)
+    beyond = np.abs(posture.qpos - qpos)[model.jnt_qposadr]
     parts = (
         ("no actuator moves", model.joint, np.setdiff1d(jointed, model.dof_jntid[moved])),
         ("without feedback:", model.actuator, np.flatnonzero(muscles)),
         ("too weak at the start:", model.actuator, np.flatnonzero(posture.strained)),
         ("fixed to a mocap body:", model.body, _fixed_to_mocap(model)),
+        (
+            f"up to {beyond.max(initial=0):.2g} beyond their limits at the start:",
+            model.joint,
+            np.flatnonzero(beyond > _BEYOND),
+        ),
+        (
+            "falls over, since actuators hold joints only:",
+            model.body,
+            _fallen(model, servos, qpos, posture),
+        ),
     )
     said: list[str] = []
     for what, element, ids in parts:
@@ -224,6 +244,26 @@ def unheld(model: mujoco.MjModel, posture: Posture) -> str:
         more = [f"{len(names) - 4} more"] if len(names) > 4 else []
         said += [f"{what} {', '.join(names[:4] + more)}"] if names else []
     return "; ".join(said)
+
+
+def _fallen(
+    model: mujoco.MjModel, servos: Servos, qpos: Floats, posture: Posture
+) -> NDArray[np.int32]:
+    """Return the free bodies of robots that turn over though their joints are held."""
+    data = _at(model, qpos)
+    roots = np.unique(model.body_rootid[_carried(model, _moment(model, data))])
+    free = np.asarray(model.jnt_type)[model.body_jntadr[roots]] == int(_FREE)
+    roots = roots[free & (model.body_jntnum[roots] > 0)]
+    held = copy.copy(model)
+    servos.write(held)
+    data.ctrl[:], data.act[:] = posture.ctrl, posture.act
+    # What is upwards, in the frames of bodies.
+    upwards = data.xmat[roots, 6:].copy()
+    if roots.size:
+        step = held.opt.timestep = held.opt.timestep or 2e-3
+        with suppress(mujoco.FatalError):
+            mujoco.mj_step(held, data, nstep=min(2 * _MOST_STEPS, round(_FALL / step)))
+    return roots[np.sum(upwards * data.xmat[roots, 6:], axis=1) < _OVER]
 
 
 def _fixed_to_mocap(model: mujoco.MjModel) -> NDArray[np.int32]:
@@ -328,14 +368,15 @@ def _at(model: mujoco.MjModel, qpos: Floats) -> mujoco.MjData:
     return data
 
 
-def _carries_its_root(model: mujoco.MjModel, moment: Floats) -> bool:
-    """Return whether joints that actuators move hang on ones that none does, as legs of a robot."""
+def _carried(model: mujoco.MjModel, moment: Floats) -> NDArray[np.int32]:
+    """Return the bodies of joints that no actuator moves but that carry some which one does."""
     moved = np.abs(moment).max(axis=0, initial=0) > 0
-    above = np.asarray(model.dof_parentid)
-    return bool((~moved[above[moved & (above >= 0)]]).any())
+    above = np.asarray(model.dof_parentid)[moved]
+    above = above[above >= 0]
+    return np.asarray(model.dof_bodyid)[above[~moved[above]]]
 
 
-def _carried(inertia: Floats, rows: Floats) -> Floats:
+def _bearable(inertia: Floats, rows: Floats) -> Floats:
     """Return coefficients c such that no rate of M^-1 rows^T c rows exceeds 1.
 
     Its rates are those of c G, with G = rows M^-1 rows^T, and by Gershgorin's theorem at most the

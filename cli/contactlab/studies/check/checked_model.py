@@ -5,6 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
+import mujoco
+
 from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import SweepFileError
 from contactlab.run.planned_runs import RUN_BYTES
@@ -24,8 +26,18 @@ NOMINAL_STORE, HOLD_STORE = "run", "hold"
 """Names of the stores of the nominal run, that of the model as it is, and of one that holds."""
 
 _MOST_STEPS, _MOST_REMEDY_STEPS = 300_000, 600_000
-"""Steps that a run of a check takes at most, beside the nominal one, and all remedies together."""
+"""Steps that a run of a check takes at most, and all remedies together."""
 _SMALL = 10  # degrees of freedom up to which a model may take so many steps; larger ones take fewer
+
+
+def most_steps(model: mujoco.MjModel) -> int:
+    """Return how many steps a run of a model takes at most, unless more are asked for."""
+    return _at_most(_MOST_STEPS, model)
+
+
+def _at_most(steps: int, model: mujoco.MjModel) -> int:
+    """Return how many steps of a model take as long as so many of a small one."""
+    return steps * _SMALL // max(_SMALL, model.nv)
 
 
 class TooLongError(SweepFileError):
@@ -53,6 +65,7 @@ class CheckedModel:
     limits: Limits
     kind: TaskKind
     kind_reason: str  # why it is for that kind of task, in words
+    notes: tuple[str, ...] = ()  # what is to be said of how it is run
     brief: bool = False  # whether only the runs are made that measures with limits need
     _written: set[str] = field(default_factory=set[str])
     _steps: Counter[str] = field(default_factory=Counter[str])
@@ -120,11 +133,7 @@ class CheckedModel:
         """Say whether a run of a duration [s] at a timestep [s] is short enough to be made."""
         steps = steps_of(seconds, timestep)
         model = self.scenes.open(scene or self.reference).base({}).model
-        return steps <= self._at_most(_MOST_STEPS) and bytes_of_run(model, steps) <= RUN_BYTES
-
-    def _at_most(self, steps: int) -> int:
-        """Return how many steps take as long as so many of a small model."""
-        return steps * _SMALL // max(_SMALL, self.base.model.nv)
+        return steps <= most_steps(self.base.model) and bytes_of_run(model, steps) <= RUN_BYTES
 
     def run(
         self,
@@ -155,7 +164,7 @@ class CheckedModel:
                 raise TooLongError(f"a run of {seconds:g} s would take {steps:,} steps")
         if self.brief:
             total = self._steps["remedies"] + sum(steps_of(seconds, step) for step in timesteps)
-            if total > (most := self._at_most(_MOST_REMEDY_STEPS)):
+            if total > (most := _at_most(_MOST_REMEDY_STEPS, self.base.model)):
                 raise TooLongError(
                     f"remedies would take {total:,} steps; {most:,} are made at most"
                 )

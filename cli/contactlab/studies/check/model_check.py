@@ -30,6 +30,7 @@ from contactlab.studies.check.checked_model import (
     CheckedModel,
     TooLongError,
     axis_value,
+    most_steps,
 )
 from contactlab.studies.check.contact_checks import check_contact_margin, check_flat_contact
 from contactlab.studies.check.free_motion_check import check_free_motion
@@ -108,7 +109,7 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
         checks=tuple(results),
         findings=tuple(findings),
         remedies=remedies,
-        notes=(*stale, *notes, *_not_exercised(checked)),
+        notes=(*stale, *checked.notes, *notes, *_not_exercised(checked)),
     )
     session.write(_files(report, checked))
     return report
@@ -136,18 +137,26 @@ def open_model(request: CheckRequest, session: Session) -> CheckedModel:
             f"{scene.source.model}: its timestep is {resolved.timestep:g} s; write one above 0 "
             "there, or `--set timestep=`"
         )
-    kind, reason = _kind(scene.base(resolved.structure), request.kind)
-    bare = request.drive is None and scene.source.manifest is None
+    base = scene.base(resolved.structure)
+    kind, reason = _kind(base, request.kind)
+    bare, steps = scene.source.manifest is None, most_steps(base.model)
+    most = steps * resolved.timestep
+    shorter = bare and sweep.duration is None and most < scene.duration
+    note = (
+        f"runs take {most:g} s, not {scene.duration:g}: longer ones take more than {steps:,} "
+        "steps; --set duration=SECONDS makes them"
+    )
     return CheckedModel(
         reference=reference,
         scenes=scenes,
         session=session,
         values=_settings(resolved, values),
-        duration=scene.duration if sweep.duration is None else sweep.duration,
-        drive="exercise" if bare else request.drive,
+        duration=most if shorter else sweep.duration or scene.duration,
+        drive="exercise" if bare and request.drive is None else request.drive,
         limits=Limits(request.limits),
         kind=kind,
         kind_reason=reason,
+        notes=(note,) * shorter,
     )
 
 
