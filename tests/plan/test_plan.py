@@ -273,3 +273,9 @@ include: [{timestep: 1.0e-4, iterations: 5}, {timestep: 1.0e-4, iterations: 5, c
     one, two = ([dict(row.values) for row in read(text).plan.rows()] for text in (merged, plain))
     assert one == two
     assert len(one) == 4
+
+
+def test_an_anchor_may_be_set_again_without_a_word(read: Reader) -> None:
+    """YAML allows it; warnings are errors in these tests."""
+    text = "duration: &a 0.1\ntimeout: &a 2\naxes: {timestep: [0.1]}\n"
+    assert read(text).sweep.timeout == 2

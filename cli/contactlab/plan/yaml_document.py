@@ -165,6 +165,7 @@ class _Reader:
         self.source = source
         self.shift = shift
         self.yaml = YAML(typ="safe", pure=True)
+        self.yaml.composer.warn_double_anchors = False
         self.nodes = 0
 
     def read(self, text: str, path: KeyPath = ()) -> object:

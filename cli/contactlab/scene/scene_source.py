@@ -167,7 +167,9 @@ def read_manifest(path: Path) -> SceneManifest:
     try:
         text = path.read_text(encoding="utf-8-sig")
         check_extent(text)
-        data = YAML(typ="safe", pure=True).load(text)
+        yaml = YAML(typ="safe", pure=True)
+        yaml.composer.warn_double_anchors = False
+        data = yaml.load(text)
         return SceneManifest.model_validate(data)
     except ValidationError as error:
         found = [([str(part) for part in each["loc"]], each["msg"]) for each in error.errors()]
