@@ -61,10 +61,7 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
 
 
 def exec_with(interpreter: Interpreter, arguments: Sequence[str]) -> NoReturn:
-    """Replace this process by the contactlab command on another interpreter.
-
-    So exit codes, signals and all output are those of the other process.
-    """
+    """Become contactlab on another interpreter: exit code, signals and output are its own."""
     command = [str(interpreter.python), "-m", _PACKAGE, *arguments]
     os.execve(interpreter.python, command, _environment_variables())  # noqa: S606
 

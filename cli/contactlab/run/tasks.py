@@ -90,10 +90,7 @@ Job = tuple[PlannedRun, ...]
 
 @dataclass(frozen=True, slots=True)
 class Finished:
-    """The journal line of a finished run, its worst label, and how it ended.
-
-    Its trace, if one is kept, is in the store.
-    """
+    """The journal line of a finished run, whose trace is stored; its worst label; how it ended."""
 
     row: bytes
     label: str
@@ -136,11 +133,7 @@ ProgressCallback = Callable[[Sequence[Finished]], None]
 
 
 def results_of(task: Task, jobs: Iterable[Job], executor: Executor, stop: Stop) -> Iterator[Result]:
-    """Yield the results of jobs as they come.
-
-    Raises:
-        StoppedError: `stop` was set; the results of jobs in flight have been yielded.
-    """
+    """Yield the results of jobs as they come; then raise StoppedError if `stop` was set."""
     with stop.watched():
         yield from executor.run(task, jobs, stop)
     if stop.is_set:

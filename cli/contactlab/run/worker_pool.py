@@ -198,11 +198,7 @@ def _is_halted(process: int | None) -> bool:
 
 
 def receive_result(worker: WorkerHandle) -> Result:
-    """Return what a worker sends, or its job as crashed if it died.
-
-    Raises:
-        Exception: the job raised it there; it should end the sweep.
-    """
+    """Return what a worker sends, or its job as crashed if it died; raise what the job raised."""
     job, worker.job = worker.job, None
     assert job is not None
     try:

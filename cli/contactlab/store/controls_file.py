@@ -43,11 +43,7 @@ def encode_controls(controls: RecordedControls, actuators: Sequence[str]) -> byt
 
 
 def read_controls(backend: Backend, sha256: str) -> RecordedControls:
-    """Return stored controls.
-
-    Raises:
-        StoreError: they are missing, or not what they were.
-    """
+    """Return stored controls; raise StoreError if they are missing or not what they were."""
     name = controls_name(sha256)
     data = backend.read(name)
     if data is None:

@@ -148,11 +148,7 @@ class Store:
         return head + _table(("label", "runs"), self.manifest.labels.items())
 
     def file(self, name: str) -> Path:
-        """Return the local path of one of the store's files but traces.
-
-        Raises:
-            StoreError: it is missing, or is no regular file of the store.
-        """
+        """Return the local path of a file but a trace; raise StoreError if there is none."""
         path = stored_file(self.path, name)
         if path is None:
             raise StoreError(f"{self.address / name} is missing")
@@ -191,11 +187,7 @@ class Store:
         return self.path / SCENES / self.manifest.sweep.scene_hash
 
     def records(self) -> Iterator[EvidenceRecord]:
-        """Yield the record of every run, in plan order, a batch of them in memory.
-
-        Raises:
-            StoreError: the table is damaged.
-        """
+        """Yield all records in plan order; raise StoreError if the table is damaged."""
         for row in iterate_rows(self.file(TABLE)):
             yield self._record_of(row)
 
@@ -225,11 +217,7 @@ class Store:
         return self._record_of(self.columns.row(int(matches[0])))
 
     def controls(self, record: EvidenceRecord) -> RecordedControls | None:
-        """Return what the policy of a run did; None for runs without a policy.
-
-        Raises:
-            StoreError: it is missing or damaged, or the policy failed.
-        """
+        """Return what a run's policy did, None without one; raise StoreError if it is lost."""
         if record.controls is not None:
             return read_controls(self.backend, record.controls)
         if isinstance(record.drive, PolicyDrive):
@@ -265,11 +253,7 @@ class Store:
 
     @contextmanager
     def trace_file(self, trace: TraceFile) -> Generator[Path]:
-        """Yield a local file with a trace; one from object storage exists within the context.
-
-        Raises:
-            StoreError: it is missing or cannot be fetched.
-        """
+        """Yield a local file with a trace, for the context; raise StoreError if it is missing."""
         with closing(self.backend.trace_files([trace.file])) as files:
             path = next(files)
             if path is None:

@@ -83,10 +83,7 @@ class FolderBackend:
                 path.unlink(missing_ok=True)
 
     def local_copy(self, manifest: bytes, names: Collection[str]) -> Path:
-        """Return a local folder with a manifest and the files that it names, except missing ones.
-
-        It exists until the process ends.
-        """
+        """Return a local folder with a manifest and its files; it exists until the process ends."""
         del manifest, names
         return self.address
 

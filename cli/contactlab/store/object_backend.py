@@ -104,10 +104,7 @@ class ObjectBackend(ObjectClient):
         return sorted(self._trace_sizes)
 
     def trace_files(self, names: Iterable[str]) -> Generator[Path | None]:
-        """Yield a local file for each trace; None if it is missing.
-
-        Some are fetched ahead, so that the latency of the server does not add up.
-        """
+        """Yield a local file for each trace, some fetched ahead; None if it is missing."""
         coming: deque[tuple[Path, Future[bool]]] = deque()
         with (
             TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,

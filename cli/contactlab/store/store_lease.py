@@ -106,10 +106,7 @@ def _start_time(pid: int) -> int | None:
 
 
 class StoreLease:
-    """A lock that is held, and renewed by a thread; made by `hold_lease`.
-
-    Methods raise an OutputError once somebody is known to have taken it over.
-    """
+    """A lock that is held, and renewed by a thread; raises OutputError once it was taken over."""
 
     def __init__(
         self, client: "ObjectClient", holder: LockHolder, version: "UpdateVersion", seconds: float

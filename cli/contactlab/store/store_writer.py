@@ -200,10 +200,7 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
 
 
 def _find_manifest(rows: ResumedRows) -> StoreManifest | None:
-    """Return the manifest of a store; None if it is unfinished or not there.
-
-    To repair a store of this sweep, a damaged manifest is removed.
-    """
+    """Return a store's manifest, None if it has none; a damaged one is removed to repair it."""
     backend = rows.backend
     data = backend.read(MANIFEST)
     try:

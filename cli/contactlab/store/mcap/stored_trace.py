@@ -114,11 +114,7 @@ class StoredTrace:
     """The unit of each array; for coordinates, of slide and of hinge joints."""
 
     def pair(self, name: str) -> StoredPair:
-        """Return a pair by its name.
-
-        Raises:
-            StoreError: no monitored pair has it.
-        """
+        """Return a pair by its name; raise StoreError if no monitored pair has it."""
         for pair in self.pairs:
             if pair.name == name:
                 return pair
