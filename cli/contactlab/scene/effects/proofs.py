@@ -176,9 +176,48 @@ def zero(reason: str, *fields: str) -> Proof:
     return where(reason, lambda run: not acts(run.model, *fields))
 
 
+def either(*proofs: Proof) -> Proof:
+    """Return a proof by the first of some that holds."""
+    return lambda run: next(filter(None, (proof(run) for proof in proofs)), None)
+
+
 def acts(model: mujoco.MjModel, *fields: str) -> bool:
     """Return whether any coefficient in some fields of a model, if it has them, is not zero."""
     return any(np.any(getattr(model, field, 0)) for field in fields)
+
+
+def most_condim(model: mujoco.MjModel) -> int:
+    """Return the most dimensions that any contact of a model could have; 0 without geoms."""
+    solid = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
+    flex = np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
+    dims = np.concatenate([model.geom_condim[solid != 0], model.pair_dim, flex])
+    return int(dims.max(initial=0))
+
+
+def _has_other_forces(model: mujoco.MjModel) -> bool:
+    """Return whether passive forces act besides those of joints and tendons."""
+    air = model.opt.density or model.opt.viscosity
+    return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
+
+
+def _is_elliptic(model: mujoco.MjModel) -> bool:
+    return bool(model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC)
+
+
+def _falls_straight(run: RunState) -> bool:
+    """Return whether only spheres fall, straight and onto horizontal planes, and so never slide.
+
+    The contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
+    separately; of pyramids, only those with a coefficient of 1 in three dimensions add up to the
+    same normal force.
+    """
+    model, gravity = run.model, np.asarray(run.model.opt.gravity)
+    if not run.straight or not run.facts.level or gravity[:2].any():
+        return False
+    slides = np.concatenate([model.geom_friction[:, 0], model.pair_friction[:, :2].ravel()])
+    is_unit = most_condim(model) <= 3 and bool((slides == 1).all())
+    still = no_air(run) is not None and not model.opt.wind.any()
+    return still and (_is_elliptic(model) or is_unit)
 
 
 never = where("", lambda _: False)
@@ -193,109 +232,63 @@ no_spring = where(
     "no joint or tendon is a spring",
     lambda run: not (_has_other_forces(run.model) or acts(run.model, *_SPRINGS)),
 )
-
-
-def _has_other_forces(model: mujoco.MjModel) -> bool:
-    """Return whether passive forces act besides those of joints and tendons."""
-    air = model.opt.density or model.opt.viscosity
-    return bool(air or model.nplugin or model.nflex or np.any(model.body_gravcomp))
-
-
 # Without density and viscosity a medium exerts no force, whatever the wind.
 no_air = where(
     "the medium has no density or viscosity",
     lambda run: not (run.model.opt.density or run.model.opt.viscosity),
 )
-
-
-def no_friction(run: RunState) -> str | None:
-    """No contact has friction."""
-    if reason := no_contact(run):
-        return reason
-    return None if most_condim(run.model) > 1 else "no contact has friction"
+no_friction = either(
+    no_contact, where("no contact has friction", lambda run: most_condim(run.model) <= 1)
+)
+straight_drop = either(
+    no_contact,
+    where("what falls does so straight, and its contacts never move sideways", _falls_straight),
+)
+# An elliptic cone treats every direction separately.
+no_turning = either(
+    no_contact,
+    where(
+        "no body that can touch another can turn",
+        lambda run: not run.facts.turning and _is_elliptic(run.model),
+    ),
+    straight_drop,
+)
+# Speculative contacts come from the general function.
+no_general_collision = either(
+    no_contact,
+    where(
+        "all shapes that can touch have a collision function of their own",
+        lambda run: (
+            not run.model.opt.enableflags & _SPECULATIVE
+            and run.facts.kinds is not None
+            and run.facts.kinds <= _DIRECT
+        ),
+    ),
+)
+no_crowd = either(
+    no_contact, where("no body has more than one geom", lambda run: not run.facts.crowded)
+)
+# Sleeping needs islands.
+one_tree = where(
+    "a single tree of bodies is one island",
+    lambda run: (
+        run.model.ntree <= 1 and not run.model.nflex and not run.model.opt.enableflags & _SLEEP
+    ),
+)
+no_constraint = where(
+    "there is nothing to solve",
+    lambda run: (
+        not (run.model.neq or run.model.nflex or acts(run.model, *FRICTION_LOSS))
+        and no_contact(run)
+        and no_limit(run)
+    ),
+)
+no_equality = either(
+    zero("no equality constraint", "neq"),
+    zero("no equality constraint is active", "eq_active0"),
+)
 
 
 def no_noslip(run: RunState) -> str | None:
     """No contact or joint has friction that could slip."""
     return None if acts(run.model, *FRICTION_LOSS) else no_friction(run)
-
-
-def most_condim(model: mujoco.MjModel) -> int:
-    """Return the most dimensions that any contact of a model could have; 0 without geoms."""
-    solid = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
-    flex = np.asarray(model.flex_condim if model.nflex else [], dtype=np.int32)
-    dims = np.concatenate([model.geom_condim[solid != 0], model.pair_dim, flex])
-    return int(dims.max(initial=0))
-
-
-def straight_drop(run: RunState) -> str | None:
-    """A sphere that falls straight onto a horizontal plane never slides in its contact.
-
-    The contact lies under its centre, so that no force turns it. Elliptic cones treat the normal
-    separately; of pyramids, only those with a coefficient of 1 in three dimensions add up to the
-    same normal force.
-    """
-    if reason := no_contact(run):
-        return reason
-    gravity = np.asarray(run.model.opt.gravity)
-    if not run.straight or not run.facts.level or gravity[:2].any() or no_air(run) is None:
-        return None
-    if run.model.opt.wind.any() or not (_is_elliptic(run.model) or _is_unit_pyramid(run.model)):
-        return None
-    return "what falls does so straight, and its contacts never move sideways"
-
-
-def no_turning(run: RunState) -> str | None:
-    """Bodies that touch cannot turn, and an elliptic cone treats every direction separately."""
-    if reason := no_contact(run):
-        return reason
-    if not run.facts.turning and _is_elliptic(run.model):
-        return "no body that can touch another can turn"
-    return straight_drop(run)
-
-
-def _is_elliptic(model: mujoco.MjModel) -> bool:
-    return bool(model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC)
-
-
-def _is_unit_pyramid(model: mujoco.MjModel) -> bool:
-    slides = np.concatenate([model.geom_friction[:, 0], model.pair_friction[:, :2].ravel()])
-    return most_condim(model) <= 3 and bool((slides == 1).all())
-
-
-def no_general_collision(run: RunState) -> str | None:
-    """Every pair of shapes has its own collision function; speculative contacts do not."""
-    if reason := no_contact(run):
-        return reason
-    if run.model.opt.enableflags & _SPECULATIVE:
-        return None
-    if run.facts.kinds is None or not run.facts.kinds <= _DIRECT:
-        return None
-    return "all shapes that can touch have a collision function of their own"
-
-
-def no_crowd(run: RunState) -> str | None:
-    """No body has several geoms to sort."""
-    return no_contact(run) or (None if run.facts.crowded else "no body has more than one geom")
-
-
-def one_tree(run: RunState) -> str | None:
-    """One kinematic tree is one island; sleeping needs islands."""
-    if run.model.ntree > 1 or run.model.nflex or run.model.opt.enableflags & _SLEEP:
-        return None
-    return "a single tree of bodies is one island"
-
-
-def no_constraint(run: RunState) -> str | None:
-    """No contact, limit, equality or friction loss: nothing is solved."""
-    solved = run.model.neq or run.model.nflex or acts(run.model, *FRICTION_LOSS)
-    if solved or no_contact(run) is None or no_limit(run) is None:
-        return None
-    return "there is nothing to solve"
-
-
-def no_equality(run: RunState) -> str | None:
-    """No equality constraint is there, or all are inactive."""
-    if not run.model.neq:
-        return "no equality constraint"
-    return None if np.any(run.model.eq_active0) else "no equality constraint is active"
