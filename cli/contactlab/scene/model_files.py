@@ -200,10 +200,8 @@ def collect_files(model: Path, beside: Sequence[Path] = (), copy: Path | None = 
     """Return the model file, its includes and assets, the manifest and what that names, if any.
 
     Missing assets are left for the compiler to report: it does not need them all. Besides the model
-    are the manifest and the files that it names; the folder of a store's copy may hold them.
-
-    Raises:
-        SceneError: a file cannot be read, is not XML, or is not the scene's to name.
+    are the manifest and the files that it names; the folder of a store's copy may hold them. A
+    SceneError names a file that cannot be read, is not XML, or is not the scene's to name.
     """
     model, others = _plain(model), set(map(_plain, beside))
     try:

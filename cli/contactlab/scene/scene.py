@@ -73,10 +73,8 @@ class Scene:
     ) -> None:
         """Compile a scene as its manifest has it, for MuJoCo alone unless engines are given.
 
-        Without a reader of tables, drives that need one are refused.
-
-        Raises:
-            SceneError: it does not compile, or its manifest does not fit the model.
+        Without a reader of tables, drives that need one are refused. A SceneError says that it does
+        not compile, or that its manifest does not fit the model.
         """
         self.source, self._engines, self._tables = source, engines, tables
         self._compiled: dict[tuple[str, frozenset[str]], CompiledScene] = {}
@@ -131,8 +129,7 @@ class Scene:
     def with_drive(self, drive: Drive | None, folder: Path) -> "Scene":
         """Return the scene with another drive, if any, whose relative paths start in a folder.
 
-        Raises:
-            SceneError: a file of the drive is missing, or the drive does not fit the model.
+        A SceneError says that the drive does not fit the model, or names a file that is missing.
         """
         if drive is None:
             return self
@@ -273,9 +270,7 @@ class Scene:
     def check_start(self, run: ResolvedRun) -> None:
         """Compute what depends on time in a run, so that mistakes show before it starts.
 
-        Raises:
-            SceneError: times of its control decrease, the window of its hold is empty, or the run
-                does not suit its drive.
+        A SceneError says that times decrease, that a hold is empty, or that a drive does not suit.
         """
         self.starts([run])
         if holding := self.base(run.structure).holding:

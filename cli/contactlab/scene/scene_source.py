@@ -39,10 +39,8 @@ def menagerie_name(reference: str) -> str:
 def menagerie_model(reference: str) -> Path:
     """Return the model file of a robot, which the package downloads on first use.
 
-    Without an entry it is the robot's default: its scene if it has one.
-
-    Raises:
-        SceneError: the package is not installed, knows no such robot or entry, or cannot get it.
+    Without an entry it is the robot's default: its scene if it has one. A SceneError says that the
+    package is not installed, knows no such robot or entry, or cannot get it.
     """
     package = _package(reference)
     robot, _, entry = reference.removeprefix(_SCHEME).partition("/")

@@ -64,11 +64,8 @@ class RecordedInputs:
 def read_recorded(model: mujoco.MjModel, table: DriveTable, *, held: bool) -> RecordedInputs:
     """Return what a table says about the runs of a model; its first row is their start.
 
-    Each row is held until the next, or joined with it linearly.
-
-    Raises:
-        SceneError: the table has no time, or a name that the model lacks, or drives nothing, or a
-            value is no number.
+    Each row is held until the next, or joined with it linearly. A SceneError says that there is no
+    time, that nothing is driven, or which name the model lacks or value is no number.
     """
     name, columns = table.name, table.columns
     if TIME not in columns or not len(columns[TIME]):

@@ -148,10 +148,8 @@ class CheckedModel:
     ) -> list[CheckRun]:
         """Run the model with more settings, a run each row, or another scene with just these.
 
-        Duration [s] and drive are the model's unless given; `keys` are more of a sweep file.
-
-        Raises:
-            TooLongError: a run takes too many steps, or too much memory.
+        Duration [s] and drive are the model's unless given; `keys` are more of a sweep file. A
+        TooLongError says that a run takes too many steps, or too much memory.
         """
         seconds = self.duration if duration is None else duration
         drive = drive or (self.drive if scene is None else None)

@@ -215,9 +215,8 @@ def why_not_applicable(checked: CheckedModel) -> str:
 def free_motions(checked: CheckedModel, store: str) -> tuple[list[FreeMotionRun], FreeMotionRun]:
     """Run the free motion with the model's integrator and RK4, at three timesteps each.
 
-    Returns:
-        The runs, of which the first has the model's settings, as all have of a brief model; and one
-        that keeps the model's damping, the first if there is none.
+    Return the runs, of which the first has the model's settings, as all have of a brief model; and
+    one that keeps the model's damping, the first if there is none.
     """
     own, timestep = str(checked.settings["integrator"]), checked.resolved.timestep
     motions = [
