@@ -1,6 +1,7 @@
 """`contactlab tradeoff`: what it runs, prints and writes, and what it ends in."""
 
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import jsonschema
+import mujoco
 import pytest
 
 from contactlab import resources
@@ -57,12 +59,15 @@ def test_a_sweep_is_run_timed_and_weighed(contactlab: Run, swing: Path, tmp_path
     assert code == 0, err
     assert "6 configurations of double_pendulum" in out
     assert "from a timing pass" in out
-    assert '<option timestep="' in out
+    assert re.search(r'\n  scene\.xml:\d+: <option [^>]*timestep="', out)
     store = tmp_path / "results/tradeoff/swing"
     assert (store / "manifest.json").is_file()
     again = contactlab("tradeoff", str(store))
     assert again.code == 0
-    assert again.out.replace(str(store), "results/tradeoff/swing") == out
+    same, _, _ = again.out.replace(str(store), "results/tradeoff/swing").partition(
+        "\ninto the model"
+    )
+    assert out.startswith(same)
 
 
 def test_a_store_is_weighed_as_json(contactlab: Run, swung: str) -> None:
@@ -74,6 +79,21 @@ def test_a_store_is_weighed_as_json(contactlab: Run, swung: str) -> None:
     assert set(data["recommendation"]["configuration"]) == {"timestep", "integrator"}
     assert set(data["recommendation"]["margins"]) == {"oracle_error"}
     assert data["front"]
+
+
+def test_what_a_store_recommends_is_written_into_its_model(
+    contactlab: Run, swung: str, tmp_path: Path
+) -> None:
+    code, out, _ = contactlab("tradeoff", swung)
+    assert code == 0
+    assert "into the model: contactlab tradeoff swung --model FOLDER" in out
+    code, out, err = contactlab("tradeoff", swung, "--model", "model", "--format", "json")
+    assert (code, err) == (0, "")
+    chosen = json.loads(out)["recommendation"]
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "model" / "scene.xml"))
+    assert model.opt.timestep == chosen["configuration"]["timestep"]
+    (line,) = chosen["mjcf"]
+    assert line.split(": ", 1)[1] in (tmp_path / "model" / "scene.xml").read_text()
 
 
 def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -> None:

@@ -1,15 +1,19 @@
 """The model as written, beside a sweep: in every scenario, first of all, found where it is."""
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from contactlab.pareto.analysis import analyse
+from contactlab.pareto.criteria import Criteria
 from contactlab.pareto.tradeoff_chart import chart_data
 from contactlab.plan.overrides import Overrides
 from contactlab.run.sweep_request import read_request
 from contactlab.store.finished_store import Store
+from contactlab.studies.session import Session
+from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
 SWEEP = """
 version: 1
@@ -67,17 +71,19 @@ def test_it_is_found_among_the_sweeps_own_runs(written: Callable[..., Store]) ->
     assert report.configurations[0] == report.baseline
 
 
-def test_what_keeps_it_changes_nothing(beside: Store) -> None:
-    """Where nothing is faster, the lines are empty: there is nothing to paste."""
-    report = analyse(beside)
+def test_only_what_differs_from_it_is_written(beside: Store) -> None:
+    """Where nothing is faster, there is nothing to change in the model."""
+    request = TradeoffRequest(str(beside.address), Criteria())
+    report = run(request, Session(Path(str(beside.address)).parent))
+    now = report.baseline and report.baseline.configuration
+    assert now is not None
     for pick in (report.recommendation, report.robust):
         assert pick is not None
-        now = report.baseline and report.baseline.configuration
-        assert now is not None
         changed = {name for name, value in pick.configuration.items() if now[name] != value}
         text = " ".join(pick.mjcf)
         assert ("timestep=" in text) == ("timestep" in changed)
-        assert "cone=" not in text
+        assert ("midphase=" in text) == ("midphase" in changed)
+        assert "pyramidal" not in text
 
 
 def test_without_it_a_sweep_is_what_it_was(tmp_path: Any) -> None:

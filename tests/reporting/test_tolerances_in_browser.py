@@ -66,8 +66,6 @@ def check_recommendation(page: Any, report: TradeoffReport) -> None:
     assert shown["integrator"] == chosen.configuration["integrator"]
     assert float(shown["timestep"]) == chosen.configuration["timestep"]
     assert shown["solref"] == chosen.configuration["solref"]
-    lines = text(page, "#recommendation-text pre").replace(" ", "")
-    assert lines == re.sub(r"\s", "", "".join(chosen.mjcf))
     for name, margin in chosen.margins.items():
         assert margin is not None
         assert text(page, f"tr[data-name={name}] .margin") == f"x {float(f'{margin:.3g}'):g}"

@@ -78,15 +78,6 @@ def test_bounces_are_as_high_as_restitution_says(swept: Swept) -> None:
         assert np.sqrt(each.ratios[0]) == pytest.approx(each.restitution, abs=0.07)
 
 
-def test_knobs_without_a_line_of_mjcf_are_named_only_where_there_are_any(
-    swept: Swept, tmp_path: Path
-) -> None:
-    write_page(swept("bounce"), tmp_path / "page.html")
-    page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    assert "<dt>timestep [s]</dt><dd>0.0005</dd>" in page
-    assert "Not in MJCF" not in page
-
-
 def test_a_vertical_drop_has_no_cone(swept: Swept) -> None:
     assert first_impacts(swept("bounce")) == []
 

@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 from contactlab.errors import OutputError, SceneError
+from contactlab.mjcf import CONTACT
 from contactlab.scene.model_draft import ModelEdits
 from contactlab.scene.model_writer import WrittenModel, write_model
+from contactlab.scene.parameters import PARAMETERS, WORDS
 from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import stored_scene
 
@@ -204,6 +206,50 @@ def test_contact_parameters_reach_every_monitored_geom(
     mujoco.mj_setConst(meant, mujoco.MjData(meant))
     assert unlike(compiled(written.path), meant) == set()
     check_patch(robot, written, tmp_path / "patched")
+
+
+SETTINGS = {
+    "timestep": 1e-3 / 3,
+    "integrator": "RK4",
+    "cone": "elliptic",
+    "solver": "CG",
+    "jacobian": "dense",
+    "impratio": 10.0,
+    "gravity": (0.1, 0.2, -3.0),
+    "iterations": 7,
+    "tolerance": 1e-11,
+    "ls_iterations": 9,
+    "ls_tolerance": 0.02,
+    "noslip_iterations": 3,
+    "noslip_tolerance": 1e-5,
+    "ccd_iterations": 11,
+    "ccd_tolerance": 1e-7,
+    "density": 1.2,
+    "viscosity": 2e-5,
+    "solref": (-160000.0, -144.7),
+    "solimp": (0.8, 0.97, 0.002, 0.4, 3.0),
+    "friction": (0.7, 0.006, 2e-4),
+    "condim": 6,
+    "margin": 1e-3,
+    "gap": 5e-4,
+}
+
+
+def test_every_parameter_arrives_exactly(tmp_path: Path) -> None:
+    (tmp_path / "own.xml").write_text(
+        '<mujoco><worldbody><geom name="floor" type="plane" size="1 1 1"/>'
+        '<body><freejoint/><geom name="ball" size=".1"/></body></worldbody></mujoco>'
+    )
+    scene = Scene.open(str(tmp_path / "own.xml"))
+    assert {*SETTINGS} == {name for name in PARAMETERS if "." not in name} - {"restitution"}
+    written = compiled(write_model(scene, ModelEdits(SETTINGS), tmp_path / "out").path)
+    for name, value in SETTINGS.items():
+        if name in CONTACT:
+            half = value / 2 if name in ("margin", "gap") else value
+            assert np.array_equal(np.ravel(getattr(written.geom("ball"), name)), np.ravel(half))
+        else:
+            found = getattr(written.opt, name)
+            assert np.array_equal(WORDS[name][found] if name in WORDS else found, value)
 
 
 TEXTS = {

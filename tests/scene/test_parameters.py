@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, stiffness_damping
 from contactlab.mjcf import CONTACT, OPTIONS
-from contactlab.mjcf import FLAGS as MJCF_FLAGS
 from contactlab.scene.model_edits import FLAGS, non_default, read_flags, write_flags
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene import Scene
@@ -185,9 +184,8 @@ def test_a_model_without_contact_has_no_contact_axes(make_scene: Any) -> None:
     assert scene.catalogue.find("mass") is not None
 
 
-def test_mjcf_has_a_place_for_every_parameter_and_flag() -> None:
+def test_mjcf_has_a_place_for_every_parameter() -> None:
     assert {parameter.sets for parameter in PARAMETERS.values()} <= {*OPTIONS, *CONTACT}
-    assert set(FLAGS) <= MJCF_FLAGS
 
 
 @pytest.mark.parametrize("name", ["solimp", "friction"])

@@ -9,6 +9,7 @@ import typer
 from contactlab.commands import options as opt
 from contactlab.commands.terminal import echo, print_json, print_table, say, study_session
 from contactlab.errors import ExpectationError, OutputError
+from contactlab.printable import shortened
 from contactlab.resources import RESULTS
 
 if TYPE_CHECKING:
@@ -33,6 +34,7 @@ def tradeoff(
     tolerance: list[str] | None = opt.TOLERANCE,
     figure: Path | None = opt.FIGURE,
     write: Path | None = opt.option("FILE", "Write a sweep file of the recommended settings."),
+    model: Path | None = opt.option("FOLDER", "Write the model with these settings, and a patch."),
     store: opt.Address | None = opt.SWEEP_STORE,
     workers: int | None = opt.WORKERS,
     drive: str | None = opt.DRIVE,
@@ -46,7 +48,7 @@ def tradeoff(
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
     _check_outputs(figure, write)
-    report = _report(name, store, workers, criteria, drive, allow_code=allow_code)
+    report = _report(name, store, workers, criteria, drive, model, allow_code=allow_code)
     if output == "json":
         print_json(report.model_dump(mode="json"))
     else:
@@ -78,24 +80,25 @@ def _report(
     workers: int | None,
     criteria: "Criteria",
     drive: str | None,
+    model: Path | None,
     *,
     allow_code: bool,
 ) -> "TradeoffReport":
-    """Return the report of a store, for which no engine is loaded, or of a sweep, which is run."""
+    """Return the report of a store, or of a sweep, which is run; an engine is loaded to write."""
     from contactlab.pareto.analysis import analyse
     from contactlab.pareto.criteria import find_store
     from contactlab.store.finished_store import Store
 
-    stored = find_store(name, target)
-    if stored is not None:
-        opened = Store.open(stored)
-        opt.mention_damage(opened)
-        return analyse(opened, criteria)
+    if (stored := find_store(name, target)) is not None:
+        opt.mention_damage(opened := Store.open(stored))
+        if model is None:
+            return analyse(opened, criteria)
     from contactlab.plan.overrides import drive_option
     from contactlab.studies.tradeoff_sweep import TradeoffRequest, run
 
+    request = TradeoffRequest(name, criteria, target, drive_option(drive), model)
     with study_session(RESULTS / "tradeoff", workers, allow_code=allow_code) as session:
-        return run(TradeoffRequest(name, criteria, target, drive_option(drive)), session)
+        return run(request, session)
 
 
 def _fail_on(report: "TradeoffReport") -> None:
@@ -231,9 +234,15 @@ def _answer(report: "TradeoffReport") -> Iterator[str]:
     if robust is not None and robust.run_id != chosen.run_id:
         yield from _described(report, robust)
     yield f"next step: {next_step_text(report) or 'no feasible configuration is more accurate'}"
-    yield "\nin the MJCF" if chosen.mjcf or chosen.other else "\nkeep the model as it is"
-    yield from (f"  {line}" for line in chosen.mjcf)
-    yield from (f"  <!-- {name}: {value} -->" for name, value in chosen.other.items())
+    if report.baseline and chosen.configuration == report.baseline.configuration:
+        yield "\nkeep the model as it is"
+    elif not (chosen.mjcf or chosen.other):
+        yield f"\ninto the model: contactlab tradeoff {report.store} --model FOLDER"
+    else:
+        yield "\nin the model"
+        rest = "the patch that --model FOLDER writes"
+        yield from (f"  {line}" for line in shortened(chosen.mjcf, 12, rest))
+        yield from (f"  {name}: {value}" for name, value in chosen.other.items())
 
 
 def _described(report: "TradeoffReport", chosen: "Recommendation") -> Iterator[str]:

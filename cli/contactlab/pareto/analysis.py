@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.pareto.configuration_export import mjcf_lines
 from contactlab.pareto.configurations import (
     Evaluated,
     ResolvedCriteria,
@@ -38,7 +37,6 @@ from contactlab.schema.tradeoff_report import (
     FrontPoint,
     NextStep,
     Recommendation,
-    Settings,
     TradeoffReport,
 )
 from contactlab.store.finished_store import Store
@@ -83,8 +81,8 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         front=tuple(_point(each.summary) for each in front),
         unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
         methods=tuple(methods(alike, is_modelling=_has_floor(error))),
-        recommendation=_recommendation(store, runs, chosen, own),
-        robust=_recommendation(store, runs, safe, own),
+        recommendation=_recommendation(runs, chosen),
+        robust=_recommendation(runs, safe),
         next_step=_next_step(front, best) if best else None,
         blockers=tuple(_blockers(evaluated)),
         notes=(),
@@ -129,17 +127,12 @@ def _has_floor(error: ErrorMeasure) -> bool:
     return error.kind != "discretisation" or error.reference == "written"
 
 
-def _recommendation(
-    store: Store, runs: StoredRuns, near: Sequence[Evaluated], baseline: Settings | None
-) -> Recommendation | None:
+def _recommendation(runs: StoredRuns, near: Sequence[Evaluated]) -> Recommendation | None:
     if not near:
         return None
     chosen, *others = near
     summary, run = chosen.summary, runs.ids[chosen.rows[0]]
     assert summary.time is not None
-    written = baseline or {}
-    changed = [name for name, value in chosen.values.items() if written.get(name, ...) != value]
-    mjcf, other = mjcf_lines(changed, store.record(run))
     return Recommendation(
         configuration=summary.configuration,
         margins=summary.margins,
@@ -148,8 +141,6 @@ def _recommendation(
         real_time_factor=1 / summary.time,
         equally_fast=tuple(each.values for each in others),
         run_id=run,
-        mjcf=mjcf,
-        other=other,
     )
 
 

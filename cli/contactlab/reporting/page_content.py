@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable
-from contactlab.pareto.configuration_export import mjcf_lines
 from contactlab.pareto.recommendation import EQUALLY_FAST, SAFE_MARGIN
 from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
 from contactlab.reporting.packing import (
@@ -38,7 +37,6 @@ _RUNS_PER_LABEL = 50
 # Up to so many runs, numbers have all bits of single precision; above, those of three digits.
 _FEW_RUNS = 5_000
 _ALL_BITS, _FEW_BITS = 23, 11
-_MOST_MJCF = 200
 # Bytes that a run takes, and each of its numbers, once compressed.
 _BYTES_PER_RUN, _BYTES_PER_VALUE = 12.0, 2.2
 
@@ -66,7 +64,7 @@ def page_content(
     if is_aggregated:
         columns |= aggregated_columns(axes, data.labels, data.quantities)
     boundary = data.boundary
-    tradeoff = _tradeoff(data.store, data.tradeoff, table) if data.tradeoff and table else None
+    tradeoff = _tradeoff(data.tradeoff) if data.tradeoff and table else None
     metadata = {
         "store": str(data.store.address),
         "runs": len(rows),
@@ -181,7 +179,7 @@ def _configuration_columns(
     }
 
 
-def _tradeoff(store: Store, report: TradeoffReport, table: ToleranceTable) -> dict[str, Any]:
+def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
     return {
         "knobs": report.knobs,
         "configurations": [list(each.configuration.values()) for each in report.configurations],
@@ -189,17 +187,7 @@ def _tradeoff(store: Store, report: TradeoffReport, table: ToleranceTable) -> di
         "tolerances": report.tolerances,
         "equallyFast": EQUALLY_FAST,
         "safeMargin": SAFE_MARGIN,
-        "mjcf": _mjcf(store, report, table),
     }
-
-
-def _mjcf(store: Store, report: TradeoffReport, table: ToleranceTable) -> list[str] | None:
-    """Return the lines that set each configuration, unless there are too many."""
-    if len(report.configurations) > _MOST_MJCF:
-        return None
-    firsts = np.unique(table.configuration, return_index=True)[1].tolist()
-    records = _records(store, firsts)
-    return ["\n".join(mjcf_lines(report.knobs, records[row]).mjcf) for row in firsts]
 
 
 def _records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:

@@ -15,7 +15,7 @@ import mujoco
 import numpy as np
 
 from contactlab.errors import SceneError, did_you_mean
-from contactlab.mjcf import OPTIONS, attributes
+from contactlab.mjcf import OPTIONS
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects.effect_table import remove
 from contactlab.scene.element_origins import Origin, Origins
@@ -24,6 +24,7 @@ from contactlab.scene.model_names import KINDS, is_address
 from contactlab.scene.model_text import (
     Replacement,
     at_end,
+    attributes,
     elements_of,
     replaced,
     with_attributes,

@@ -4,8 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from xml.parsers import expat
-
-from contactlab.mjcf import attributes
+from xml.sax.saxutils import quoteattr
 
 _ATTRIBUTE = re.compile(rb"""\s([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
 _START_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
@@ -31,6 +30,11 @@ class Replacement:
     start: int
     end: int
     text: bytes
+
+
+def attributes(values: Mapping[str, str]) -> str:
+    """Return attributes as written in an element, each preceded by a space."""
+    return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
 
 
 def elements_of(data: bytes) -> list[ElementText]:

@@ -121,8 +121,10 @@ class Recommendation(Model):
         "Feasible configurations whose time does not measurably differ from its own."
     )
     run_id: str = about("A run of it, for `contactlab show`.")
-    mjcf: tuple[str, ...] = about("Lines that set it in a model.")
-    other: Settings = about("Knobs that no MJCF option or default sets.")
+    mjcf: tuple[str, ...] = about(
+        "What it changes in the model's files: where, and the element then.", default=()
+    )
+    other: Settings = about("Knobs that it changes elsewhere.", default_factory=dict[str, Setting])
 
 
 class NextStep(Model):

@@ -3,21 +3,29 @@
 The analysis of a stored sweep stands by itself in `contactlab.pareto`, without an engine.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from contactlab import resources
+from contactlab.errors import SceneError, StoreError
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.criteria import Criteria, chosen_error, find_store
 from contactlab.plan.overrides import Overrides
+from contactlab.run.planned_runs import stored_sweep_scene
+from contactlab.run.stored_runs import canonical_values
 from contactlab.run.sweep_request import SceneLoader, SweepRequest, read_request, starter_sweep
+from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.model_draft import ModelEdits
+from contactlab.scene.model_writer import write_model
+from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.scene_source import MODEL_SUFFIXES, is_menagerie
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
-from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_address import Address
 from contactlab.studies.session import Session
@@ -33,19 +41,22 @@ class TradeoffRequest:
         criteria: which error stands for accuracy, and tolerances over the sweep's.
         store: where the store of a sweep goes; if None, under its name in the session's folder.
         drive: what drives the runs of a sweep, whatever it and its scene say.
+        model: folder to write the model with the recommendation into.
     """
 
     source: str
     criteria: Criteria
     store: Address | None = None
     drive: Drive | None = None
+    model: Path | None = None
 
 
 def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     """Evaluate the configurations of a store, after running the sweep if it is one.
 
     A sweep is run with errors and times measured, and with the scene as written beside, even if its
-    file does not ask for them. The session is notified of what looks wrong in it.
+    file does not ask for them. The session is notified of what looks wrong in it. What is
+    recommended is written into the store's copy of the model; what cannot be is noted.
 
     Raises:
         SweepFileError: the sweep holds mistakes, or the criteria name what it does not measure.
@@ -54,11 +65,40 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
     """
     stored = find_store(request.source, request.store)
     if stored is not None:
-        return analyse(Store.open(stored), request.criteria)
-    sweep = _sweep(request, session)
-    for warning in sweep.plan.warnings:
-        session.notify(str(warning))
-    return analyse(session.run(sweep), request.criteria)
+        store = Store.open(stored)
+    else:
+        sweep = _sweep(request, session)
+        for warning in sweep.plan.warnings:
+            session.notify(str(warning))
+        store = session.run(sweep)
+    report = analyse(store, request.criteria)
+    with TemporaryDirectory(prefix="contactlab-") as folder:
+        chosen, notes = _written(
+            report, report.recommendation, request.model or Path(folder), store
+        )
+        robust, _ = _written(report, report.robust, Path(folder), store)
+    notes = (*report.notes, *notes)
+    return report.model_copy(update={"recommendation": chosen, "robust": robust, "notes": notes})
+
+
+def _written(
+    report: TradeoffReport, pick: Recommendation | None, folder: Path, store: Store
+) -> tuple[Recommendation | None, Sequence[str]]:
+    """Return what to use with what it changes in the model, written into a folder; and why not."""
+    if pick is None:
+        return None, ()
+    own = report.baseline.configuration if report.baseline else {}
+    changed = [each for each in report.knobs if own.get(each, ...) != pick.configuration[each]]
+    settings = {each for each in changed if each in PARAMETERS or each in EFFECTS or "[" in each}
+    other = {each: pick.configuration[each] for each in changed if each not in settings}
+    try:
+        scene = stored_sweep_scene(store.manifest.sweep, store.scene_folder)
+        values = canonical_values(scene, store.record(pick.run_id))
+        edits = ModelEdits({each: values[each] for each in settings if each in values})
+        lines = write_model(scene, edits, folder).lines
+    except (SceneError, StoreError) as error:
+        return pick, (f"what is recommended is in no file of the model: {error}",)
+    return pick.model_copy(update={"mjcf": lines, "other": other}), ()
 
 
 def _sweep(request: TradeoffRequest, session: Session) -> SweepRequest:

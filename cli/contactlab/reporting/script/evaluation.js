@@ -132,12 +132,10 @@ function recommendationOf(columns, evaluated, limits) {
     ` (${number(1 / time)} x real time). `,
     robustText(columns, evaluated),
   ];
-  const lines = metadata.tradeoff.mjcf?.[place];
   return [
     element("dl", { class: "settings" }, ...values),
     element("p", {}, parts.join("")),
-    lines ? element("pre", { class: "code", "aria-label": "Lines for the model" }, lines) : null,
-  ].filter(Boolean);
+  ];
 }
 
 function robustText(columns, evaluated) {
