@@ -24,6 +24,7 @@ from contactlab.commands.study_commands import check, effects, stability
 from contactlab.commands.sweep_command import sweep
 from contactlab.commands.terminal import echo, say
 from contactlab.commands.tradeoff_command import tradeoff
+from contactlab.commands.tune_command import tune
 from contactlab.errors import ContactlabError, OutputError
 from contactlab.printable import printable
 
@@ -34,7 +35,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     rich_markup_mode=None,
 )
-_RUN = (sweep, stability, effects, check, tradeoff)
+_RUN = (sweep, stability, effects, check, tradeoff, tune)
 _READ = (show, replay, render, verify, compare, report)
 _LIST = (scenes, sweeps, metrics, labels, thresholds, init, schema)
 for command in (*_RUN, *_READ, *_LIST):

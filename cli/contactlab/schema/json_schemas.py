@@ -15,6 +15,7 @@ from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.scene_manifest import SceneManifest
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import TradeoffReport
+from contactlab.schema.tune_report import TuneReport
 
 # Files that people write, for editors; a key without a value is left out of these.
 WRITTEN: Mapping[str, type[BaseModel]] = {
@@ -31,6 +32,7 @@ EMITTED: Mapping[str, type[BaseModel]] = {
     "check.schema.json": CheckReport,
     "reference.schema.json": Reference,
     "effects.schema.json": EffectsReport,
+    "tune.schema.json": TuneReport,
 }
 
 Node = dict[str, object]

@@ -1,0 +1,151 @@
+"""`contactlab tune`: from a model to the settings to use, written and proven."""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import typer
+
+from contactlab.commands import options as opt
+from contactlab.commands.terminal import echo, print_table, study_session
+from contactlab.errors import ExpectationError, SweepFileError
+from contactlab.resources import RESULTS
+
+if TYPE_CHECKING:
+    from contactlab.schema.tune_report import Candidate, TuneReport
+
+_SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
+_MOST_KEPT = 6
+
+
+def tune(
+    model: str = typer.Argument(..., help="An .xml or .urdf file, a scene, or menagerie:ROBOT."),
+    folder: Path | None = opt.STUDY_FOLDER,
+    *,
+    goal: Literal["fastest", "most-accurate"] = typer.Option(
+        "fastest", help="The fastest, or the most accurate that takes no longer than now."
+    ),
+    error: str | None = opt.option(
+        "METRES", "Largest distance from the model as written; by default what it has itself."
+    ),
+    tolerance: list[str] | None = opt.TOLERANCE,
+    budget: str = opt.option("TIME", "How long it may take: 90s, 5min, 1h.", "5min"),
+    free: list[str] | None = opt.option("solref", "Contact parameters that may become softer."),
+    patch: bool = opt.flag("--patch", "Print the patch, and no more."),
+    workers: int | None = opt.WORKERS,
+    drive: str | None = opt.DRIVE,
+    plugin: list[Path] | None = opt.PLUGIN,
+    allow_code: bool = opt.ALLOW_CODE,
+    output: opt.Format = opt.FORMAT,
+) -> None:
+    """Find the settings to use, write the model that has them, and prove that it is as good."""
+    from contactlab.plan.overrides import drive_option
+    from contactlab.schema.tune_report import PATCH
+    from contactlab.studies.session import model_name
+    from contactlab.studies.tune.tune_request import TuneRequest
+    from contactlab.studies.tune.tuning import run
+
+    opt.load_plugins(plugin)
+    request = TuneRequest(
+        model=model,
+        goal=goal,
+        error=None if error is None else _read_positive("--error", error, "1e-3"),
+        tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
+        budget=_read_budget(budget),
+        free=_read_free(free or ()),
+        drive=drive_option(drive),
+    )
+    target = folder or RESULTS / "tune" / model_name(model)
+    with study_session(target, workers, allow_code=allow_code) as session:
+        report = run(request, session)
+    if output == "json":
+        echo(report.model_dump_json(indent=2))
+    elif not patch:
+        echo("\n".join(_head(report)))
+        _print_candidates(report)
+        echo("\n".join(_details(report, target)))
+    elif report.file:
+        echo((target / PATCH).read_text(encoding="utf-8").rstrip("\n"))
+    if report.proof is None or not report.proof.holds:
+        reasons = [f"{each.name}: {each.reason}" for each in report.kept[-1:]]
+        raise ExpectationError("; ".join([f"nothing is better than {model} as written", *reasons]))
+
+
+def _read_positive(option: str, text: str, like: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0 < value < math.inf:
+        raise SweepFileError(f"{option} {text}: write a number above 0, such as {like}")
+    return value
+
+
+def _read_budget(text: str) -> float:
+    """Return the seconds of `90s`, `5min` or `1h`; of a plain number, as many seconds."""
+    parts = re.fullmatch(r"([0-9.eE+-]+) *(s|min|h)?", text)
+    if parts is None:
+        raise SweepFileError(f"--budget {text}: write a time, such as 90s, 5min or 1h")
+    return _read_positive("--budget", parts[1], "5min") * _SECONDS[parts[2] or "s"]
+
+
+def _read_free(names: Sequence[str]) -> Sequence[str]:
+    from contactlab.studies.tune.knobs import SOFTENED
+
+    for name in names:
+        if name not in SOFTENED:
+            raise SweepFileError(f"--free {name}: write one of {', '.join(SOFTENED)}")
+    return names
+
+
+def _head(report: "TuneReport") -> Iterator[str]:
+    proof, name = report.proof, report.model
+    if proof is None or not proof.holds:
+        yield f"{name}: keep it as it is"
+    else:
+        cost, tuned = proof.tuned.cost, proof.tuned
+        ratio = 1 / cost.ratio if cost else math.nan
+        error = f"error {_number(tuned.error_peak)} m (now {_number(proof.now.error_peak)} m)"
+        yield f"{name}: {ratio:.2f} times as fast, {error}, in {len(proof.seeds)} fresh runs"
+    limits = ", ".join(f"{name} <= {limit:.3g}" for name, limit in report.limits.items())
+    source = "as asked" if report.asked else "as good as now"
+    yield f"  drive    {report.drive}, {report.duration:g} s"
+    yield f"  limits   {limits} ({source})"
+    ended = f"; the search ended {report.ended}" if report.ended else ""
+    yield f"  search   {report.tried} configurations, {report.runs} runs{ended}"
+
+
+def _print_candidates(report: "TuneReport") -> None:
+    header = ("", "settings", "final error", "peak error", "CPU s per s", "time", "labels")
+    print_table(header, [_row(each) for each in report.candidates])
+
+
+def _row(each: "Candidate") -> tuple[object, ...]:
+    settings = ", ".join(f"{name} {value}" for name, value in each.settings.items())
+    labels = ", ".join(f"{label} {count}" for label, count in each.labels.items())
+    time = "" if each.time is None else f"{each.time:.3g}"
+    ratio = "" if each.cost is None else f"x{each.cost.ratio:.2f}"
+    errors = _number(each.error_final), _number(each.error_peak)
+    return each.standing, settings or "as written", *errors, time, ratio, labels
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.2e}"
+
+
+def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
+    from contactlab.schema.tune_report import PATCH, PROOF, REPORT
+
+    for line in report.lines:
+        yield f"{line.file}:{line.line}: {line.element or 'removed'}"
+    for each in report.kept[:_MOST_KEPT]:
+        yield f"kept: {each.name}: {each.reason}"
+    if len(report.kept) > _MOST_KEPT:
+        yield f"kept: and {len(report.kept) - _MOST_KEPT} more, see tune.json"
+    if report.file:
+        yield f"wrote {folder / report.file}, and {PATCH}, {PROOF} and {REPORT} beside its folder"
+        yield f"next: contactlab sweep {folder / PROOF}"
+    else:
+        yield f"evidence and {REPORT} in {folder}"

@@ -1,0 +1,105 @@
+"""What may be changed in a model to make it cheaper, and what its runs cannot say anything of."""
+
+from collections.abc import Collection, Iterable, Iterator
+
+import numpy as np
+
+from contactlab.scene.compiled_scene import CompiledScene
+from contactlab.scene.effects.effect_table import EFFECTS
+from contactlab.scene.parameters import WORDS
+from contactlab.scene.setting_values import as_number
+from contactlab.schema.coverage import Exercised, Feature, feature_of
+from contactlab.schema.tune_report import Kept
+from contactlab.studies.effects.effect_toggles import find_toggles
+from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.session import Values
+from contactlab.studies.tune.search import Knob, Space
+
+INTEGRATORS = ("Euler", "implicitfast", "implicit", "RK4")
+_LADDER = (1 / 8, 1 / 4, 1 / 2, 1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10)
+"""Timesteps that are tried, over that of the model."""
+_FEWEST_STEPS = 50
+_OPTIONS: tuple[tuple[str, tuple[float, ...]], ...] = (
+    ("iterations", (100, 20, 5)),
+    ("tolerance", (1e-8, 1e-6, 1e-4)),
+    ("ls_iterations", (50, 10)),
+)
+"""Values that cost less than those above (of iterations) or below (of tolerances) them."""
+_SAVERS = ("torsional_friction", "rolling_friction", "elliptic", "noslip", "impratio", "multiccd")
+"""Effects that cost time and may not be needed; their absence is tried."""
+SOFTENED = ("solref",)
+"""Contact parameters that may become softer, on request."""
+_SOFTER = (1.5, 2.0, 4.0)
+
+
+def space_of(
+    setup: AblationSetup, exercised: Exercised, free: Collection[str]
+) -> tuple[Space, list[Kept]]:
+    """Return what is searched for a model, and what is not, for want of a run that exercises it."""
+    base = setup.scene.base({})
+    written: dict[str, object] = {**base.settings, **base.flags}
+    kept: list[Kept] = []
+    knobs: list[Knob] = []
+    for knob, features in _proposed(setup, base, written, free):
+        if lack := exercised.lack(features):
+            kept.append(Kept(name=knob.name, reason=f"not exercised: {lack}"))
+        elif knob.values:
+            knobs.append(knob)
+    names = {name for knob in knobs for each in knob.values for name in each}
+    step = as_number(written["timestep"])
+    longest = (setup.duration or setup.scene.duration) / _FEWEST_STEPS
+    if lack := exercised.lack(["contact"]):
+        longest = min(longest, _least_time_constant(base) / 2)
+        kept.append(Kept(name="timestep", reason=f"at most {longest:g} s: not exercised: {lack}"))
+    steps = [step if factor == 1 else float(f"{factor * step:.6g}") for factor in _LADDER]
+    space = Space(
+        # An effect that may be left out is on.
+        written={
+            name: written.get(name, True) for name in ("timestep", "integrator", *sorted(names))
+        },
+        timesteps=tuple(each for each in steps if each <= max(step, longest)),
+        integrators=tuple(dict.fromkeys([str(written["integrator"]), *INTEGRATORS])),
+        knobs=tuple(knobs),
+    )
+    return space, kept
+
+
+def _proposed(
+    setup: AblationSetup, base: CompiledScene, written: Values, free: Collection[str]
+) -> Iterator[tuple[Knob, list[Feature]]]:
+    """Yield the knobs of a model, each with what runs must exercise to show what it does."""
+    for name in ("solver", "jacobian"):
+        others = [word for word in WORDS[name] if word not in (written[name], "auto")]
+        yield Knob(name, tuple({name: word} for word in others)), []
+    for name, values in _OPTIONS:
+        own, sign = as_number(written[name]), -1 if name == "tolerance" else 1
+        fewer = [value for value in values if sign * value < sign * own]
+        yield Knob(name, tuple({name: value} for value in fewer)), []
+    yield Knob("island", ({"island": not base.flags["island"]},)), []
+    if not base.flags.get("sleep", True):
+        yield Knob("sleep", (EFFECTS["sleep"].on,)), []
+    for toggle in find_toggles(setup):
+        if toggle.effect in _SAVERS and toggle.on and not toggle.proof:
+            feature = EFFECTS[toggle.effect].feature
+            yield Knob(toggle.effect, (toggle.values,)), [feature] if feature else []
+    for name in free:
+        yield _softened(name, written), _features([name])
+
+
+def _features(names: Iterable[str]) -> list[Feature]:
+    return [feature for name in names if (feature := feature_of(name))]
+
+
+def _softened(name: str, written: Values) -> Knob:
+    values = written.get(name)
+    if name != "solref" or not isinstance(values, tuple) or values[0] <= 0:
+        return Knob(name, ())
+    return Knob(name, tuple({name: (values[0] * factor, values[1])} for factor in _SOFTER))
+
+
+def _least_time_constant(base: CompiledScene) -> float:
+    """Return the least time constant that contacts, limits or equalities have [s]; 0 if none."""
+    model = base.model
+    tables = (model.geom_solref, model.pair_solref, model.jnt_solref, model.eq_solref)
+    constants = np.concatenate([np.asarray(each).reshape(-1, 2)[:, 0] for each in tables])
+    return float(constants[constants > 0].min(initial=np.inf))
