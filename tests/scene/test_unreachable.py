@@ -67,6 +67,16 @@ BOTH = {("post", "upper"), ("post", "lower")}
             id="no limit holds it",
         ),
         pytest.param(arm(REACH + 0.01, 'limited="false"'), BOTH, id="all the way round"),
+        pytest.param(
+            arm(REACH + 0.01, margin=0.02, flags='<flag override="enable"/>'),
+            BOTH,
+            id="margins overridden by none",
+        ),
+        pytest.param(
+            arm(REACH + 0.01, flags='<flag speculative="enable"/>'),
+            set[tuple[str, str]](),
+            id="contacts at a distance",
+        ),
     ],
 )
 def test_an_arm_reaches_as_far_as_its_links(
@@ -186,7 +196,7 @@ def test_a_joint_moves_geoms_no_further_than_its_lever(text: str, seed: int) -> 
         apart: list[float] = []
         for qpos in (first, second):
             clearance.place(qpos)
-            apart.append(max(clearance.distance(pair, 10.0), 0.0))
+            apart.append(max(clearance.distance(*pair, 10.0), 0.0))
         assert abs(apart[0] - apart[1]) <= levers @ np.abs(first - second) + 1e-5
 
 

@@ -50,7 +50,8 @@ class StoredRuns:
         knobs: axis to its n values, of the axes with the role knob.
         scenarios: the same of the axes with the role scenario.
         numbers: column to (n,) values, in their units; NaN where there is none.
-        baseline: the knobs of the model as written, if it was run; it comes first.
+        baseline: a run of the model as written, if there is one, by its place.
+        written: option to its value there.
         solref_rules: whether solref is absolute or tied to the timestep; empty if unknown.
     """
 
@@ -61,7 +62,8 @@ class StoredRuns:
     labels: list[str]
     numbers: Mapping[str, Floats]
     solref_rules: tuple[str, ...] = ()
-    baseline: tuple[Setting, ...] | None = None
+    baseline: int | None = None
+    written: Mapping[str, Setting] | None = None
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
@@ -78,43 +80,26 @@ def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
             name: values[name] for name in columns.axis_names if roles.get(name, "knob") == kind
         }
 
-    knobs, first, baseline = of("knob"), store.manifest.sweep.baseline, None
-    if first is not None and first in values["run_id"]:
-        baseline = _fill_in(knobs, values["run_id"].index(first), store.record(first))
+    first = store.manifest.sweep.baseline or ""
+    known = first in values["run_id"]
     return StoredRuns(
         ids=values["run_id"],
-        knobs=knobs,
+        knobs=of("knob"),
         scenarios=of("scenario"),
         seeds=values["seed"],
         labels=values["label"],
         numbers=dict.fromkeys(required, np.full(len(values["run_id"]), np.nan))
         | {name: columns.numbers(name).values for name in names if name in present},
         solref_rules=columns.strings(_SOLREF_RULE).categories if _SOLREF_RULE in present else (),
-        baseline=baseline,
+        baseline=values["run_id"].index(first) if known else None,
+        written=_options_of(store.record(first)) if known else None,
     )
 
 
-def _fill_in(
-    knobs: dict[str, list[Setting]], row: int, record: EvidenceRecord
-) -> tuple[Setting, ...]:
-    """Write the options that a row leaves to the scene as its record has them, in place.
-
-    Contact parameters may differ between geoms, and `auto` may leave out effects.
-    """
-    keys = list(zip(*knobs.values(), strict=True)) if knobs else []
-    own = keys[row] if keys else ()
-    settings = {name: record.settings[name] for name in OPTIONS}
-    written = {name: each for name, each in settings.items() if not isinstance(each, tuple)}
-    filled = tuple(
-        written.get(name) if value is None else value
-        for name, value in zip(knobs, own, strict=True)
-    )
-    if filled in keys:
-        return own
-    for place in [place for place, key in enumerate(keys) if key == own]:
-        for column, value in zip(knobs.values(), filled, strict=True):
-            column[place] = value
-    return filled
+def _options_of(record: EvidenceRecord) -> dict[str, Setting]:
+    """Return the options of a run; contact parameters may differ between its geoms."""
+    options = {name: record.settings[name] for name in OPTIONS}
+    return {name: value for name, value in options.items() if not isinstance(value, tuple)}
 
 
 def is_chaotic(runs: StoredRuns) -> bool:
@@ -184,16 +169,18 @@ def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     A configuration is feasible if it was run in every scenario and seed that any other was run in,
     has no failure label in any of them, meets every tolerance in the worst of them, and was timed.
     """
-    members: dict[tuple[Setting, ...], list[int]] = {}
-    if runs.baseline is not None:
-        members[runs.baseline] = []
-    for row, key in enumerate(_rows(runs.knobs, len(runs.ids))):
+    keys = list(_rows(runs.knobs, len(runs.ids)))
+    now = None if runs.baseline is None else keys[runs.baseline]
+    members: dict[tuple[Setting, ...], list[int]] = {} if now is None else {now: []}
+    for row, key in enumerate(keys):
         members.setdefault(key, []).append(row)
     cases = list(_rows({**runs.scenarios, "seed": runs.seeds}, len(runs.ids)))
     every = len(set(cases))
     found: list[Evaluated] = []
     for key, rows in members.items():
         values, own = dict(zip(runs.knobs, key, strict=True)), len({cases[row] for row in rows})
+        if key == now and runs.written:
+            values |= {name: runs.written.get(name) for name in values if values[name] is None}
         found.append(_evaluate_one(runs, values, rows, criteria, own, every))
     return found
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.contact_pairs import explicit_pair, may_touch
@@ -25,7 +26,7 @@ _BEYOND = 0.1
 _TOUCH = 1e-6
 """Distance [m] up to which geoms count as touching, beyond their margins."""
 _SAMPLES, _MOST_BOXES = 64, 4096
-_FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 18
+_FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 
 
 def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
@@ -58,10 +59,17 @@ class Clearance:
         self.data.qpos[:] = qpos
         mujoco.mj_kinematics(self.model, self.data)
 
-    def distance(self, pair: GeomPair, most: float) -> float:
+    def margins(self, pairs: NDArray[np.intp]) -> Floats:
+        """Return the distances (n,) at which pairs (n, 2) count as touching [m]."""
+        if self.model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
+            return np.full(len(pairs), self.model.opt.o_margin + _TOUCH)
+        return self.model.geom_margin[pairs].sum(axis=1) + _TOUCH
+
+    def distance(self, first: int, second: int, most: float) -> float:
         """Return how far two placed geoms are from contact, up to `most` [m]; below 0 in it."""
-        margin = float(self.model.geom_margin[[*pair]].sum()) + _TOUCH
-        return mujoco.mj_geomDistance(self.model, self.data, *pair, most + margin, None) - margin
+        margin = float(self.margins(np.array([[first, second]]))[0])
+        limit = most + margin
+        return mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None) - margin
 
     def touching(self, qpos: Floats) -> set[GeomPair]:
         """Return the pairs of geoms that touch in a configuration (nq,), the lower id first."""
@@ -76,7 +84,8 @@ class Clearance:
 
         In metres a radian, or a metre; 0 for joints that are not between them. None where there is
         no bound: between them is a free or mocap body, a ball joint or a slide without limits, a
-        plane turns, or MuJoCo cannot measure their distance.
+        plane turns, MuJoCo cannot measure their distance, or it makes contacts with what would pass
+        within a step.
         """
         model, found = self.model, np.zeros(self.model.njnt)
         bodies = [int(model.geom_bodyid[geom]) for geom in pair]
@@ -95,6 +104,7 @@ class Clearance:
                 reach += float(np.linalg.norm(model.body_pos[each]))
         bounded = np.isfinite(found).all() and np.isfinite(self.ranges[found > 0]).all()
         measured = not _UNMEASURED & set(model.geom_type[[*pair]].tolist())
+        measured = measured and not model.opt.enableflags & _SPECULATIVE
         return found if bounded and measured else None
 
     def _extent(self, joints: np.ndarray, slides: np.ndarray) -> float:
@@ -130,11 +140,8 @@ def joint_ranges(model: mujoco.MjModel) -> Floats:
 def unreachable_pairs(model: mujoco.MjModel, pairs: Iterable[GeomPair]) -> set[GeomPair]:
     """Return the pairs that cannot touch, whatever joints do within a tenth beyond their ranges.
 
-    Others may be unable to touch as well: only so many boxes are tried. A pair counts as able where
-    contacts are made at a distance, for what would pass within a step.
+    Others may be unable to touch as well: only so many boxes are tried.
     """
-    if model.opt.enableflags & _SPECULATIVE:
-        return set()
     clearance = Clearance(model)
     levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
     known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
@@ -162,7 +169,7 @@ def _is_apart(clearance: Clearance, pair: GeomPair, levers: Floats, first: int) 
         qpos[places] = middle
         clearance.place(qpos)
         slack = float(levers @ half)
-        distance = clearance.distance(pair, slack)
+        distance = clearance.distance(*pair, slack)
         if distance <= 0 or (tried > first and tried > done * _MOST_BOXES):
             return False
         if distance >= slack:

@@ -1,8 +1,8 @@
 """What a model computes that changes no state: pairs of geoms that never touch."""
 
-from collections.abc import Collection, Iterator, Sequence
-from collections.abc import Set as AbstractSet
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import mujoco
 import numpy as np
@@ -44,47 +44,32 @@ def untouched_geoms(model: mujoco.MjModel, runs: Sequence[Floats]) -> UntouchedG
     """Return which geoms and pairs of bodies never touch, by proof or else in driven runs.
 
     Runs are configurations (T, nq) after each step, from different seeds; with fewer than three of
-    them, only proofs count.
+    them, only proofs count. Geoms that a flex may touch stay, and bodies without names.
     """
     pairs = filtered_pairs(model)
     proven = unreachable_pairs(model, pairs)
-    rest = [pair for pair in pairs if pair not in proven]
-    distant = distant_pairs(model, rest, runs)
-    masked = _maskable(model, pairs, proven | distant)
+    distant = distant_pairs(model, [pair for pair in pairs if pair not in proven], runs)
+    touching = [pair for pair in pairs if pair not in proven | distant]
+    flexes = np.bitwise_or.reduce([*model.flex_contype, *model.flex_conaffinity, 0])
+    kinds = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
+    masked = {
+        geom for geom in set(chain(*pairs)) - set(chain(*touching)) if not kinds[geom] & flexes
+    }
+    left = _bodies(model, [pair for pair in pairs if masked.isdisjoint(pair)])
+    excluded = [map(model.body, each) for each in sorted(left - _bodies(model, touching))]
+    names = [(first.name, second.name) for first, second in excluded]
     return UntouchedGeoms(
-        masked=tuple(model.geom(geom).name for geom in masked),
-        excluded=tuple(_excludable(model, pairs, proven | distant, set(masked))),
+        masked=tuple(model.geom(geom).name for geom in sorted(masked)),
+        excluded=tuple(each for each in names if not any(map(is_address, each))),
         pairs=len(pairs),
         proven=len(proven),
         distant=len(distant),
     )
 
 
-def _maskable(
-    model: mujoco.MjModel, pairs: Collection[GeomPair], apart: Collection[GeomPair]
-) -> list[int]:
-    """Return the geoms all of whose pairs are apart; none that a flex may touch."""
-    flexes = np.bitwise_or.reduce([*model.flex_contype, *model.flex_conaffinity, 0])
-    kinds = np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)
-    touching = {geom for pair in pairs if pair not in apart for geom in pair}
-    geoms = sorted({geom for pair in apart for geom in pair} - touching)
-    return [geom for geom in geoms if not kinds[geom] & flexes]
-
-
-def _excludable(
-    model: mujoco.MjModel,
-    pairs: Collection[GeomPair],
-    apart: Collection[GeomPair],
-    masked: AbstractSet[int],
-) -> Iterator[tuple[str, str]]:
-    """Yield the pairs of bodies with names whose geoms are all apart, but for masked ones."""
-    left = [pair for pair in pairs if masked.isdisjoint(pair)]
-    bodies = {pair: tuple(sorted(model.geom_bodyid[[*pair]].tolist())) for pair in left}
-    touching = {bodies[pair] for pair in left if pair not in apart}
-    for each in sorted(set(bodies.values()) - touching):
-        first, second = (model.body(body).name for body in each)
-        if not is_address(first) and not is_address(second):
-            yield first, second
+def _bodies(model: mujoco.MjModel, pairs: Sequence[GeomPair]) -> set[tuple[int, int]]:
+    places = np.sort(model.geom_bodyid[np.array(pairs, np.intp).reshape(-1, 2)], axis=1)
+    return {(first, second) for first, second in places.tolist()}
 
 
 def distant_pairs(
@@ -96,19 +81,28 @@ def distant_pairs(
     together between two measurements. Bodies that move freely against each other are never among
     them: they may meet in the next run.
     """
-    if len(runs) < FEWEST_RUNS or not pairs:
-        return set()
     clearance = Clearance(model)
-    levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
+    bounded = [(pair, each) for pair in pairs if (each := clearance.levers(pair)) is not None]
+    if len(runs) < FEWEST_RUNS or not bounded:
+        return set()
     moved = _exercised(clearance, np.concatenate(runs))
-    levers = {pair: each for pair, each in levers.items() if moved[each > 0].all()}
-    for run in runs:
-        for qpos, ways in _blocks(model, run):
-            clearance.place(qpos)
-            for pair, lengths in tuple(levers.items()):
-                if _is_near(clearance, pair, float(lengths @ ways)):
-                    del levers[pair]
-    return set(levers)
+    apart, levers = (np.array(each) for each in zip(*bounded, strict=True))
+    exercised = ((levers == 0) | moved).all(axis=1)
+    apart, levers = apart[exercised], levers[exercised]
+    radii = np.asarray(model.geom_rbound)[apart]
+    # Planes have no radius.
+    room = _ROOM * np.min(radii, axis=1, where=radii > 0, initial=np.inf)
+    reach = np.where(radii.all(axis=1), radii.sum(axis=1) + clearance.margins(apart), np.inf)
+    for qpos, ways in chain.from_iterable(_blocks(model, run) for run in runs):
+        clearance.place(qpos)
+        needed, centres = levers @ ways + room, clearance.data.geom_xpos[apart]
+        distances = np.linalg.norm(centres[:, 0] - centres[:, 1], axis=1) - reach
+        for place in np.flatnonzero(distances < needed):
+            first, second = apart[place].tolist()
+            distances[place] = clearance.distance(first, second, needed[place])
+        far = distances >= needed
+        apart, levers, room, reach = (each[far] for each in (apart, levers, room, reach))
+    return {(first, second) for first, second in apart.tolist()}
 
 
 def _exercised(clearance: Clearance, states: Floats) -> np.ndarray:
@@ -119,18 +113,7 @@ def _exercised(clearance: Clearance, states: Floats) -> np.ndarray:
 
 def _blocks(model: mujoco.MjModel, run: Floats) -> Iterator[tuple[Floats, Floats]]:
     """Yield configurations of a run, each with how far joints (njnt,) go until the next one."""
-    steps = np.abs(np.diff(run[:, model.jnt_qposadr], axis=0, append=run[-1:, model.jnt_qposadr]))
+    places = run[:, model.jnt_qposadr]
+    steps = np.abs(np.diff(places, axis=0, append=places[-1:]))
     starts = np.unique(np.linspace(0, len(run), _BLOCKS, endpoint=False).astype(np.intp))
     yield from zip(run[starts], np.add.reduceat(steps, starts, axis=0), strict=True)
-
-
-def _is_near(clearance: Clearance, pair: GeomPair, ways: float) -> bool:
-    radii = clearance.model.geom_rbound[[*pair]]
-    # Planes have no radius.
-    needed = ways + _ROOM * float(np.min(radii, where=radii > 0, initial=np.inf))
-    centres = clearance.data.geom_xpos[[*pair]]
-    margin = float(clearance.model.geom_margin[[*pair]].sum())
-    apart = float(np.linalg.norm(centres[0] - centres[1]) - radii.sum()) - margin
-    if radii.all() and apart > needed:
-        return False
-    return clearance.distance(pair, needed) < needed
