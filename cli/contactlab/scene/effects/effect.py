@@ -31,9 +31,6 @@ class EffectRequest:
     auto: bool
 
 
-_NO_OPTIONS: Mapping[bool, Mapping[str, object]] = {True: {}, False: {}}
-
-
 @dataclass(frozen=True)
 class Switch:
     """How an effect is read from a model, and how it is turned on or off."""
@@ -42,23 +39,9 @@ class Switch:
     # Turns it on or off in a compiled model, in place.
     write: Callable[[mujoco.MjModel, bool], None]
     flag: str | None = None  # MuJoCo's flag, if it is one
-    # Settings that turn it on and off, if it is a matter of options.
-    options: Mapping[bool, Mapping[str, object]] = field(default_factory=lambda: _NO_OPTIONS)
-    is_set: Callable[[Settings], bool] | None = None  # returns whether options have it
-    # Bound on every contact's dimensions: at least, to turn on; at most, to turn off.
-    condim: Mapping[bool, int] | None = None
-
-    @property
-    def settings(self) -> tuple[str, ...]:
-        """The settings that it overwrites."""
-        return ("condim",) if self.condim else tuple(self.options[False])
-
-    def fold(self, settings: Settings, on: bool) -> bool:
-        """Turn it on or off in resolved settings; return whether they carry it."""
-        # Settings in this state already are kept: RK4 is as explicit as Euler.
-        if self.is_set is not None and self.is_set(settings) != on:
-            settings.update(self.options[on])
-        return self.is_set is not None
+    settings: tuple[str, ...] = ()  # the settings that it overwrites
+    # Turns it on or off in resolved settings; returns whether they carry it.
+    fold: Callable[[Settings, bool], bool] = lambda _settings, _on: False
 
 
 @dataclass(frozen=True)
@@ -120,9 +103,7 @@ def by_condim(least: int, most: int) -> Switch:
             array = getattr(model, name)
             array[:] = bound(array, value)
 
-    return Switch(
-        lambda run: most_condim(run.model) >= least, write, condim={True: least, False: most}
-    )
+    return Switch(lambda run: most_condim(run.model) >= least, write, settings=("condim",))
 
 
 def by_options(
@@ -142,11 +123,17 @@ def by_options(
         for name, value in values[state].items():
             write_option(model, name, value)
 
+    def fold(settings: Settings, state: bool) -> bool:
+        # Settings in this state already are kept: RK4 is as explicit as Euler.
+        if has(settings) != state:
+            settings.update(values[state])
+        return True
+
     return Switch(
         lambda run: has(Settings({name: read_option(run.model, name) for name in off})),
         write,
-        options=values,
-        is_set=has,
+        settings=tuple(off),
+        fold=fold,
     )
 
 
