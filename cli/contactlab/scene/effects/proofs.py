@@ -284,8 +284,7 @@ no_constraint = where(
     ),
 )
 no_equality = either(
-    zero("no equality constraint", "neq"),
-    zero("no equality constraint is active", "eq_active0"),
+    zero("no equality constraint", "neq"), zero("no equality constraint is active", "eq_active0")
 )
 
 

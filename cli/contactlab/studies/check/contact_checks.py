@@ -14,12 +14,7 @@ from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure
 from contactlab.schema.evidence import PairRecord
-from contactlab.studies.check.check_results import (
-    check_result,
-    informative,
-    mjcf_text,
-    violated,
-)
+from contactlab.studies.check.check_results import check_result, informative, mjcf_text, violated
 from contactlab.studies.check.check_runs import CheckRun
 from contactlab.studies.check.checked_model import (
     HOLD_STORE,
