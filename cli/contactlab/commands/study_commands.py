@@ -162,10 +162,9 @@ def effects(
         echo(report.model_dump_json(indent=2))
     else:
         _print_effects(report, target)
-    if not report.verification.holds:
-        raise ExpectationError(
-            f"the smallest set fails with fresh seeds: {report.verification.reason}"
-        )
+    verified = report.verification
+    if not verified.holds:
+        raise ExpectationError(f"the smallest set fails with fresh seeds: {verified.reason}")
 
 
 def _print_effects(report: "EffectsReport", target: Path) -> None:

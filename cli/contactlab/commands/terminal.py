@@ -148,9 +148,7 @@ class ProgressDisplay:
         line.append(f" {self._done:,} of {self._total:,}")
         if rate:
             left = _format_time((self._total - self._done) / rate)
-            line.append(
-                f"  {rate:,.0f}/s  {left} left" if rate >= 10 else f"  {rate:.2g}/s  {left} left"
-            )
+            line.append(f"  {f'{rate:,.0f}' if rate >= 10 else f'{rate:.2g}'}/s  {left} left")
         # Drawn by a thread of its own: a copy, since a new label may come meanwhile.
         for label, count in Counter(dict(self._labels)).most_common(_MOST_LABELS):
             line.append("  ").append(in_one_line(label), label_style(label)).append(f" {count:,}")

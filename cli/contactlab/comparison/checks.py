@@ -13,6 +13,8 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.judged_check import CheckOutcome
 
 Verdicts = NDArray[np.int8]
+Mask = NDArray[np.bool_]
+Pairs = Sequence[RunPair]
 # Ordered from good to bad, so that the worst of many is their maximum.
 NAMES: tuple[Verdict, ...] = ("same", "better", "changed", "worse", "missing", "not comparable")
 SAME, BETTER, CHANGED, WORSE, MISSING, NOT_COMPARABLE = range(len(NAMES))
@@ -45,12 +47,7 @@ class CheckSubject:
     two_sided: bool = False
 
     def check(
-        self,
-        verdicts: Verdicts,
-        message: str,
-        worst: Sequence[RunPair] = (),
-        *,
-        runs: int | None = None,
+        self, verdicts: Verdicts, message: str, worst: Pairs = (), *, runs: int | None = None
     ) -> Check:
         """Return the check that verdicts (n,) make; `runs` is how many were judged, if not n.
 
@@ -75,9 +72,7 @@ class CheckSubject:
             worst=tuple(worst[:MOST_SHOWN]),
         )
 
-    def single(
-        self, code: int, message: str, worst: Sequence[RunPair] = (), *, runs: int = 0
-    ) -> Check:
+    def single(self, code: int, message: str, worst: Pairs = (), *, runs: int = 0) -> Check:
         """Return the check that one verdict on both stores as a whole makes."""
         return self.check(np.full(1, code, dtype=np.int8), message, worst, runs=runs)
 

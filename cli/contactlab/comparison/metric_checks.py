@@ -4,7 +4,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.comparison.checks import (
     BETTER,
@@ -16,13 +15,14 @@ from contactlab.comparison.checks import (
     SAME,
     WORSE,
     CheckSubject,
+    Mask,
     Verdicts,
     format_percent,
     out_of,
     value_change,
     verdict_counts,
 )
-from contactlab.comparison.pairing import PairedStores, Value, difference, groups
+from contactlab.comparison.pairing import PairedStores, Rows, Value, difference, groups
 from contactlab.comparison.policies import EffectiveRule, effective_rule, kind_of
 from contactlab.contact.trace_arrays import Floats
 from contactlab.schema.comparison_report import Check, RunPair, Verdict
@@ -71,9 +71,8 @@ def _not_comparable(paired: PairedStores, metric: Column, rule: EffectiveRule) -
     """Return why a metric cannot be compared at all; None if it can."""
     if metric.name not in paired.baseline.columns.measured:
         return "the baseline was made before there was this metric"
-    before, after = (
-        store.manifest.sweep.metric_versions.get(metric.name) for store, _ in paired.sides
-    )
+    versions = [store.manifest.sweep.metric_versions for store, _ in paired.sides]
+    before, after = (each.get(metric.name) for each in versions)
     required = "metric_versions" in paired.policy.require.same
     if required and None not in (before, after) and before != after:
         return f"its definition changed from version {before} to {after}"
@@ -91,10 +90,10 @@ class MetricPairs:
     """
 
     paired: PairedStores
-    indices: NDArray[np.intp]
+    indices: Rows
     baseline: NumberColumn
     candidate: NumberColumn
-    exempt: NDArray[np.bool_]
+    exempt: Mask
 
     def check(self, subject: CheckSubject, rule: EffectiveRule) -> Check:
         """Return the check that these values make by a rule."""
@@ -157,9 +156,7 @@ def allowed_change(rule: EffectiveRule, baseline: Floats) -> Floats:
     return rule.abs + rule.rel * np.abs(baseline)
 
 
-def gap_verdicts(
-    baseline: NumberColumn, candidate: NumberColumn, exempt: NDArray[np.bool_]
-) -> Verdicts:
+def gap_verdicts(baseline: NumberColumn, candidate: NumberColumn, exempt: Mask) -> Verdicts:
     """Return the verdict on pairs (n,) with a value that is missing, new or not finite; else same.
 
     Of `exempt` pairs (n,) only one run may have a value.

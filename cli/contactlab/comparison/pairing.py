@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from contactlab.comparison.checks import Mask
 from contactlab.errors import PolicyError, StoreError, did_you_mean
 from contactlab.schema.compare_policy import ComparePolicy, Sameness
 from contactlab.schema.comparison_report import RunPair
@@ -116,9 +117,7 @@ def _refuse_repeated(store: Store, role: str, keys: NDArray[np.int64]) -> None:
     )
 
 
-def groups(
-    baseline: Store, pairing: Pairing, axes: Sequence[str]
-) -> Iterator[tuple[str, NDArray[np.bool_]]]:
+def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[tuple[str, Mask]]:
     """Yield the name of each group, such as `cone=elliptic`, and a mask (n,) of its pairs.
 
     Without axes there is one group, whose name is empty. Groups are those of the whole baseline,
@@ -155,7 +154,7 @@ class PairedStores:
     policy: ComparePolicy
     today: date
 
-    def without(self, excluded: NDArray[np.bool_]) -> "PairedStores":
+    def without(self, excluded: Mask) -> "PairedStores":
         """Return the same without some of the pairs (n,)."""
         if not excluded.any():
             return self
@@ -208,7 +207,7 @@ class PairedStores:
         return sets
 
     @cached_property
-    def half_checked(self) -> NDArray[np.bool_]:
+    def half_checked(self) -> Mask:
         """Pairs (n,) of which both sweeps checked one run only in their second pass."""
         sweeps = (each.manifest.sweep.resolved for each in (self.baseline, self.candidate))
         if any(sweep.get("checks") != "flagged" for sweep in sweeps):
@@ -234,7 +233,7 @@ class PairedStores:
             for one, other, before, after in zip(old, new, baseline, candidate, strict=True)
         ]
 
-    def _rows(self, store: Store) -> NDArray[np.intp]:
+    def _rows(self, store: Store) -> Rows:
         return self.pairing.baseline if store is self.baseline else self.pairing.candidate
 
 

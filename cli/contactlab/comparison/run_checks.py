@@ -16,6 +16,7 @@ from contactlab.comparison.checks import (
     SAME,
     WORSE,
     CheckSubject,
+    Mask,
     Verdicts,
     format_percent,
     format_settings,
@@ -23,15 +24,13 @@ from contactlab.comparison.checks import (
     plural,
     verdict_counts,
 )
-from contactlab.comparison.pairing import PairedStores, difference, groups, unpaired_runs
+from contactlab.comparison.pairing import PairedStores, Rows, difference, groups, unpaired_runs
 from contactlab.errors import ContactlabError
 from contactlab.pareto.analysis import analyse
 from contactlab.schema.compare_policy import AllowedTransition
 from contactlab.schema.comparison_report import Check, Transition
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
-
-Mask = NDArray[np.bool_]
 
 _FASTER = 0.15
 """Stored times of two sessions on one machine differ by up to this fraction for no reason."""
@@ -101,7 +100,7 @@ class PairLabels:
     after: NDArray[np.int64]
     gained: NDArray[np.int64]
     lost: NDArray[np.int64]
-    allowed: NDArray[np.bool_]
+    allowed: Mask
     notes: dict[str, str]
 
     @classmethod
@@ -163,9 +162,7 @@ def label_checks(labels: PairLabels) -> Iterator[Check]:
                 yield _label_check(labels, subject, rank, np.flatnonzero(member))
 
 
-def _label_check(
-    labels: PairLabels, subject: CheckSubject, rank: int, members: NDArray[np.intp]
-) -> Check:
+def _label_check(labels: PairLabels, subject: CheckSubject, rank: int, members: Rows) -> Check:
     """Return whether label `rank` is new in some of the pairs with indices `members`."""
     gained = labels.gained[members] >> rank & 1 == 1
     lost = labels.lost[members] >> rank & 1 == 1

@@ -13,8 +13,8 @@ from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SweepFileError
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.grid import Block, RowValues
@@ -34,6 +34,7 @@ from contactlab.schema.axis_forms import (
 from contactlab.schema.sweep_schema import IncludeFile, Sample
 from contactlab.schema.vocabulary import AxisSpec
 
+_Sampled = Uniform | Loguniform
 _DIGITS = 12
 # One cell and what ends it: a quoted text, in which "" stands for a quote, or what has no comma.
 _CELL = re.compile(r'\s*(?:"((?:[^"]|"")*)"|([^,]*?))\s*(,|$)')
@@ -60,7 +61,7 @@ def listed_values(axis: Axis) -> Sequence[object]:
             raise TypeError(f"{type(axis).__name__} is sampled")
 
 
-def sample_points(sample: Sample, dimensions: int) -> NDArray[np.float64]:
+def sample_points(sample: Sample, dimensions: int) -> Floats:
     """Return (n, dimensions) points in the unit cube [0, 1)."""
     # The import takes half a second, which sweeps without samples need not wait for.
     from scipy.stats import qmc  # noqa: PLC0415
@@ -74,9 +75,7 @@ def sample_points(sample: Sample, dimensions: int) -> NDArray[np.float64]:
     return qmc.Sobol(dimensions, rng=sample.seed).random_base2(power)[: sample.n]
 
 
-def sampled_values(
-    axis: Uniform | Loguniform, spec: AxisSpec, units: NDArray[np.float64]
-) -> list[object]:
+def sampled_values(axis: _Sampled, spec: AxisSpec, units: Floats) -> list[object]:
     """Return values for points in [0, 1); whole numbers where the axis takes no others."""
     low, high = _bounds(axis)
     whole = low.is_integer() and high.is_integer() and spec.accepts(low)
@@ -90,7 +89,7 @@ def sampled_values(
     return [min(max(value, low), high) for value in rounded]
 
 
-def _bounds(axis: Uniform | Loguniform) -> tuple[float, float]:
+def _bounds(axis: _Sampled) -> tuple[float, float]:
     return axis.uniform if isinstance(axis, Uniform) else axis.loguniform
 
 
@@ -179,9 +178,7 @@ def _sampled(context: SweepContext) -> list[Block]:
     return [_drawn(context, axes, sample)] if axes and sample else []
 
 
-def _drawn(
-    context: SweepContext, axes: Mapping[str, Uniform | Loguniform], sample: Sample
-) -> Block:
+def _drawn(context: SweepContext, axes: Mapping[str, _Sampled], sample: Sample) -> Block:
     cube = sample_points(sample, len(axes))
     columns: list[list[object]] = []
     for index, (name, axis) in enumerate(axes.items()):

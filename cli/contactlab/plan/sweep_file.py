@@ -116,7 +116,7 @@ def _checked(
         return None
     values = grid.values()
     for match, _ in expected:
-        _warn_if_unmet(document, match, values)
+        _warn_unmet(document, match, values)
     check_values(document, filters, values)
     if document.has_errors:
         return None
@@ -135,9 +135,7 @@ def _kept(sweep: Sweep, grid: Grid, filters: Sequence[Filter]) -> Grid:
     return grid.with_baseline(sweep.scenario) if sweep.baseline else grid
 
 
-def _warn_if_unmet(
-    document: Document, match: Match, taken: Mapping[str, Container[object]]
-) -> None:
+def _warn_unmet(document: Document, match: Match, taken: Mapping[str, Container[object]]) -> None:
     for name, value in match.settings:
         if value not in taken.get(name, ()):
             message = f"no run has {name} = {value}, so this applies to no run"

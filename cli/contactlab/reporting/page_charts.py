@@ -10,7 +10,7 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.pareto.convergence import MethodKey, method_key
 from contactlab.pareto.drawing import specify
-from contactlab.reporting.heatmap import label_map, number_map
+from contactlab.reporting.heatmap import Layered, label_map, number_map
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
     STABLE,
@@ -209,16 +209,12 @@ def change_panels(changes: Sequence[KnobChange], names: Sequence[str]) -> Spec:
         if (ratio := each.ratios.get(name)) is not None
     ]
     order = list(dict.fromkeys(row["change"] for row in rows))
-    shown = {name: [row for row in rows if row["name"] == name] for name in names}
-    panels = [
-        _bars(own, name, order, is_first=name == names[0]) for name, own in shown.items() if own
-    ]
+    named = {name: own for name in names if (own := [row for row in rows if row["name"] == name])}
+    panels = [_bars(own, name, order, is_first=name == names[0]) for name, own in named.items()]
     return alt.hconcat(*panels, spacing=26).to_dict()
 
 
-def _bars(
-    rows: Rows, name: str, order: list[str], *, is_first: bool
-) -> alt.LayerChart | alt.FacetChart:
+def _bars(rows: Rows, name: str, order: list[str], *, is_first: bool) -> Layered:
     sizes = [row["ratio"] for row in rows]
     domain = [min(*sizes, 1.0) / _ROOM, max(*sizes, 1.0) * _ROOM]
     x = alt.X("ratio:Q").scale(type="log", domain=domain, nice=False)

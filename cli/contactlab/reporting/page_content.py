@@ -21,7 +21,7 @@ from contactlab.reporting.packing import (
 )
 from contactlab.reporting.page_charts import MODE_NAMES, chart_templates
 from contactlab.reporting.report import PageRequest, ReportData
-from contactlab.reporting.report_columns import GridAxis
+from contactlab.reporting.report_columns import Codes, GridAxis
 from contactlab.reporting.run_series import coverage_rows, run_series
 from contactlab.reporting.vega_rendering import Spec
 from contactlab.schema.evidence import EvidenceRecord
@@ -104,12 +104,11 @@ def page_content(
     return content, (note,) if is_aggregated else ()
 
 
-def _selected_runs(data: ReportData, with_series: Sequence[int]) -> NDArray[np.int64]:
+def _selected_runs(data: ReportData, with_series: Sequence[int]) -> Codes:
     """Return the runs of an aggregated page: some of each label, and one of each cell."""
     labels = data.labels
-    selected = [
-        np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in range(len(labels.names))
-    ]
+    codes = range(len(labels.names))
+    selected = [np.flatnonzero(labels.codes == code)[:_RUNS_PER_LABEL] for code in codes]
     if data.map_axes is not None:
         selected.append(np.unique(data.map_axes.cells, return_index=True)[1])
     return np.unique(np.concatenate([np.array(with_series, dtype=np.int64), *selected]))
@@ -134,10 +133,7 @@ def _by_interest(data: ReportData) -> Iterator[int]:
 
 
 def _columns(
-    data: ReportData,
-    axes: Sequence[GridAxis],
-    rows: NDArray[np.int64],
-    table: ToleranceTable | None,
+    data: ReportData, axes: Sequence[GridAxis], rows: Codes, table: ToleranceTable | None
 ) -> dict[str, NDArray[Any]]:
     labels, (met, given) = data.labels, data.store.columns.numbers("expectation_met")
     # 2 for a run as expected, 1 for one that is not, 0 without an expectation.
@@ -164,7 +160,7 @@ def _columns(
 
 
 def _configuration_columns(
-    report: TradeoffReport, table: ToleranceTable, rows: NDArray[np.int64], bits: int
+    report: TradeoffReport, table: ToleranceTable, rows: Codes, bits: int
 ) -> dict[str, NDArray[Any]]:
     exact = {report.error.name, *report.tolerances}
     return {

@@ -10,7 +10,7 @@ import numpy as np
 from contactlab.contact.contact_laws import damping_ratio, restitution_of, sticking_speed
 from contactlab.contact.trace_arrays import LINEAR_VELOCITY, STICK, Floats
 from contactlab.palette import COLOURS, INK, SHAPES
-from contactlab.reporting.heatmap import default_map, number_map
+from contactlab.reporting.heatmap import Layered, default_map, number_map
 from contactlab.reporting.map_cells import cell_statistic
 from contactlab.reporting.page_charts import change_panels, knob_changes, tradeoff_chart
 from contactlab.reporting.report import ReportData
@@ -89,9 +89,8 @@ def _axis_of_restitution(
 
 
 def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> BouncingRun | None:
-    heights = [
-        each for each in qpos_entries(trace.model_xml, trace.qpos.shape[1]) if each.is_height
-    ]
+    entries = qpos_entries(trace.model_xml, trace.qpos.shape[1])
+    heights = [each for each in entries if each.is_height]
     if not heights or not trace.pairs or not len(trace.pairs[0].steps):
         return None
     pair = trace.pairs[0]
@@ -171,7 +170,7 @@ def bounce_panels(runs: Sequence[BouncingRun]) -> Spec:
     return alt.hconcat(left, _ratios(runs, colour), spacing=30).to_dict()
 
 
-def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> alt.LayerChart | alt.FacetChart:
+def _ratios(runs: Sequence[BouncingRun], colour: alt.Color) -> Layered:
     names = [each.setting for each in runs]
     ratios: Rows = [
         {"bounce": index + 1, "ratio": ratio, "setting": each.setting}
