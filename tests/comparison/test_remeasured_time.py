@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.comparison.remeasured_time import Remeasure, median_interval
+from contactlab.comparison.metric_checks import Remeasure, median_interval
 from contactlab.comparison.report_formats import as_text
 from contactlab.errors import PolicyError, StoreError
 from contactlab.run.stored_runs import timing_process

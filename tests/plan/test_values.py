@@ -9,9 +9,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from contactlab.plan.rows import listed_values, sample_points, sampled_values
-from contactlab.schema.axis_forms import Linspace, Logspace, Loguniform, Range, Uniform
 from contactlab.schema.sweep_schema import Sample
-from contactlab.schema.vocabulary import AxisSpec
+from contactlab.schema.vocabulary import AxisSpec, Linspace, Logspace, Loguniform, Range, Uniform
 
 # Down to 1e-290: below 1e-308 numbers lose digits, and a unit in the last place is no measure.
 finite = (

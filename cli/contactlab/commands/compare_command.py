@@ -15,7 +15,7 @@ from contactlab.commands.terminal import echo, echo_commands, print_json
 from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreError
 
 if TYPE_CHECKING:
-    from contactlab.comparison.remeasured_time import Remeasure
+    from contactlab.comparison.metric_checks import Remeasure
     from contactlab.schema.compare_policy import ComparePolicy
     from contactlab.schema.comparison_report import ComparisonReport
 
@@ -87,7 +87,7 @@ def _timers(
         if baseline_python or candidate_python:
             raise PolicyError("--baseline-python and --candidate-python need --remeasure N")
         return None
-    from contactlab.comparison.remeasured_time import Remeasure
+    from contactlab.comparison.metric_checks import Remeasure
     from contactlab.run.stored_runs import timing_process
 
     here = Path(sys.executable)

@@ -240,7 +240,7 @@ def replay(
     opt.load_plugins(plugin)
     opened = Store.open(store)
     if view:
-        from contactlab.view.live_viewer import open_viewer
+        from contactlab.view.render import open_viewer
 
         start = prepare_replay(opened, run)
         open_viewer(start.prepared.model, start.runs.starts)

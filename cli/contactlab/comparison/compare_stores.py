@@ -6,7 +6,7 @@ from datetime import date
 from pathlib import Path
 
 from contactlab.comparison.checks import CHANGED, NAMES, NOT_COMPARABLE, SAME, CheckSubject, plural
-from contactlab.comparison.metric_checks import metric_checks
+from contactlab.comparison.metric_checks import Remeasure, metric_checks, remeasured_check
 from contactlab.comparison.pairing import (
     PairedStores,
     Pairing,
@@ -16,7 +16,6 @@ from contactlab.comparison.pairing import (
     pair_by_axes,
 )
 from contactlab.comparison.policies import apply_acceptances, check_names
-from contactlab.comparison.remeasured_time import Remeasure, remeasured_check
 from contactlab.comparison.run_checks import (
     PairLabels,
     bitwise_equal,

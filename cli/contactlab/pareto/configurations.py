@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.mjcf import OPTIONS
-from contactlab.schema.axis_forms import Role
 from contactlab.schema.evidence import EvidenceRecord, Setting
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import (
@@ -19,6 +18,7 @@ from contactlab.schema.tradeoff_report import (
     ErrorMeasure,
     TimeMeasure,
 )
+from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
 
 _Z = 1.959963984540054

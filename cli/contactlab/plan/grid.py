@@ -11,8 +11,8 @@ from typing import cast
 
 from contactlab.expression import Expression, ExpressionError, NoValueError
 from contactlab.plan.diagnostics import Diagnostic, Place, SweepMistakesError
-from contactlab.schema.axis_forms import Role
 from contactlab.schema.sweep_schema import Expectation, Sweep
+from contactlab.schema.vocabulary import Role
 
 CONFIRM_ABOVE = 100_000
 MOST_RUNS = 10_000_000

@@ -11,9 +11,9 @@ from contactlab.errors import SweepFileError, suggestion
 from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.names import SweepContext, add_not_swept, zip_blocks
 from contactlab.plan.yaml_document import Document, KeyPath, read_argument
-from contactlab.schema.axis_forms import FORMS
 from contactlab.schema.drive import Drive, read_drive
 from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import FORMS
 
 _ENTRIES = ("sample", "effects", "tolerances", "thresholds", "accuracy", "timing")
 # Of what has no name, which YAML would take for a list; not within quotes.

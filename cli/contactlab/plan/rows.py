@@ -20,8 +20,10 @@ from contactlab.plan.diagnostics import Place, SourceText
 from contactlab.plan.grid import Block, RowValues
 from contactlab.plan.names import UNREADABLE, SweepContext, check_axis, check_conflicts
 from contactlab.plan.yaml_document import Document, KeyPath, read_text
-from contactlab.schema.axis_forms import (
+from contactlab.schema.sweep_schema import IncludeFile, Sample
+from contactlab.schema.vocabulary import (
     Axis,
+    AxisSpec,
     Linspace,
     Logspace,
     Loguniform,
@@ -31,8 +33,6 @@ from contactlab.schema.axis_forms import (
     Values,
     is_sampled,
 )
-from contactlab.schema.sweep_schema import IncludeFile, Sample
-from contactlab.schema.vocabulary import AxisSpec
 
 _Sampled = Uniform | Loguniform
 _DIGITS = 12

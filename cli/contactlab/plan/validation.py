@@ -14,9 +14,9 @@ from pydantic_core import ErrorDetails
 
 from contactlab.errors import suggestion
 from contactlab.plan.yaml_document import Document, KeyPath
-from contactlab.schema.axis_forms import FORMS
 from contactlab.schema.drive import DRIVE_FORMS
 from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import FORMS
 
 _WANTED = {
     "float_type": "a number",

@@ -15,8 +15,7 @@ from contactlab.pareto.recommendation import (
     settings_text,
 )
 from contactlab.printable import visible
-from contactlab.reporting.baseline_maps import compare_with_baseline
-from contactlab.reporting.heatmap import default_map
+from contactlab.reporting.heatmap import compare_with_baseline, default_map
 from contactlab.reporting.map_cells import label_counts
 from contactlab.reporting.packing import packed_text
 from contactlab.reporting.page_charts import KnobChange, knob_changes, label_bar, tradeoff_chart

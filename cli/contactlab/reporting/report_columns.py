@@ -12,8 +12,8 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.measure import LABELS, METRICS
 from contactlab.measure import STABLE as STABLE_LABEL
 from contactlab.palette import STABLE_COLOUR, failure_colour
-from contactlab.schema.axis_forms import Role
 from contactlab.schema.sweep_schema import Sweep
+from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.table_layout import Column

@@ -15,7 +15,6 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from contactlab.schema.axis_forms import Axis, Role, axis_roles
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.strict_model import (
@@ -29,6 +28,7 @@ from contactlab.schema.strict_model import (
     Words,
     about,
 )
+from contactlab.schema.vocabulary import Axis, Role, axis_roles
 
 EffectsBase = Literal["auto", "all"]
 _BASE = "base"

@@ -1,10 +1,14 @@
-"""The names that a sweep file may use: axes of its scene, metrics and labels."""
+"""The names that a sweep file may use, and the forms in which it gives the values of an axis."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Annotated, Literal, Protocol, TypeGuard, cast
+
+from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic_core import PydanticCustomError
 
 from contactlab.schema.pair_expectation import PairExpectation
+from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
 
 
 @dataclass(frozen=True)
@@ -63,3 +67,122 @@ class Vocabulary:
     thresholds: Sequence[str] = ()
     mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] | None = None
     """The key that is wrong in what is expected of pairs in runs of that duration, and why."""
+
+
+Role = Literal["knob", "scenario"]
+MOST_VALUES = 1_000_000
+
+Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
+
+
+def _reaching(values: tuple[float, float, float]) -> tuple[float, float, float]:
+    first, last, step = values
+    if step == 0 or (last - first) / step < 0:
+        raise PydanticCustomError(
+            "range_step", "needs a step that leads from the first value to the last"
+        )
+    if (last - first) / step >= MOST_VALUES:
+        raise PydanticCustomError("range_step", "has more than 1,000,000 values")
+    return values
+
+
+def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
+    if bounds[0] >= bounds[1]:
+        raise PydanticCustomError("span_order", "needs two bounds, the lower one first")
+    return bounds
+
+
+class Ranged(Model):
+    """Fields that every form of an axis has besides its values."""
+
+    role: Role = about(
+        "knob: a setting that you may choose; scenario: an external condition", default="knob"
+    )
+
+
+class Values(Ranged):
+    """Values as listed, with a role."""
+
+    values: tuple[Value, ...] = about("the values, in order", min_length=1)
+
+
+class Linspace(Ranged):
+    """Evenly spaced values."""
+
+    linspace: tuple[Number, Number, Count] = about(
+        "[first, last, count]: evenly spaced, both ends included"
+    )
+
+
+class Logspace(Ranged):
+    """Geometrically spaced values."""
+
+    logspace: tuple[Positive, Positive, Count] = about(
+        "[first, last, count]: values, not exponents; both ends included"
+    )
+
+
+class Range(Ranged):
+    """Values at a fixed step."""
+
+    range: Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)] = about(
+        "[first, last, step]: the last is included where the steps reach it"
+    )
+
+
+class Uniform(Ranged):
+    """Values sampled uniformly."""
+
+    uniform: Annotated[tuple[Number, Number], AfterValidator(_ordered)] = about(
+        "[low, high]: sampled; needs `sample`"
+    )
+
+
+class Loguniform(Ranged):
+    """Values sampled log-uniformly."""
+
+    loguniform: Annotated[tuple[Positive, Positive], AfterValidator(_ordered)] = about(
+        "[low, high], both positive: sampled by logarithm; needs `sample`"
+    )
+
+
+FORMS: Mapping[str, type[Ranged]] = {
+    form.__name__.lower(): form for form in (Values, Linspace, Logspace, Range, Uniform, Loguniform)
+}
+
+
+def _form(data: object) -> str | None:
+    if isinstance(data, list | tuple):
+        return "@list"
+    if isinstance(data, Mapping):
+        keys = cast("Mapping[str, object]", data)
+        return next((f"@{name}" for name in FORMS if name in keys), None)
+    return f"@{name}" if (name := type(data).__name__.lower()) in FORMS else None
+
+
+# Tags start with @ so that an error's path never mistakes one for a key of the file.
+Axis = Annotated[
+    Annotated[tuple[Value, ...], Field(min_length=1), Tag("@list")]
+    | Annotated[Values, Tag("@values")]
+    | Annotated[Linspace, Tag("@linspace")]
+    | Annotated[Logspace, Tag("@logspace")]
+    | Annotated[Range, Tag("@range")]
+    | Annotated[Uniform, Tag("@uniform")]
+    | Annotated[Loguniform, Tag("@loguniform")],
+    Discriminator(
+        _form,
+        custom_error_type="axis_form",
+        custom_error_message="an axis is a list of values or one of: " + ", ".join(FORMS),
+    ),
+]
+
+
+def axis_roles(*blocks: Mapping[str, Axis]) -> dict[str, Role]:
+    """Return the role of each axis of some blocks: a knob unless it says otherwise."""
+    axes = [pair for block in blocks for pair in block.items()]
+    return {name: axis.role if isinstance(axis, Ranged) else "knob" for name, axis in axes}
+
+
+def is_sampled(axis: Axis) -> TypeGuard[Uniform | Loguniform]:
+    """Return whether the values of an axis are sampled, not listed."""
+    return isinstance(axis, Uniform | Loguniform)
