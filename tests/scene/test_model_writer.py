@@ -368,11 +368,11 @@ def test_what_is_left_is_a_store_s_copy_too(robot: Scene, tmp_path: Path) -> Non
 REFUSED: Mapping[str, tuple[ModelEdits, str]] = {
     "one of three": (
         ModelEdits(masked=("geom[4]",)),
-        r"contype of geom 'geom\[4\]': 'geom\[5\]' comes from the same element",
+        r"geom_conaffinity of geom 'geom\[5\]' \(from the same element as 'geom\[4\]'\)",
     ),
     "one of two attached": (
         ModelEdits({"geom_condim[left_hand]": 6}),
-        "condim of geom 'left_hand': 'right_hand' comes from the same element",
+        r"condim of geom 'right_hand' \(from the same element as 'left_hand'\): it is 6",
     ),
     "no geom": (ModelEdits(masked=("skin",)), "no geom 'skin' in the model; did you mean 'shin'"),
     "no sensor": (ModelEdits(sensors=("angel",)), "no sensor 'angel'.*did you mean 'angle'"),

@@ -6,7 +6,7 @@ defaults and classes.
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects.effect_table import remove
 from contactlab.scene.element_origins import Origin, Origins
 from contactlab.scene.model_edits import FIELD_KINDS, FLAGS, is_writable, read_flag, read_option
-from contactlab.scene.model_names import KINDS, is_address
+from contactlab.scene.model_names import KINDS
 from contactlab.scene.model_text import (
     Replacement,
     at_end,
@@ -52,6 +52,15 @@ class ModelEdits:
     excluded: tuple[tuple[str, str], ...] = ()
     sensors: tuple[str, ...] = ()
     hull_vertices: Mapping[str, int] = field(default_factory=dict[str, int])
+
+    @property
+    def attributes(self) -> Iterator[tuple[str, str, str, int]]:
+        """Yield the attributes of parts that are no settings: kind, name, attribute and value."""
+        for name in self.masked:
+            yield "geom", name, "contype", 0
+            yield "geom", name, "conaffinity", 0
+        for name, most in self.hull_vertices.items():
+            yield "mesh", name, "maxhullvert", most
 
 
 @dataclass(frozen=True)
@@ -128,17 +137,13 @@ class CompiledFiles(NamedTuple):
 
 def edit_spec(spec: mujoco.MjSpec, edits: ModelEdits) -> None:
     """Make the changes of a specification that are no settings."""
-    for name in edits.masked:
-        geom = _part(spec, "geom", name)
-        if spec.compiler.discardvisual:
-            raise SceneError(f"cannot mask geom '{name}': <compiler discardvisual> would remove it")
-        geom.contype = geom.conaffinity = 0
-    for one, other in edits.excluded:
-        if unnamed := [each for each in (one, other) if is_address(_part(spec, "body", each).name)]:
-            raise SceneError(f"{unnamed[0]} has no name, which <exclude> needs; give it one")
+    if edits.masked and spec.compiler.discardvisual:
+        raise SceneError("cannot mask a geom: <compiler discardvisual> would remove it")
+    for kind, name, attribute, value in edits.attributes:
+        setattr(_part(spec, kind, name), attribute, value)
+    for pair in edits.excluded:
+        one, other = (_part(spec, "body", each).name for each in pair)
         spec.add_exclude(bodyname1=one, bodyname2=other)
-    for name, most in edits.hull_vertices.items():
-        _part(spec, "mesh", name).maxhullvert = most
     for name in edits.sensors:
         spec.delete(_part(spec, "sensor", name))
 
@@ -151,7 +156,6 @@ _ATTRIBUTES = {
     "dof_solref": "solreffriction",
     "dof_solimp": "solimpfriction",
 }
-_MASKS = ("contype", "conaffinity")
 
 
 @dataclass(frozen=True)
@@ -185,42 +189,33 @@ class Draft:
         origins = Origins.lay_out(source.model, root)
         return cls(source.model, before, origins, CompiledFiles.of(scene, source, {}))
 
-    def _origin(self, kind: str, name: str) -> Origin | None:
-        return self.origins.by_line.get(self.now.lines[kind].get(name, 0))
+    def _origin(self, kind: str, name: str) -> Origin:
+        origin = self.origins.by_line.get(self.now.lines[kind].get(name, 0))
+        if origin is None:
+            raise SceneError(f"cannot write {kind} '{name}', which no element has for itself")
+        return origin
+
+    def described(self, model: mujoco.MjModel, field: str, row: int) -> str:
+        """Return what a row of a model's field belongs to, and what comes from the same element."""
+        kind = FIELD_KINDS.get(field.partition("_")[0])
+        if kind is None:
+            return ""
+        name, lines = object_name(model, field, row), self.now.lines[kind]
+        others = [each for each in lines if each != name and lines[each] == lines[name] > 0]
+        beside = f" (from the same element as '{others[0]}')" if others else ""
+        return f" of {kind} '{name}'{beside}"
 
     def set_fields(self, meant: CompiledFiles) -> None:
         """Set the attributes of elements whose objects have other fields with settings."""
         model, old, new = meant.model, fields_of(meant.plain), fields_of(meant.model)
         for name in filter(is_writable, new):
-            changed = differing_rows(old[name], new[name])
-            if changed:
-                prefix, _, attribute = name.partition("_")
-                names = [object_name(model, name, row) for row in range(len(new[name]))]
-                texts = [mjcf_text(row) for row in new[name].tolist()]
-                self._set(
-                    FIELD_KINDS[prefix],
-                    _ATTRIBUTES.get(name, attribute),
-                    dict(zip(names, texts, strict=True)),
-                    {names[row] for row in changed},
-                )
+            prefix, _, attribute = name.partition("_")
+            for row in differing_rows(old[name], new[name]):
+                part, text = object_name(model, name, row), mjcf_text(new[name][row].tolist())
+                self._set(FIELD_KINDS[prefix], part, _ATTRIBUTES.get(name, attribute), text)
 
-    def _set(
-        self, kind: str, attribute: str, values: Mapping[str, str], changed: Collection[str]
-    ) -> None:
-        """Set an attribute of the elements of what has changed, among the values of all objects."""
-        by_element: dict[Origin | None, dict[str, str]] = defaultdict(dict)
-        for name, value in values.items():
-            by_element[self._origin(kind, name)][name] = value
-        for name in changed:
-            what, origin = f"{attribute} of {kind} '{name}'", self._origin(kind, name)
-            if origin is None:
-                raise SceneError(f"cannot write {what}, which no element has for itself")
-            for other, value in by_element[origin].items():
-                if value != values[name]:
-                    raise SceneError(
-                        f"cannot write {what}: '{other}' comes from the same element, and differs"
-                    )
-            self.values[origin][attribute] = values[name]
+    def _set(self, kind: str, name: str, attribute: str, value: str) -> None:
+        self.values[self._origin(kind, name)][attribute] = value
 
     def set_options(self, meant: CompiledFiles) -> None:
         """Set the options and flags of a model: in the main file's elements, if they are last."""
@@ -243,21 +238,14 @@ class Draft:
 
     def set_parts(self, edits: ModelEdits, meant: CompiledFiles) -> None:
         """Make the changes that no field of a compiled model has, and remove what it lacks."""
-        geoms = dict.fromkeys(self.now.lines["geom"], "") | dict.fromkeys(edits.masked, "0")
-        for attribute in _MASKS:
-            self._set("geom", attribute, geoms, edits.masked)
-        meshes = dict.fromkeys(self.now.lines["mesh"], "")
-        hulls = {name: str(most) for name, most in edits.hull_vertices.items()}
-        self._set("mesh", "maxhullvert", meshes | hulls, hulls)
+        for kind, name, attribute, value in edits.attributes:
+            self._set(kind, name, attribute, str(value))
         for one, other in edits.excluded:
             pair = attributes({"body1": one, "body2": other})
             self.added.append(f"<contact><exclude{pair}/></contact>")
         for kind, lines in self.now.lines.items():
-            kept = {self._origin(kind, name) for name in meant.lines[kind]}
             for name in lines.keys() - meant.lines[kind].keys():
-                if (origin := self._origin(kind, name)) is None or origin in kept:
-                    raise SceneError(f"cannot remove {kind} '{name}', which shares its element")
-                self.removed.add(origin)
+                self.removed.add(self._origin(kind, name))
 
     def _replacements(self) -> Iterator[tuple[Path, list[Replacement]]]:
         for path, data in self.before.items():

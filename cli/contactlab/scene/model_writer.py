@@ -23,7 +23,6 @@ from contactlab.scene.model_draft import (
     edit_spec,
     fields_of,
     mjcf_text,
-    object_name,
 )
 from contactlab.scene.model_edits import FIELD_KINDS
 from contactlab.scene.model_files import common_folder, plain_name, relative_path
@@ -93,7 +92,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         except SceneError as error:
             reason = "; ".join(line.strip() for line in str(error).splitlines()[1:])
             raise SceneError(f"cannot be written: {reason}") from error
-        _check(made.model, meant.model)
+        _check(made.model, meant.model, draft)
         changed = [path for path in after if after[path] != before[path]]
         start = common_folder([copied.model, *changed])
         patch = [_patch(each.relative_to(start), before[each], after[each]) for each in changed]
@@ -108,19 +107,21 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         return written
 
 
-def _check(made: mujoco.MjModel, meant: mujoco.MjModel) -> None:
+# What elements set comes before what follows from it.
+_SET_FIRST = tuple(f"{prefix}_" for prefix in FIELD_KINDS if prefix != "body")
+
+
+def _check(made: mujoco.MjModel, meant: mujoco.MjModel, draft: Draft) -> None:
     """Refuse a model that differs from another, but for names and paths."""
     for some, other in ((made, meant), (made.opt, meant.opt), (made.stat, meant.stat)):
-        for (name, one), two in zip(
-            fields_of(some).items(), fields_of(other).values(), strict=True
-        ):
-            if one.shape != two.shape:
-                raise SceneError(f"cannot be written: {name} is {one.shape} then, not {two.shape}")
-            for row in differing_rows(one, two)[:1]:
-                kind = FIELD_KINDS.get(name.partition("_")[0])
-                of = f" of {kind} '{object_name(made, name, row)}'" if kind else ""
-                then, not_ = mjcf_text(one[row].tolist()), mjcf_text(two[row].tolist())
-                raise SceneError(f"cannot write {name}{of}: it is {then} then, not {not_}")
+        old, new = fields_of(some), fields_of(other)
+        for name in sorted(old, key=lambda name: not name.startswith(_SET_FIRST)):
+            if old[name].shape != new[name].shape:
+                raise SceneError(f"cannot be written: {name} has {len(old[name])} rows then")
+            for row in differing_rows(old[name], new[name])[:1]:
+                then, wanted = (mjcf_text(each[name][row].tolist()) for each in (old, new))
+                of = draft.described(made, name, row)
+                raise SceneError(f"cannot write {name}{of}: it is {then} then, not {wanted}")
 
 
 def _patch(path: Path, before: bytes, after: bytes) -> bytes:
