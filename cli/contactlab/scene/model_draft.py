@@ -271,7 +271,7 @@ class Draft:
         for path, replacements in self._replacements():
             for each in replacements:
                 line = self.before[path].count(b"\n", 0, each.start) + 1
-                text = " ".join(each.text.decode().split())
+                text = " ".join(each.text.decode(errors="replace").split())
                 yield Change(path.relative_to(folder).as_posix(), line, text)
 
 
