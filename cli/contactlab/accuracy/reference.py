@@ -33,7 +33,6 @@ from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import joints_of
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings
-from contactlab.schema.sweep_schema import Sweep
 
 _LENGTH = 1e-3
 
@@ -115,18 +114,6 @@ NUMERICS: Mapping[str, object] = MappingProxyType(
 
 The values are those of a reference; None where each reference chooses.
 """
-
-
-def reference_model(
-    scene: Scene, sweep: Sweep, run: ResolvedRun, values: Mapping[str, object]
-) -> ResolvedRun:
-    """Return what a run of some values is compared with: itself, or the scene as written.
-
-    A reference takes its own numerics instead of theirs.
-    """
-    if sweep.accuracy is None or sweep.accuracy.against == "own":
-        return run
-    return scene.as_written(run, values, sweep.scenario)
 
 
 def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) -> ResolvedRun:

@@ -112,14 +112,7 @@ def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
 
 
 def _point(summary: Configuration) -> FrontPoint:
-    assert summary.time is not None
-    assert summary.error is not None
-    return FrontPoint(
-        configuration=summary.configuration,
-        time=summary.time,
-        error=summary.error,
-        real_time_factor=1 / summary.time,
-    )
+    return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
 
 
 def _has_floor(error: ErrorMeasure) -> bool:
@@ -131,16 +124,10 @@ def _recommendation(runs: StoredRuns, near: Sequence[Evaluated]) -> Recommendati
     if not near:
         return None
     chosen, *others = near
-    summary, run = chosen.summary, runs.ids[chosen.rows[0]]
-    assert summary.time is not None
     return Recommendation(
-        configuration=summary.configuration,
-        margins=summary.margins,
-        time=summary.time,
-        error=summary.error,
-        real_time_factor=1 / summary.time,
+        **chosen.summary.model_dump(include={*Recommendation.model_fields}),
         equally_fast=tuple(each.values for each in others),
-        run_id=run,
+        run_id=runs.ids[chosen.rows[0]],
     )
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 
 import numpy as np
 
-from contactlab.accuracy.reference import reference_model
 from contactlab.engines import ENGINES, engine_of
 from contactlab.engines.engine import bytes_of_run
 from contactlab.errors import OutputError, SceneError, StoreError, SweepFileError
@@ -52,9 +51,11 @@ _MOST_STEPS = 1e12
 
 
 def reference_models(scene: Scene, sweep: Sweep, planned: Planned) -> dict[str, ResolvedRun]:
-    """Return the models of the references of runs, by run id."""
+    """Return what runs are compared with, by run id: themselves, or the scene as written."""
+    own = sweep.accuracy is None or sweep.accuracy.against == "own"
     return {
-        run.run_id: reference_model(scene, sweep, resolved, run.values) for run, resolved in planned
+        run.run_id: each if own else scene.as_written(each, run.values, sweep.scenario)
+        for run, each in planned
     }
 
 

@@ -53,6 +53,7 @@ class Clearance:
         self.model.opt.disableflags &= ~int(_OFF.mjDSBL_NATIVECCD)
         self.data = mujoco.MjData(self.model)
         self.ranges = joint_ranges(model)
+        self._extents = _extents(model, self.ranges)
 
     def place(self, qpos: Floats) -> None:
         """Put all bodies where a configuration (nq,) has them."""
@@ -97,22 +98,24 @@ class Clearance:
             for each in (each for each in _upward(model, body) if each not in others):
                 if model.body_mocapid[each] >= 0:
                     return None
-                joints = np.flatnonzero(model.jnt_bodyid == each)
-                slides = model.jnt_type[joints] == _JOINT.mjJNT_SLIDE
-                reach += self._extent(joints, slides)
-                found[joints] = np.where(slides, 1.0, reach)
+                reach += self._extents[each]
+                found[model.jnt_bodyid == each] = reach
                 reach += float(np.linalg.norm(model.body_pos[each]))
-        bounded = np.isfinite(found).all() and np.isfinite(self.ranges[found > 0]).all()
+        between = found > 0
+        bounded = np.isfinite(found).all() and np.isfinite(self.ranges[between]).all()
         measured = not _UNMEASURED & set(model.geom_type[[*pair]].tolist())
-        measured = measured and not model.opt.enableflags & _SPECULATIVE
-        return found if bounded and measured else None
+        if not bounded or not measured or model.opt.enableflags & _SPECULATIVE:
+            return None
+        return np.where(between & (model.jnt_type == _JOINT.mjJNT_SLIDE), 1.0, found)
 
-    def _extent(self, joints: np.ndarray, slides: np.ndarray) -> float:
-        """Return what the joints of a body add to the reach from its frame at most [m]."""
-        zero = self.model.qpos0[self.model.jnt_qposadr[joints]]
-        ways = np.abs(self.ranges[joints] - zero[:, None]).max(axis=1, initial=0.0)
-        anchors = 2 * np.linalg.norm(self.model.jnt_pos[joints], axis=1)
-        return float(anchors.sum() + ways[slides].sum())
+
+def _extents(model: mujoco.MjModel, ranges: Floats) -> Floats:
+    """Return (nbody,) what the joints of each body add to the reach from its frame at most [m]."""
+    slides, extents = model.jnt_type == _JOINT.mjJNT_SLIDE, np.zeros(model.nbody)
+    ways = np.abs(ranges - model.qpos0[model.jnt_qposadr][:, None]).max(axis=1, initial=0.0)
+    anchors = 2 * np.linalg.norm(model.jnt_pos, axis=1)
+    np.add.at(extents, model.jnt_bodyid, anchors + np.where(slides, ways, 0.0))
+    return extents
 
 
 def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
