@@ -31,14 +31,10 @@ from contactlab.scene.model_edits import (
     FLAGS,
     EditTargets,
     base_settings,
-    find_field,
     find_targets,
     nonuniform_settings,
     read_flags,
-    write_contact,
-    write_flags,
-    write_mass,
-    write_option,
+    write_settings,
 )
 from contactlab.scene.model_names import find_id
 from contactlab.scene.scene_source import SceneSource
@@ -85,7 +81,11 @@ class CompiledScene:
         if servos is not None:
             servos.write(model)
         place_mocap(model, str({**self.settings, **edits}.get("keyframe", QPOS0)))
-        _apply(edits, model, self.targets)
+        derived = write_settings(model, edits, self.targets)
+        for name in (each for each in edits if each in EFFECTS and each not in (*FLAGS, *OPTIONS)):
+            EFFECTS[name].switch.write(model, bool(edits[name]))
+        if derived:
+            mujoco.mj_setConst(model, mujoco.MjData(model))
         effects: dict[str, EffectState] = {}
         if effect_request is not None:
             straight = start is not None and is_straight(model, start)
@@ -150,29 +150,6 @@ def compile_scene(
         holding=holding,
         facts=ModelFacts(model, energy=energy),
     )
-
-
-def _apply(changed: Mapping[str, object], model: mujoco.MjModel, targets: EditTargets) -> None:
-    """Write the changed settings into a model, in place."""
-    write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
-    inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
-    for name, value in changed.items():
-        if name in OPTIONS:
-            write_option(model, name, value)
-        elif name in CONTACT:
-            write_contact(model, name, value, targets)
-            derived |= name in ("margin", "gap")
-        elif name == "mass":
-            write_mass(model, as_number(value), targets)
-            derived = True
-        elif name in EFFECTS and name not in FLAGS:
-            EFFECTS[name].switch.write(model, bool(value))
-        elif found := find_field(model, name):
-            array, index = found
-            array[index] = value
-            derived |= not inputs or name.partition("[")[0] in inputs
-    if derived:
-        mujoco.mj_setConst(model, mujoco.MjData(model))
 
 
 def full_structure(

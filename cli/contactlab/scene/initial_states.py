@@ -249,7 +249,7 @@ def initial_states(
         norm = np.linalg.norm(part, axis=1, keepdims=True)
         np.divide(part, norm, out=part, where=np.abs(norm - 1) > 1e-12)
     signals = tuple(control_signals(rule.profiles, initial) for initial, _, _ in runs)
-    return at_begin(InitialStates(*np.split(states, rule.ends[:-1], axis=1), signals))
+    return at_begin(InitialStates(*np.split(states, rule.ends[:-1], axis=1), signals=signals))
 
 
 def at_begin(starts: InitialStates) -> InitialStates:

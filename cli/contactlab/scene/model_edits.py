@@ -18,7 +18,7 @@ from contactlab.scene.contact_pairs import MonitoredPair, effective_parameters, 
 from contactlab.scene.model_names import find_id
 from contactlab.scene.mujoco_versions import enum_members
 from contactlab.scene.parameters import PARAMETERS, WORDS
-from contactlab.scene.setting_values import Settings, integer, number
+from contactlab.scene.setting_values import Settings, as_number, integer, number
 from contactlab.schema.vocabulary import AxisSpec
 
 _NAME = re.compile(r"(?P<field>[a-z]\w*)\[(?P<object>[^,\]]+(\[\d+\]_*)?)(,(?P<place>\d+))?\]")
@@ -174,19 +174,36 @@ def _rows(name: str, value: object) -> dict[str, np.ndarray]:
     return {f"geom_{name}": half, f"pair_{name}": row}
 
 
-def write_contact(model: mujoco.MjModel, name: str, value: object, targets: EditTargets) -> None:
-    """Write a contact setting into a model, in place."""
-    for field, row in _rows(name, value).items():
-        getattr(model, field)[targets.rows(field)] = row
+def write_settings(
+    model: mujoco.MjModel, changed: Mapping[str, object], targets: EditTargets
+) -> bool:
+    """Write changed settings and flags into a model; return whether MuJoCo derives more of them."""
+    write_flags(model, {name: bool(changed[name]) for name in FLAGS if name in changed})
+    inputs, derived = getattr(mujoco.MjModel, "_setconst_inputs", ()), False
+    for name, value in changed.items():
+        if name in OPTIONS:
+            write_option(model, name, value)
+        elif name in CONTACT:
+            for field, row in _rows(name, value).items():
+                getattr(model, field)[targets.rows(field)] = row
+            derived |= name in ("margin", "gap")
+        elif name == "mass":
+            _write_mass(model, as_number(value), targets.subject)
+            derived = True
+        elif found := find_field(model, name):
+            array, index = found
+            array[index] = value
+            derived |= not inputs or name.partition("[")[0] in inputs
+    return derived
 
 
-def write_mass(model: mujoco.MjModel, mass: float, targets: EditTargets) -> None:
+def _write_mass(model: mujoco.MjModel, mass: float, subject: int | None) -> None:
     """Scale the subject's mass and inertia alike, as another density would."""
-    if targets.subject is None:
+    if subject is None:
         raise SceneError("`mass` needs a subject; name a body in the scene's `subject`")
-    ratio = mass / float(model.body_mass[targets.subject])
-    model.body_mass[targets.subject] = mass
-    model.body_inertia[targets.subject] *= ratio
+    ratio = mass / float(model.body_mass[subject])
+    model.body_mass[subject] = mass
+    model.body_inertia[subject] *= ratio
 
 
 # Recording needs these: sensors carry the evidence, an automatic reset would hide a divergence, and
