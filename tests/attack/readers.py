@@ -27,7 +27,7 @@ from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.row_journal import write_journal
 from contactlab.store.runs_table import iterate_rows
-from contactlab.store.store_manifest import parse_identity, parse_manifest
+from contactlab.store.store_files import parse_identity, parse_manifest
 from contactlab.store.store_writer import open_writer
 from contactlab.store.verify_store import verify
 

@@ -23,7 +23,7 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.trace_writer import copy_trace
 from contactlab.store.row_journal import mend_journal
 from contactlab.store.runs_table import rows_digest
-from contactlab.store.store_manifest import document_json
+from contactlab.store.store_files import document_json
 from contactlab.store.verify_store import unverified, verify
 
 Attack = Callable[[Path], None]

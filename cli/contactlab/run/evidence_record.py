@@ -34,7 +34,7 @@ from contactlab.schema.evidence import (
     LabelEntry,
     Provenance,
 )
-from contactlab.store.store_manifest import time_now
+from contactlab.store.store_files import time_now
 
 
 def metric_units() -> dict[str, str]:

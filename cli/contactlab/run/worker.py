@@ -44,7 +44,7 @@ from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.mcap.stored_trace import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.store.store_access import TraceSink
-from contactlab.store.store_manifest import time_now
+from contactlab.store.store_files import time_now
 from contactlab.store.table_layout import record_to_row
 
 # How long a job's second pass may go on once the sweep should stop [s].

@@ -13,8 +13,15 @@ from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import rows_digest, write_compact_table
 from contactlab.store.store_address import Address
-from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, TRACES, check_tree
-from contactlab.store.store_manifest import document_json
+from contactlab.store.store_files import (
+    IDENTITY,
+    MANIFEST,
+    SCENES,
+    TABLE,
+    TRACES,
+    check_tree,
+    document_json,
+)
 from contactlab.store.verify_store import verify
 
 

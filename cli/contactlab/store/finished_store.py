@@ -30,8 +30,15 @@ from contactlab.store.runs_table import (
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
-from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, check_tree, stored_file
-from contactlab.store.store_manifest import parse_manifest
+from contactlab.store.store_files import (
+    IDENTITY,
+    MANIFEST,
+    SCENES,
+    TABLE,
+    check_tree,
+    parse_manifest,
+    stored_file,
+)
 from contactlab.store.table_layout import row_to_record
 
 _MAX_SIMILAR = 32

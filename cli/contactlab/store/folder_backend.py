@@ -30,11 +30,11 @@ from contactlab.store.store_files import (
     TABLE,
     TRACES,
     check_tree,
+    document_json,
     read_stored,
     stored_file,
     stored_size,
 )
-from contactlab.store.store_manifest import document_json
 
 if TYPE_CHECKING:
     from contactlab.store.object_backend import ObjectBackend, ObjectSession

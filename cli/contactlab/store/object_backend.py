@@ -31,9 +31,11 @@ from contactlab.store.store_files import (
     SCENES,
     TABLE,
     TRACES,
+    check_same_sweep,
+    document_json,
+    parse_manifest,
 )
 from contactlab.store.store_lease import StoreLease, hold_lease
-from contactlab.store.store_manifest import check_same_sweep, document_json, parse_manifest
 
 _BATCHES = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""

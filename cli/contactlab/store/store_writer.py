@@ -37,8 +37,13 @@ from contactlab.store.runs_table import (
 )
 from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address
-from contactlab.store.store_files import IDENTITY, JOURNAL, MANIFEST, NOTES, SCENES, TABLE
-from contactlab.store.store_manifest import (
+from contactlab.store.store_files import (
+    IDENTITY,
+    JOURNAL,
+    MANIFEST,
+    NOTES,
+    SCENES,
+    TABLE,
     check_same_sweep,
     parse_identity,
     parse_manifest,

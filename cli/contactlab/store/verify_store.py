@@ -15,8 +15,14 @@ from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import trace_problems
 from contactlab.store.runs_table import iterate_rows, rows_digest
 from contactlab.store.store_address import Address
-from contactlab.store.store_files import IDENTITY, MANIFEST, SCENES, TABLE, stored_file
-from contactlab.store.store_manifest import parse_identity
+from contactlab.store.store_files import (
+    IDENTITY,
+    MANIFEST,
+    SCENES,
+    TABLE,
+    parse_identity,
+    stored_file,
+)
 from contactlab.store.table_layout import column_of, record_to_row, row_to_record
 
 MOST_PROBLEMS = 1000
