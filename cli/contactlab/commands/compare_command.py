@@ -3,7 +3,7 @@
 import os
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from datetime import date, datetime
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
@@ -59,13 +59,19 @@ def compare(
     """Compare a store with a baseline; exit with 1 if a gate fails."""
     from contactlab.comparison.compare_stores import compare as compare_stores
     from contactlab.comparison.compare_stores import unreadable_report
+    from contactlab.comparison.policies import accept as add_accepted
+    from contactlab.comparison.policies import acceptance
 
     targets = _targets(files or [])
     given = {"match": match, "baseline_digest": baseline_digest}
     timers = _timers(remeasure, baseline_python, candidate_python)
     run = partial(compare_stores, baseline, candidate, thorough=thorough, remeasure=timers)
     if accept is not None:
-        _accept(policy, given, run, (accept, reason, until.date() if until else None))
+        if policy is None:
+            raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
+        before = run(_rules(policy if policy.exists() else None, given))
+        entries = acceptance(before, accept, reason, until.date() if until else None)
+        add_accepted(policy, entries)
     rules = _rules(policy, given)
     try:
         report = run(rules)
@@ -102,21 +108,6 @@ def _rules(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePoli
 
     read = DEFAULT_POLICY if policy is None else read_yaml_as(policy, ComparePolicy)
     return read.model_copy(update={name: value for name, value in given.items() if value})
-
-
-def _accept(
-    policy: Path | None,
-    given: Mapping[str, str | None],
-    run: "Callable[[ComparePolicy], ComparisonReport]",
-    entry: tuple[str, str, date | None],
-) -> None:
-    """Add to the policy file, which may be new, that a check of this comparison may fail."""
-    from contactlab.comparison.policies import accept, acceptance
-
-    if policy is None:
-        raise PolicyError("--accept adds to a policy file; name it with --policy FILE")
-    report = run(_rules(policy if policy.exists() else None, given))
-    accept(policy, acceptance(report, *entry))
 
 
 def _targets(files: Sequence[Path]) -> list[tuple[Path, ReportFormat]]:

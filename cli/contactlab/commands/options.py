@@ -13,7 +13,6 @@ from contactlab.errors import OutputError, SweepFileError
 
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
-    from contactlab.schema.evidence import PluginInfo
     from contactlab.store.finished_store import Store
     from contactlab.store.store_address import Address
 else:
@@ -118,23 +117,11 @@ def mention_damage(store: "Store") -> None:
         say(f"warning: {warning}")
 
 
-def mention_plugins(store: "Address", plugins: "Sequence[PluginInfo]") -> None:
-    """Name the plug-ins that a store was written with, in a command that only reads it."""
-    if plugins:
-        names = "; ".join(map(str, plugins))
-        say(
-            f"{store} was written with plug-ins that are not loaded: {names}; "
-            "their values are shown as stored"
-        )
-
-
 def rerun_with_mujoco(version: str | None, store: Path | None) -> None:
     """Run the same command with another MuJoCo, if `--mujoco` names one, and end with it.
 
-    The version is added to the name of the store, which is None if `-o` was given.
-
-    Raises:
-        EngineError: there is no such version, or it cannot be installed.
+    The version is added to the name of the store, which is None if `-o` was given. An EngineError
+    says that there is no such version, or that it cannot be installed.
     """
     if version is None:
         return

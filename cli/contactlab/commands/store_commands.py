@@ -194,7 +194,11 @@ def verify(
     problems = find_problems(store)
     opened = Store.unchecked(store)
     manifest, left = opened.manifest, unverified(opened)
-    opt.mention_plugins(store, manifest.sweep.plugins)
+    if plugins := "; ".join(map(str, manifest.sweep.plugins)):
+        say(
+            f"{store} was written with plug-ins that are not loaded: {plugins}; "
+            "their values are shown as stored"
+        )
     left += filter(None, (unresolved(opened), unplanned(opened)))
     if not problems and unresolved(opened) is None:
         # What is damaged need not be run, nor compiled.

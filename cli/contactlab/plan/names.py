@@ -85,11 +85,8 @@ def check_names(context: SweepContext) -> None:
 def check_axis(context: SweepContext, name: str, place: Place, kind: str = "axis") -> None:
     """Add a mistake if the scene does not have this axis."""
     if context.find(name) is None:
-        known = list(context.vocabulary.axes.names)
-        if not place.source.numbered:
-            known += list(Sweep.model_fields)
-        if name == "seed":
-            known = ["seeds"]
+        keys = () if place.source.numbered else Sweep.model_fields
+        known = ["seeds"] if name == "seed" else [*context.vocabulary.axes.names, *keys]
         _add_unknown(context.document, kind, name, place, known)
 
 

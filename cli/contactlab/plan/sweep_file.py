@@ -80,12 +80,11 @@ def read_sweep(
 def _sorted(document: Document) -> list[Diagnostic]:
     """Return all mistakes, those of the file first, each source's in the order of their places."""
 
-    def position(each: Diagnostic) -> tuple[bool, str, str, int, int]:
-        source, place = each.place.source, each.place
-        argument = "" if source.numbered else place.text
+    def position(place: Place) -> tuple[bool, str, str, int, int]:
+        source, argument = place.source, "" if place.source.numbered else place.text
         return source is not document.source, source.name, argument, place.line, place.column
 
-    return sorted(document.mistakes, key=position)
+    return sorted(document.mistakes, key=lambda each: position(each.place))
 
 
 def _checked(

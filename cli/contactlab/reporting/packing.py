@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 
-_TYPES = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4", "f8": "<f8"}
 _LEVEL = 9
 _MANTISSA = 23
 
@@ -28,7 +27,7 @@ def pack(columns: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
     for name, column in columns.items():
         kind = column.dtype.str[1:]
         names.append([name, kind, column.size])
-        values = np.ascontiguousarray(column, dtype=_TYPES[kind])
+        values = np.ascontiguousarray(column, dtype=f"<{kind}")
         stream += values.view(np.uint8).reshape(-1, values.itemsize).T.tobytes()
     packed = gzip.compress(stream, _LEVEL, mtime=0)
     return {"columns": names, "bytes": base64.b64encode(packed).decode()}

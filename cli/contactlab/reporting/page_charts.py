@@ -94,18 +94,14 @@ def _drawn_places(report: TradeoffReport) -> set[int]:
     recommended = [each for each in (report.recommendation, report.robust) if each is not None]
     best = (*recommended, *report.front, *report.unconstrained_front)
     best_methods = (method_key(each.configuration) for each in best)
+    # The others in an order that samples all of them evenly.
+    keys, stride = list(by_method), max(1, len(by_method) // 64)
+    others = (key for start in range(stride) for key in keys[start::stride])
     places: list[int] = []
-    for key in dict.fromkeys((*best_methods, *_spread(list(by_method)))):
+    for key in dict.fromkeys((*best_methods, *others)):
         if len(places) < _MOST_CONFIGURATIONS:
             places += by_method[key]
     return set(places)
-
-
-def _spread(keys: list[MethodKey]) -> Iterator[MethodKey]:
-    """Yield keys in an order that samples all of them evenly."""
-    stride = max(1, len(keys) // 64)
-    for start in range(stride):
-        yield from keys[start::stride]
 
 
 def timeline_chart() -> Spec:

@@ -1,6 +1,6 @@
 """Figures for papers: the charts of a page, and some that it has no room for, such as impacts."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import islice
 
@@ -95,7 +95,10 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
         return None
     pair = trace.pairs[0]
     height = trace.qpos[:, heights[0].index] - trace.qpos[pair.steps[0], heights[0].index]
-    peaks = np.array(list(_peaks(height, pair)))
+    # The greatest height of each flight that ends in the trace.
+    gaps = np.flatnonzero(np.diff(pair.steps) > 1)
+    flights = zip([0, *pair.steps[gaps]], [pair.steps[0], *pair.steps[gaps + 1]], strict=True)
+    peaks = np.array([height[start : end + 1].max() for start, end in flights])
     low = np.flatnonzero(peaks < _LEAST_PEAK * peaks[0])
     peaks = peaks[: low[0]] if len(low) else peaks
     if len(peaks) < _LEAST_PEAKS:
@@ -103,14 +106,6 @@ def _bouncing_run(trace: StoredTrace, record: EvidenceRecord, setting: str) -> B
     kept = decimated(height)
     restitution = float(restitution_of(damping_ratio(record.pairs[pair.name].solref)))
     return BouncingRun(setting, trace.time[kept], height[kept], peaks, restitution)
-
-
-def _peaks(height: Floats, pair: StoredPair) -> Iterator[float]:
-    """Yield the greatest height of each flight that ends in the trace."""
-    gaps = np.flatnonzero(np.diff(pair.steps) > 1)
-    yield float(height[: pair.steps[0] + 1].max())
-    for gap in gaps.tolist():
-        yield float(height[pair.steps[gap] : pair.steps[gap + 1] + 1].max())
 
 
 def first_impacts(store: Store) -> Rows:

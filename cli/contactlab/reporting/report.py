@@ -91,12 +91,8 @@ _DEFAULT_PAGE = PageRequest()
 def write_page(store: Store, target: Path, request: PageRequest = _DEFAULT_PAGE) -> tuple[str, ...]:
     """Write a store as one HTML page that needs no other file and no network.
 
-    The same store gives the same bytes; notes say what the page leaves out.
-
-    Raises:
-        OutputError: a library is missing, or the file cannot be written.
-        SweepFileError: a tolerance names a metric that the store does not have.
-        StoreError: the store cannot be read.
+    The same store gives the same bytes; notes say what the page leaves out. Besides the errors of
+    `read_report_data`, an OutputError says that a library is missing, or what cannot be written.
     """
     with optional("figures", "a report"):
         from contactlab.reporting.html_page import html_page  # noqa: PLC0415 - an extra
@@ -111,12 +107,8 @@ def write_figures(
 ) -> list[Path]:
     """Write every figure for which a store has the data as png, svg or pdf; return the files.
 
-    The same store gives the same bytes.
-
-    Raises:
-        OutputError: a format is unknown, a library is missing, or a file cannot be written.
-        SweepFileError: a tolerance names a metric that the store does not have.
-        StoreError: the store cannot be read.
+    The same store gives the same bytes. Besides the errors of `read_report_data`, an OutputError
+    says that a format is unknown, a library is missing, or what cannot be written.
     """
     for form in formats:
         if form not in FORMATS:

@@ -1,13 +1,13 @@
 """The policy file of `contactlab compare`: what counts as regressed, and what fails the job."""
 
 from datetime import date
-from typing import Annotated, Literal, Self
+from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 from pydantic_core import PydanticCustomError
 
 from contactlab.schema.judged_check import Acceptances, Count
-from contactlab.schema.strict_model import Model, Sha256, Tolerance, Word, about
+from contactlab.schema.strict_model import Flag, Model, Sha256, Tolerance, Word, about
 
 Level = Literal["gate", "warn", "note"]
 Better = Literal["lower", "higher", "none"]
@@ -102,9 +102,7 @@ class MetricRule(Model):
 class KnifeEdgeRules(Model):
     """How runs are treated whose label changes from a start 1e-6 away."""
 
-    exclude: Annotated[bool, Field(strict=True)] = about(
-        "whether they are counted and reported, never gated", default=True
-    )
+    exclude: Flag = about("whether they are counted and reported, never gated", default=True)
     max_share: Tolerance = about(
         "accepted share of such runs, if larger than the baseline's", default=0.05
     )

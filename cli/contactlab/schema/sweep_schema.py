@@ -18,6 +18,7 @@ from pydantic_core import PydanticCustomError
 from contactlab.schema.drive import Drive
 from contactlab.schema.pair_expectation import Bounds, PairExpectation
 from contactlab.schema.strict_model import (
+    Flag,
     Model,
     Number,
     Positive,
@@ -51,7 +52,7 @@ _BASE_SCHEMA = {
 }
 # `auto` and `all` alone are short for {base: auto} and {base: all}.
 Effects = Annotated[
-    dict[str, Annotated[bool, Field(strict=True)] | EffectsBase],
+    dict[str, Flag | EffectsBase],
     BeforeValidator(lambda value: {_BASE: value} if isinstance(value, str) else value),
     AfterValidator(_checked),
     WithJsonSchema(
@@ -207,7 +208,7 @@ class Sweep(Model):
         "runs to leave out: partial matches, {where: expression} or both", default=()
     )
     include: Include = about("rows to add after `exclude`, or {file: runs.csv}", default=())
-    baseline: Annotated[bool, Field(strict=True)] = about(
+    baseline: Flag = about(
         "whether to run the scene as written too, in every scenario; after all others",
         default=False,
         exclude_if=lambda asked: not asked,
@@ -233,7 +234,7 @@ class Sweep(Model):
     checks: Literal["all", "flagged", "none"] = about(
         "runs that a second pass checks: all, those not stable, or none", default="flagged"
     )
-    knife_edge: Annotated[bool, Field(strict=True)] = about(
+    knife_edge: Flag = about(
         "whether to repeat each run from a start 1e-6 away, to see whether its label stays",
         default=False,
     )

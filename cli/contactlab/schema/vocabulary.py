@@ -92,6 +92,10 @@ def _ordered(bounds: tuple[float, float]) -> tuple[float, float]:
     return bounds
 
 
+_Steps = Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)]
+_Span = AfterValidator(_ordered)
+
+
 class Ranged(Model):
     """Fields that every form of an axis has besides its values."""
 
@@ -125,23 +129,19 @@ class Logspace(Ranged):
 class Range(Ranged):
     """Values at a fixed step."""
 
-    range: Annotated[tuple[Number, Number, Number], AfterValidator(_reaching)] = about(
-        "[first, last, step]: the last is included where the steps reach it"
-    )
+    range: _Steps = about("[first, last, step]: the last is included where the steps reach it")
 
 
 class Uniform(Ranged):
     """Values sampled uniformly."""
 
-    uniform: Annotated[tuple[Number, Number], AfterValidator(_ordered)] = about(
-        "[low, high]: sampled; needs `sample`"
-    )
+    uniform: Annotated[tuple[Number, Number], _Span] = about("[low, high]: sampled; needs `sample`")
 
 
 class Loguniform(Ranged):
     """Values sampled log-uniformly."""
 
-    loguniform: Annotated[tuple[Positive, Positive], AfterValidator(_ordered)] = about(
+    loguniform: Annotated[tuple[Positive, Positive], _Span] = about(
         "[low, high], both positive: sampled by logarithm; needs `sample`"
     )
 

@@ -130,15 +130,13 @@ def _add(entity: SceneEntity, shape: BodyShape) -> None:
     elif shape.form == "ellipsoid":
         entity.spheres.append(SpherePrimitive(pose=pose, size=size, color=colour))
     elif shape.form == "cylinder":
-        entity.cylinders.append(
-            CylinderPrimitive(pose=pose, size=size, bottom_scale=1, top_scale=1, color=colour)
-        )
+        ends = {"bottom_scale": 1, "top_scale": 1}
+        entity.cylinders.append(CylinderPrimitive(pose=pose, size=size, color=colour, **ends))
     else:
         points = [Point3(x=x, y=y, z=z) for x, y, z in shape.vertices.tolist()]
-        indices = shape.triangles.ravel().tolist()
-        entity.triangles.append(
-            TriangleListPrimitive(pose=pose, points=points, color=colour, indices=indices)
-        )
+        mesh = TriangleListPrimitive(pose=pose, points=points, color=colour)
+        mesh.indices.extend(shape.triangles.ravel().tolist())
+        entity.triangles.append(mesh)
 
 
 def _arrow(point: Floats, arrow: Floats, mode: int, diameter: float) -> ArrowPrimitive:
