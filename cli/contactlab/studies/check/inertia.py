@@ -72,27 +72,24 @@ def shape_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterat
     spreads = np.sqrt(np.maximum(body.moments.sum() / 2 - body.moments, 0) / body.mass)
     length = 0.0
     if solid_geoms(model, index):
-        spans = [extent(model, index, body.axes[:, axis]) for axis in range(3)]
-        lengths = [high - low for low, high in spans]
-        length = max(lengths)
+        spans = _extents(model, index, body.axes)
+        lengths = np.ptp(spans, axis=1)
+        length = float(lengths.max())
         yield from _outside(body, spans)
         worst = int(np.argmax(spreads / lengths))
         if spreads[worst] > _SLACK * lengths[worst] / 2:
-            yield _too_large(body, float(spreads[worst]), lengths[worst])
+            yield _too_large(body, float(spreads[worst]), float(lengths[worst]))
     yield from _too_small(body, float(np.sqrt((spreads**2).sum())), length)
 
 
-def _outside(body: BodyInertia, spans: list[tuple[float, float]]) -> Iterator[InertiaFault]:
+def _outside(body: BodyInertia, spans: Floats) -> Iterator[InertiaFault]:
     places = body.axes.T @ body.centre
-    beyond = [
-        max(low - place, place - high, 0.0)
-        for (low, high), place in zip(spans, places, strict=True)
-    ]
-    worst = int(np.argmax(beyond))
-    allowed = _OUTSIDE * (spans[worst][1] - spans[worst][0])
-    if beyond[worst] > allowed:
-        reason = f"its centre of mass lies {beyond[worst]:.3g} m outside its geoms"
-        yield InertiaFault(body.name, "outside", beyond[worst], allowed, "m", reason)
+    distances = np.maximum(spans[:, 0] - places, places - spans[:, 1])
+    worst = int(np.argmax(distances))
+    beyond, allowed = float(distances[worst]), float(_OUTSIDE * np.ptp(spans[worst]))
+    if beyond > allowed:
+        reason = f"its centre of mass lies {beyond:.3g} m outside its geoms"
+        yield InertiaFault(body.name, "outside", beyond, allowed, "m", reason)
 
 
 def _too_large(body: BodyInertia, spread: float, length: float) -> InertiaFault:
@@ -172,14 +169,12 @@ def volume(model: mujoco.MjModel, geom: int) -> float:
     return shape[0](*model.geom_size[geom]) if shape else _hull_volume(_points(model, geom))
 
 
-def extent(model: mujoco.MjModel, body: int, direction: Floats) -> tuple[float, float]:
-    """Return the extent of a body's geoms along a unit vector of its frame, low and high [m]."""
-    spans = [
-        _span(model, geom, direction)
-        for geom in np.flatnonzero(model.geom_bodyid == body).tolist()
-        if int(model.geom_type[geom]) in _SOLIDS
-    ]
-    return min(low for low, _ in spans), max(high for _, high in spans)
+def _extents(model: mujoco.MjModel, body: int, axes: Floats) -> Floats:
+    """Return (3, 2) the extents of a body's geoms along axes, columns (3, 3) of its frame [m]."""
+    own = np.isin(model.geom_type, list(_SOLIDS)) & (model.geom_bodyid == body)
+    geoms: list[int] = np.flatnonzero(own).tolist()
+    spans = np.array([[_span(model, geom, axis) for axis in axes.T] for geom in geoms])
+    return np.stack([spans[..., 0].min(axis=0), spans[..., 1].max(axis=0)], axis=1)
 
 
 def _span(model: mujoco.MjModel, geom: int, direction: Floats) -> tuple[float, float]:
