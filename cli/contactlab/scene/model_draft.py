@@ -260,7 +260,7 @@ class Draft:
             ]
             if path == self.main and self.added:
                 found.append(at_end(data, elements[0], self.added))
-            yield path, sorted(found, key=lambda each: each.start)
+            yield path, sorted(found)
 
     def texts(self) -> dict[Path, bytes]:
         """Return the text of each file with the changes."""

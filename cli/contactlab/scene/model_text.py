@@ -2,16 +2,16 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
-from xml.parsers import expat
+from typing import NamedTuple
 from xml.sax.saxutils import quoteattr
 
 _ATTRIBUTE = re.compile(rb"""\s([^\s=]+)\s*=\s*("[^"]*"|'[^']*')""")
-_START_TAG = re.compile(rb"""<(?:[^"'>]|"[^"]*"|'[^']*')*>""")
+_MARKUP = re.compile(
+    rb"""<!--.*?-->|<!\[CDATA\[.*?\]\]>|<[!?].*?>|<(?:[^"'>]|"[^"]*"|'[^']*')*>""", re.DOTALL
+)
 
 
-@dataclass(frozen=True)
-class ElementText:
+class ElementText(NamedTuple):
     """Where an element stands: its start tag in bytes [start, inner), all of it in [start, end).
 
     Its line counts from 1.
@@ -23,8 +23,7 @@ class ElementText:
     end: int
 
 
-@dataclass(frozen=True)
-class Replacement:
+class Replacement(NamedTuple):
     """Bytes [start, end) of a text, and what stands there instead."""
 
     start: int
@@ -39,25 +38,19 @@ def attributes(values: Mapping[str, str]) -> str:
 
 def elements_of(data: bytes) -> list[ElementText]:
     """Return the elements of an XML text, in the order of their start tags."""
-    parser, ends, open_ = expat.ParserCreate(), dict[int, int](), list[int]()
-    found: list[tuple[int, int, int]] = []
-
-    def begin(*_: object) -> None:
-        start = parser.CurrentByteIndex
-        tag = _START_TAG.match(data, start)
-        # Text that an entity stands for has no place of its own.
-        inner = tag.end() if tag else start
-        open_.append(len(found))
-        found.append((parser.CurrentLineNumber, start, inner))
-
-    def finish(*_: object) -> None:
-        inner = found[place := open_.pop()][2]
-        closed = data[inner - 2 : inner] == b"/>"
-        ends[place] = inner if closed else data.find(b">", parser.CurrentByteIndex) + 1
-
-    parser.StartElementHandler, parser.EndElementHandler = begin, finish
-    parser.Parse(data, True)
-    return [ElementText(*each, ends[place]) for place, each in enumerate(found)]
+    found: list[ElementText] = []
+    unclosed: list[int] = []
+    line, seen = 1, 0
+    for markup in _MARKUP.finditer(data):
+        if markup[0].startswith(b"</"):
+            place = unclosed.pop()
+            found[place] = found[place]._replace(end=markup.end())
+        elif not markup[0].startswith((b"<!", b"<?")):
+            line, seen = line + data.count(b"\n", seen, markup.start()), markup.start()
+            if not markup[0].endswith(b"/>"):
+                unclosed.append(len(found))
+            found.append(ElementText(line, seen, markup.end(), markup.end()))
+    return found
 
 
 def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]) -> Replacement:
@@ -65,14 +58,13 @@ def with_attributes(data: bytes, element: ElementText, values: Mapping[str, str]
     missing = dict(values)
 
     def put(found: re.Match[bytes]) -> bytes:
-        value = missing.pop(found[1].decode(), None)
+        value = missing.pop(found[1].decode(errors="replace"), None)
         return found[0] if value is None else found[0].replace(found[2], f'"{value}"'.encode())
 
     text = _ATTRIBUTE.sub(put, data[element.start : element.inner])
     head = text[:-1].rstrip(b"/").rstrip()
-    return Replacement(
-        element.start, element.inner, head + attributes(missing).encode() + text[len(head) :]
-    )
+    text = head + attributes(missing).encode() + text[len(head) :]
+    return Replacement(element.start, element.inner, text)
 
 
 def without(data: bytes, element: ElementText) -> Replacement:
@@ -95,6 +87,6 @@ def at_end(data: bytes, root: ElementText, lines: Iterable[str]) -> Replacement:
 
 def replaced(data: bytes, changes: Iterable[Replacement]) -> bytes:
     """Return a text with replacements made, which do not overlap."""
-    for each in sorted(changes, key=lambda change: change.start, reverse=True):
-        data = data[: each.start] + each.text + data[each.end :]
+    for start, end, text in sorted(changes, reverse=True):
+        data = data[:start] + text + data[end:]
     return data
