@@ -27,7 +27,7 @@ from contactlab.scene.model_draft import (
 from contactlab.scene.model_edits import FIELD_KINDS
 from contactlab.scene.model_files import common_folder, plain_name, relative_path
 from contactlab.scene.scene import Scene
-from contactlab.scene.scene_source import SceneSource, find_scene, stored_scene
+from contactlab.scene.scene_source import SceneSource, stored_scene
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
         start = common_folder([copied.model, *changed])
         patch = [_patch(each.relative_to(start), before[each], after[each]) for each in changed]
         written = WrittenModel(
-            source=_placed(copied, folder, name or copied.model.name, stored=source.content.copied),
+            source=_placed(copied, folder, name or copied.model.name),
             folder=source.content.root / start.relative_to(copied.content.root),
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
             changes=tuple(draft.changes(start)),
@@ -167,7 +167,7 @@ def _convert(urdf: Path, mjcf: Path, resources: Mapping[str, Path]) -> None:
     urdf.unlink()
 
 
-def _placed(source: SceneSource, folder: Path, name: str, *, stored: bool) -> SceneSource:
+def _placed(source: SceneSource, folder: Path, name: str) -> SceneSource:
     """Copy a scene that was written into its folder, its main file under a name."""
     root, model = source.content.root, source.model.with_name(name)
     if model != source.model and model.exists():
@@ -181,7 +181,4 @@ def _placed(source: SceneSource, folder: Path, name: str, *, stored: bool) -> Sc
         shutil.copytree(root, folder, dirs_exist_ok=True)
     except OSError as error:
         raise OutputError(f"cannot write {folder}: {error}") from error
-    if stored:
-        return stored_scene(folder, model.relative_to(root).as_posix(), source.name)
-    main = source.path.parent if source.manifest else model
-    return find_scene(str(folder.resolve() / main.relative_to(root)))
+    return stored_scene(folder.resolve(), model.relative_to(root).as_posix(), source.name)
