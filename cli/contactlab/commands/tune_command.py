@@ -33,6 +33,7 @@ def tune(
     tolerance: list[str] | None = opt.TOLERANCE,
     budget: str = opt.option("TIME", "How long it may take: 90s, 5min, 1h.", "5min"),
     free: list[str] | None = opt.option("solref", "Contact parameters that may become softer."),
+    drop_sensors: bool = opt.flag("--drop-sensors", "Leave the model's sensors out."),
     patch: bool = opt.flag("--patch", "Print the patch, and no more."),
     workers: int | None = opt.WORKERS,
     drive: str | None = opt.DRIVE,
@@ -55,6 +56,7 @@ def tune(
         tolerances=dict(opt.read_limit(each, "tolerance") for each in tolerance or ()),
         budget=_read_budget(budget),
         free=_read_free(free or ()),
+        drop_sensors=drop_sensors,
         drive=drive_option(drive),
     )
     target = folder or RESULTS / "tune" / model_name(model)

@@ -1,28 +1,33 @@
-"""Runs of configurations, and whether they are as good as the model as written."""
+"""Runs of configurations, what they cost, and whether they are as good as the model as written."""
 
 import math
 import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from statistics import fmean
+from statistics import median
 
+from contactlab.engines import engine_of
+from contactlab.engines.engine import Segments, TimesSteps
+from contactlab.engines.single_run import time_segments
 from contactlab.errors import StoppedError
 from contactlab.run.evidence_record import as_written
+from contactlab.scene.scene import Scene
 from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.effects_report import Ratio
 from contactlab.schema.tune_report import Candidate, Standing
-from contactlab.studies.configuration_runs import ConfigurationRows, run_configurations
+from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
-from contactlab.studies.effects.metric_changes import cost_ratio
 from contactlab.studies.session import Session, Values
+from contactlab.studies.tune.tune_request import BASELINE
 
 ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written", "refine": 4}
 """By RK4 at an eighth and a quarter of the model's timestep: as much work as 64 of its steps."""
-_PRUNING = {**ACCURACY, "refine": 2}
-_TIMING = {"rounds": 3}
-_NO_ROWS = ConfigurationRows((), ())
+PRUNING = {**ACCURACY, "refine": 2}
+_STEPS, _ROUNDS = 32, 9
+"""Steps that are timed at each of eight places of a run, and how often all take turns."""
 _ERRORS = ("error_final", "error_mean", "error_peak", "error_velocity", "error_energy")
+_NOTHING: Measure = lambda _store, _run, _model: {}  # noqa: E731
 
 
 class OutOfTimeError(StoppedError):
@@ -56,7 +61,7 @@ class Limits:
         )
 
     def broken(self, rows: ConfigurationRows) -> str:
-        """Say what a configuration exceeds most; empty if it is feasible."""
+        """Say what a configuration exceeds first; empty if it is feasible."""
         if why := self.failed(rows):
             return why
         for row in rows.flat:
@@ -80,49 +85,45 @@ class Trials:
 
     Attributes:
         deadline: by `time.monotonic` [s].
-        judged: how many configurations were judged.
         runs: how many runs the stores have.
+        pace: of the model as written [CPU s per simulated s].
     """
 
     setup: AblationSetup
     session: Session
     deadline: float
     limits: Limits = field(default_factory=lambda: Limits({}, frozenset()))
-    judged: int = 0
     runs: int = 0
     stores: list[str] = field(default_factory=list[str])
+    pace: float = math.nan
     _longest: float = 0.0
 
     def run(
-        self, name: str, configurations: Sequence[Values], seeds: Sequence[int], **asked: object
+        self,
+        name: str,
+        configurations: Sequence[Values],
+        seeds: Sequence[int],
+        *,
+        measure: Measure = _NOTHING,
+        **asked: object,
     ) -> list[ConfigurationRows]:
         """Run configurations from some seeds into a store."""
-        setup = replace(self.setup, seeds=tuple(seeds))
-        content = {"trace": "none", **asked}
-        found = run_configurations(self.session, setup, name, configurations, content)
+        setup, asked = replace(self.setup, seeds=tuple(seeds)), {"trace": "none", **asked}
+        found = run_configurations(self.session, setup, name, configurations, asked, measure)
         self.stores.append(name)
         self.runs += sum(len(each.flat) for each in found)
         return found
 
-    def compared(
-        self, name: str, configurations: Sequence[Values], seeds: Sequence[int]
-    ) -> list[ConfigurationRows]:
-        """Run configurations, and compare them with the model as written."""
-        return self.run(name, configurations, seeds, accuracy=dict(ACCURACY))
-
-    def timed(
-        self, name: str, configurations: Sequence[Values], seeds: Sequence[int]
-    ) -> list[ConfigurationRows]:
-        """Run configurations, and time them in turns."""
-        return self.run(name, configurations, seeds, timing=_TIMING)
-
     def run_file(self, name: str, source: SceneSource, seeds: Sequence[int]) -> ConfigurationRows:
         """Run a written model as it is into a store, and return its rows."""
-        reference = f"{source.path.parent}/" if source.manifest else str(source.path)
-        written = replace(self, setup=replace(self.setup, reference=reference, base={}))
+        written = replace(self, setup=replace(self.setup, reference=_reference(source)))
         (found,) = written.run(name, [{}], seeds)
         self.runs = written.runs
         return found
+
+    def scene_of(self, source: SceneSource) -> Scene:
+        """Return the scene of a written model, driven as the others."""
+        return replace(self.setup, reference=_reference(source)).scene
 
     def judge(self, configurations: Sequence[Values]) -> list[float]:
         """Return the excess of configurations, from one seed.
@@ -130,55 +131,78 @@ class Trials:
         Raises:
             OutOfTimeError: there is no time for it.
         """
-        self.judged += len(configurations)
-        name = f"search-{len(self.stores):02}"
-        rows = self._in_time(name, configurations, accuracy=_PRUNING)
-        return [self.limits.excess(each) for each in rows]
-
-    def clock(self, configurations: Sequence[Values]) -> list[float]:
-        """Return the time of configurations [CPU s per simulated s], from one seed."""
-        name = f"times-{len(self.stores):02}"
-        rows = self._in_time(name, configurations, timing=_TIMING)
-        return [fmean(times_of(each)) for each in rows]
-
-    def _in_time(
-        self, name: str, configurations: Sequence[Values], **asked: object
-    ) -> list[ConfigurationRows]:
         begin = time.monotonic()
         if begin + self._longest > self.deadline:
             raise OutOfTimeError("the budget is spent")
-        rows = self.run(name, configurations, self.setup.seeds[:1], **asked)
+        name = f"search-{len(self.stores):02}"
+        rows = self.run(name, configurations, BASELINE[:1], accuracy=PRUNING)
         self._longest = max(self._longest, time.monotonic() - begin)
-        return rows
+        return [self.limits.excess(each) for each in rows]
+
+    def costs(
+        self, configurations: Sequence[tuple[Scene, Values]], seeds: Sequence[int] = BASELINE
+    ) -> list[Ratio]:
+        """Return the time of configurations over that of the model as written, taken in turns.
+
+        Each of a scene, from states along its own runs; of those that fail, it is infinite.
+        """
+        every: list[tuple[Scene, Values]] = [(self.setup.scene, {}), *configurations]
+        runs = [_segments(scene, changed, seeds) for scene, changed in every]
+        _seconds(runs[0])
+        taken = [[_seconds(each) for each in runs] for _ in range(_ROUNDS)]
+        self.pace = median(each[0] for each in taken)
+        ratios = zip(*([each / first for each in rest] for first, *rest in taken), strict=True)
+        return [
+            Ratio(ratio=median(each), low=min(each), high=max(each), pairs=len(each))
+            for each in ratios
+        ]
+
+
+def _reference(source: SceneSource) -> str:
+    """Return what a sweep calls a written model."""
+    return f"{source.path.parent}/" if source.manifest else str(source.path)
+
+
+def _segments(scene: Scene, changed: Values, seeds: Sequence[int]) -> list[Segments]:
+    """Return parts of a configuration's runs to time; none if one fails."""
+    found: list[Segments] = []
+    compiled = scene.compile_without_sensors(scene.resolve(changed, 0, None))
+    for seed in seeds:
+        run = scene.resolve(changed, seed, None)
+        start, engine = scene.starts([run]), engine_of(run)
+        assert isinstance(engine, TimesSteps)
+        model = scene.prepare(run, start, compiled).model
+        if (work := engine.count_work(model, start, run.steps)) is None:
+            return []
+        found.append(Segments(model, start, work))
+    return found
+
+
+def _seconds(runs: Sequence[Segments]) -> float:
+    """Return the CPU time of some steps of each part over the time that they simulate."""
+    times = [(*time_segments(each, _STEPS, 1), each.model.opt.timestep) for each in runs]
+    simulated = sum(steps * step for _, steps, step in times)
+    return sum(seconds for seconds, _, _ in times) / simulated if times else math.inf
 
 
 @dataclass(frozen=True)
 class Contender:
-    """A configuration, by what it changes in the model as written, and its runs.
-
-    Attributes:
-        rows: runs that were compared with the model as written.
-        timed: runs that were timed in turns with it; empty if there are none.
-    """
+    """A configuration, by what it changes in the model as written, its runs, and what it costs."""
 
     changed: Values
     rows: ConfigurationRows
-    timed: ConfigurationRows = _NO_ROWS
+    cost: Ratio | None = None
 
-    def cost(self, now: "Contender") -> Ratio | None:
-        """Return the time over that of the model as written."""
-        return cost_ratio(now.timed, self.timed)
-
-    def reported(self, standing: Standing, now: "Contender", limits: Limits) -> Candidate:
-        """Return what a report says of it, beside the model as written."""
-        times, excess = times_of(self.timed), limits.excess(self.rows)
+    def reported(self, standing: Standing, trials: Trials) -> Candidate:
+        """Return what a report says of it."""
+        excess = trials.limits.excess(self.rows)
         return Candidate(
             standing=standing,
             settings={name: as_written(value) for name, value in self.changed.items()},
             **{name: _largest(self.rows, name) for name in _ERRORS},
             labels=dict(Counter(row["label"] for row in self.rows.flat)),
-            time=fmean(times) if times else None,
-            cost=self.cost(now),
+            time=trials.pace * (self.cost.ratio if self.cost else 1.0),
+            cost=self.cost,
             excess=excess if math.isfinite(excess) else None,
         )
 
@@ -186,8 +210,3 @@ class Contender:
 def _largest(rows: ConfigurationRows, name: str) -> float | None:
     sizes = [math.nan if row.get(name) is None else abs(row[name]) for row in rows.flat]
     return None if math.isnan(sum(sizes)) else max(sizes)
-
-
-def times_of(rows: ConfigurationRows) -> list[float]:
-    """Return the times of those that were timed [CPU s per simulated s]."""
-    return [row["time_min"] for row in rows.flat if row.get("time_min") is not None]

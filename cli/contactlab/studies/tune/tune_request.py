@@ -28,6 +28,7 @@ class TuneRequest:
         tolerances: metric to largest size.
         budget: wall time [s].
         free: contact parameters that may become softer.
+        drop_sensors: whether sensors may go, which no metric reads.
         drive: what drives the runs; an exercise of a model without a manifest, if None.
     """
 
@@ -37,6 +38,7 @@ class TuneRequest:
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
     budget: float = 300.0
     free: Sequence[str] = ()
+    drop_sensors: bool = False
     drive: Drive | None = None
 
     @cached_property

@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import mujoco
+
+from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import ExpectationError, SceneError, StoppedError, SweepFileError
 from contactlab.run.evidence_record import as_written, engine, provenance
+from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
+from contactlab.scene.scene import Scene
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import drive_data, drive_text
 from contactlab.schema.tune_report import (
@@ -25,20 +30,27 @@ from contactlab.schema.tune_report import (
     Standing,
     TuneReport,
 )
-from contactlab.studies.configuration_runs import ConfigurationRows
+from contactlab.store.finished_store import Store
+from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.metric_changes import difference
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of
+from contactlab.studies.tune.savers import untouched_geoms
 from contactlab.studies.tune.search import GAIN, Search, Space
-from contactlab.studies.tune.trials import ACCURACY, Contender, Limits, OutOfTimeError, Trials
+from contactlab.studies.tune.trials import (
+    ACCURACY,
+    PRUNING,
+    Contender,
+    Limits,
+    OutOfTimeError,
+    Trials,
+)
 from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest
 
 _LEAST_ERROR = 1e-6
 """Errors up to this count as none [m]."""
 _CHAOTIC = 2.0
 """How much farther than a nudged start a configuration may part, where that is too far already."""
-_PAIRS = 6
-"""Matched pairs that are timed; their range contains the median in 97 of 100 cases."""
 _SAFE = 0.8
 """Largest share of its limits that the safer choice takes."""
 
@@ -59,10 +71,11 @@ def run(request: TuneRequest, session: Session) -> TuneReport:
     session = replace(session, folder=session.folder.resolve())
     session.claim("tune", request.model)
     study = _begun(request, session)
+    study.save()
     search = study.search()
     study.compare(search)
     recommended = study.prove()
-    report = study.report(search, recommended)
+    report = study.report(recommended)
     session.write({REPORT: report.model_dump_json(indent=2) + "\n"})
     return report
 
@@ -74,7 +87,9 @@ class _Study:
     Attributes:
         seed_seconds: wall time that one seed of the model as written took.
         now: the model as written, from the seeds of the contenders once there are any.
-        contenders: those that are feasible, the one to recommend first.
+        savers: what may go without changing a run.
+        lighter: the scene without that.
+        contenders: those that are feasible and cheaper, the one to recommend first.
     """
 
     request: TuneRequest
@@ -84,14 +99,33 @@ class _Study:
     kept: list[Kept]
     seed_seconds: float
     now: Contender
+    savers: ModelEdits
+    lighter: Scene
     ended: str = ""
+    tried: int = 0
     contenders: list[Contender] = field(default_factory=list[Contender])
     proof: Proof | None = None
 
+    def save(self) -> None:
+        """Leave out what changes no run: the model without it must move bit for bit the same."""
+        scene, name = self.trials.setup.scene, "untouched"
+        edits = savers_of(scene, [row["qpos"] for row in self.now.rows.flat], self.request)
+        if edits == self.savers:
+            return
+        try:
+            written = write_model(scene, edits, self.session.folder / name, MODEL)
+            rows = self.trials.run_file(f"{name}-runs", written.source, BASELINE)
+        except SceneError as error:
+            self.kept.append(Kept(name="geoms that never touch", reason=str(error)))
+            return
+        if _same_runs(self.now.rows, rows) < len(BASELINE):
+            self.kept.append(Kept(name="geoms that never touch", reason="runs differ without them"))
+            return
+        self.savers, self.lighter = edits, self.trials.scene_of(written.source)
+
     def search(self) -> Search:
         """Search for as long as the budget lasts, less what contenders and proof will take."""
-        trials = self.trials
-        search = Search(self.space, self._judge, self._clock)
+        trials, search = self.trials, Search(self.space, self._judge, self._clock)
         last = trials.deadline
         trials.deadline -= (len(FRESH) + len(BASELINE)) * self.seed_seconds
         try:
@@ -103,20 +137,22 @@ class _Study:
         except StoppedError:
             self.ended = "when it was interrupted"
             self.session = trials.session = replace(self.session, stop=None)
-        trials.deadline = last
+        trials.deadline, self.tried = last, len(search.excess)
         return search
 
     def _judge(self, configurations: Sequence[Values]) -> list[float]:
         self._say(f"judging {len(configurations)} configurations")
+        self.tried += len(configurations)
         return self.trials.judge([self._changed(each) for each in configurations])
 
     def _clock(self, configurations: Sequence[Values]) -> list[float]:
         self._say(f"timing {len(configurations)} configurations")
-        return self.trials.clock([self._changed(each) for each in configurations])
+        timed = [(self.lighter, self._changed(each)) for each in configurations]
+        return [cost.ratio for cost in self.trials.costs(timed, BASELINE[:1])]
 
     def _say(self, doing: str) -> None:
         left = self.trials.deadline - time.monotonic()
-        self.session.notify(f"{doing}; {self.trials.judged} so far, {max(left, 0):.0f} s left")
+        self.session.notify(f"{doing}; {self.tried} so far, {max(left, 0):.0f} s left")
 
     def _changed(self, values: Values) -> Values:
         written = self.space.written
@@ -127,26 +163,25 @@ class _Study:
 
         The best comes first.
         """
-        if not self._changed(search.here):
-            return
-        found = [search.here, *(search.longer(rungs) for rungs in (-1, -2))]
-        changes = [changed for each in found if (changed := self._changed(each))]
+        found = [search.here]
+        if self._changed(search.here):
+            found += [search.longer(rungs) for rungs in (-1, -2)]
+        changes = [self._changed(each) for each in found]
         distinct = list({json.dumps(each, default=str): each for each in changes}.values())
         left = self.trials.deadline - time.monotonic() - len(FRESH) * self.seed_seconds
         seeds = CONTENDERS[: max(len(BASELINE), int(left / self.seed_seconds))]
         self._say(f"comparing {len(distinct)} configurations from {len(seeds)} seeds")
-        rows = self.trials.compared("contenders", [{}, *distinct], seeds)
-        self.trials.limits = limits_of(self.request, rows[0])
-        compared = map(Contender, [{}, *distinct], rows)
-        self.now, *good = [each for each in compared if self._is_good(each, rows[0])]
-        timed = self.trials.timed("times", [each.changed for each in (self.now, *good)], BASELINE)
-        self.now, *good = [
-            replace(each, timed=times) for each, times in zip((self.now, *good), timed, strict=True)
-        ]
-        self.contenders = sorted(filter(self._is_cheaper, good), key=self._rank)
+        now, *rows = self.trials.run("contenders", [{}, *distinct], seeds, accuracy=PRUNING)
+        self.now, self.trials.limits = Contender({}, now), limits_of(self.request, now)
+        costs = self.trials.costs([(self.lighter, each) for each in distinct])
+        compared = map(Contender, distinct, rows, costs)
+        self.contenders = sorted(filter(self._is_better, compared), key=self._rank)
 
-    def _is_good(self, contender: Contender, now: ConfigurationRows) -> bool:
-        why = "" if contender.rows is now else self._broken(contender.rows, now)
+    def _is_better(self, contender: Contender) -> bool:
+        why = self._broken(contender.rows, self.now.rows)
+        ratio = contender.cost.ratio if contender.cost else math.inf
+        if not why and ratio > (1.0 if self.request.goal == "most-accurate" else GAIN):
+            why = f"takes {ratio:.2f} times as long"
         if why:
             self._keep(contender, why)
         return not why
@@ -159,29 +194,22 @@ class _Study:
         change = difference({}, now, rows)
         return change.reason if limits.chaotic and change.matters else ""
 
-    def _is_cheaper(self, contender: Contender) -> bool:
-        cost = contender.cost(self.now)
-        ratio = cost.ratio if cost else math.inf
-        if ratio > (1.0 if self.request.goal == "most-accurate" else GAIN):
-            self._keep(contender, f"takes {ratio:.2f} times as long")
-            return False
-        return True
-
     def _keep(self, contender: Contender, reason: str) -> None:
-        self.kept.append(Kept(name=_settings_text(contender.changed), reason=reason))
+        name = settings_text(contender.changed) or "as written"
+        self.kept.append(Kept(name=name, reason=reason))
 
     def _rank(self, contender: Contender) -> float:
         """Return what is to be small: the time or, for the most accurate, the error."""
-        if self.request.goal == "most-accurate":
+        if self.request.goal == "most-accurate" or contender.cost is None:
             return self.trials.limits.excess(contender.rows)
-        cost = contender.cost(self.now)
-        return cost.ratio if cost else 1.0
+        return contender.cost.ratio
 
     def prove(self) -> tuple[Contender, WrittenModel] | None:
         """Write contenders, the best first, until one holds from fresh seeds; return that."""
         for each in self.contenders:
             try:
-                edits, folder = ModelEdits(settings=each.changed), self.session.folder / "tuned"
+                edits = replace(self.savers, settings=each.changed)
+                folder = self.session.folder / "tuned"
                 written = write_model(self.trials.setup.scene, edits, folder, MODEL)
             except SceneError as error:
                 self._keep(each, str(error))
@@ -194,25 +222,26 @@ class _Study:
 
     def _proof(self, contender: Contender, written: WrittenModel) -> Proof:
         """Run the settings, and the file that has them, from fresh seeds beside the model."""
-        self._say(f"proving {_settings_text(contender.changed)} from {len(FRESH)} fresh seeds")
+        self._say(f"proving it from {len(FRESH)} fresh seeds")
         both = [{}, contender.changed]
-        rows = self.trials.compared("proof", both, FRESH)
-        times = self.trials.timed("proof-times", both, FRESH[:_PAIRS])
-        now, tuned = map(Contender, both, rows, times)
-        limits = self.trials.limits = limits_of(self.request, now.rows)
+        now, rows = self.trials.run("proof", both, FRESH, accuracy=dict(ACCURACY))
         file = self.trials.run_file("tuned-runs", written.source, FRESH)
-        pairs = zip(tuned.rows.flat, file.flat, strict=True)
-        why = self._broken(tuned.rows, now.rows) or limits.failed(file)
+        (cost,) = self.trials.costs([(self.trials.scene_of(written.source), {})])
+        limits = self.trials.limits = limits_of(self.request, now)
+        why = self._broken(rows, now) or limits.failed(file)
+        most = 1.0 if self.request.goal == "most-accurate" else GAIN
+        if not why and cost.ratio > most:
+            why = f"takes {cost.ratio:.2f} times as long"
         return Proof(
             seeds=tuple(FRESH),
             holds=not why,
             reason=why or "every run is within the limits",
-            same_runs=sum(one["trajectory_hash"] == two["trajectory_hash"] for one, two in pairs),
-            now=now.reported("now", now, limits),
-            tuned=tuned.reported("recommended", now, limits),
+            same_runs=_same_runs(rows, file),
+            now=Contender({}, now).reported("now", self.trials),
+            tuned=replace(contender, rows=rows, cost=cost).reported("recommended", self.trials),
         )
 
-    def report(self, search: Search, found: tuple[Contender, WrittenModel] | None) -> TuneReport:
+    def report(self, found: tuple[Contender, WrittenModel] | None) -> TuneReport:
         """Return the report, and write patch and sweep of what is recommended."""
         scene, setup, trials = self.trials.setup.scene, self.trials.setup, self.trials
         chosen, written = found or (None, None)
@@ -242,7 +271,7 @@ class _Study:
             file=str(written.path.relative_to(self.session.folder)) if written else None,
             lines=tuple(Line(**vars(each)) for each in written.changes) if written else (),
             ended=self.ended,
-            tried=len(search.excess),
+            tried=self.tried,
             runs=trials.runs,
             stores=tuple(trials.stores),
         )
@@ -260,8 +289,7 @@ class _Study:
         best = min(others, key=lambda each: excess(each.rows), default=chosen)
         if chosen and best and excess(best.rows) < excess(chosen.rows) and best is not rows[-1][1]:
             rows.append(("more accurate", best))
-        limits = self.trials.limits
-        return tuple(each.reported(standing, self.now, limits) for standing, each in rows)
+        return tuple(each.reported(standing, self.trials) for standing, each in rows)
 
     def _proof_sweep(self, changed: Values) -> str:
         """Return a sweep that runs the settings beside the model as written, from fresh seeds."""
@@ -293,7 +321,7 @@ def _begun(request: TuneRequest, session: Session) -> _Study:
     begin, setup = time.monotonic(), request.setup
     trials = Trials(setup, session, begin + request.budget)
     session.notify(f"running {request.model} as written")
-    (now,) = trials.compared("baseline", [{}], BASELINE)
+    (now,) = trials.run("baseline", [{}], BASELINE, measure=_motion, accuracy=PRUNING, trace="all")
     trials.limits = limits_of(request, now)
     spent = time.monotonic() - begin
     proof_seconds = spent / len(BASELINE) * len(FRESH)
@@ -305,7 +333,31 @@ def _begun(request: TuneRequest, session: Session) -> _Study:
             f"{minutes}min"
         )
     space, kept = space_of(setup, Exercised.of(now.flat), request.free)
-    return _Study(request, session, trials, space, kept, spent / len(BASELINE), Contender({}, now))
+    per_seed, scene = spent / len(BASELINE), setup.scene
+    baseline = Contender({}, now)
+    return _Study(request, session, trials, space, kept, per_seed, baseline, ModelEdits(), scene)
+
+
+def _motion(store: Store, run: str, _model: mujoco.MjModel) -> Row:
+    return {"qpos": store.trace(run).qpos}
+
+
+def _same_runs(one: ConfigurationRows, other: ConfigurationRows) -> int:
+    """Return how many runs of the same seeds are the same bit for bit."""
+    pairs = zip(one.flat, other.flat, strict=True)
+    return sum(first["trajectory_hash"] == second["trajectory_hash"] for first, second in pairs)
+
+
+def savers_of(scene: Scene, motion: Sequence[Floats], request: TuneRequest) -> ModelEdits:
+    """Return what a model may be without: collisions that never happen, and sensors on request."""
+    model = scene.base({}).model
+    untouched = untouched_geoms(model, motion)
+    names = (model.sensor(each).name for each in range(model.nsensor * request.drop_sensors))
+    return ModelEdits(
+        masked=untouched.masked,
+        excluded=untouched.excluded,
+        sensors=tuple(each for each in names if not each.startswith(PREFIX)),
+    )
 
 
 def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
@@ -328,5 +380,6 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
     )
 
 
-def _settings_text(values: Values) -> str:
+def settings_text(values: Values) -> str:
+    """Return settings in a line."""
     return ", ".join(f"{name} {as_written(value)}" for name, value in values.items())
