@@ -70,7 +70,8 @@ class Clearance:
         """Return how far two placed geoms are from contact, up to `most` [m]; below 0 in it."""
         margin = float(self.margins(np.array([[first, second]]))[0])
         limit = most + margin
-        return mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None) - margin
+        apart = mujoco.mj_geomDistance(self.model, self.data, first, second, limit, None)
+        return most if apart >= limit else apart - margin
 
     def touching(self, qpos: Floats) -> set[GeomPair]:
         """Return the pairs of geoms that touch in a configuration (nq,), the lower id first."""

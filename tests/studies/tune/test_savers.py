@@ -100,12 +100,12 @@ def test_too_few_runs_or_too_little_motion_show_nothing(model: mujoco.MjModel, r
 def test_what_comes_near_between_two_measurements_is_seen(
     model: mujoco.MjModel, runs: Runs
 ) -> None:
-    """Of 1280 steps every tenth is measured; a single other one has the hand at the post."""
-    calm = [np.tile(model.qpos0, (1280, 1)) for _ in runs]
+    """Of 20480 steps every tenth is measured; a single other one has the hand at the post."""
+    calm = [np.tile(model.qpos0, (20480, 1)) for _ in runs]
     for each in calm:
         each[:, :2] = np.linspace([-0.6, -0.4], [0.6, 0.4], len(each))
     assert distant(model, calm) >= NEAR_POST
-    calm[1][645, 0] = 1.4
+    calm[1][10245, 0] = 1.4
     assert not NEAR_POST & distant(model, calm)
 
 

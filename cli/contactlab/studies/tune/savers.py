@@ -13,8 +13,8 @@ from contactlab.scene.unreachable import Clearance, GeomPair, filtered_pairs, un
 
 FEWEST_RUNS = 3
 """Runs from different seeds without which distances decide nothing."""
-_BLOCKS = 128
-"""How often in a run distances are measured."""
+_BLOCKS = 2048
+"""How often in a run distances are measured at most."""
 _EXERCISED = 0.25
 """Share of its range that each joint between two geoms must have gone through."""
 _ROOM = 0.5
@@ -44,7 +44,8 @@ def untouched_geoms(model: mujoco.MjModel, runs: Sequence[Floats]) -> UntouchedG
     """Return which geoms and pairs of bodies never touch, by proof or else in driven runs.
 
     Runs are configurations (T, nq) after each step, from different seeds; with fewer than three of
-    them, only proofs count. Geoms that a flex may touch stay, and bodies without names.
+    them, only proofs count. A masked geom touches nothing that is added to the model later either.
+    Geoms that a flex may touch stay, and so do bodies without names.
     """
     pairs = filtered_pairs(model)
     proven = unreachable_pairs(model, pairs)
