@@ -14,7 +14,7 @@ from pathlib import Path
 import mujoco
 
 from contactlab.engines import ENGINES, Buffers, PreparedRuns
-from contactlab.engines.mujoco_engine import with_loads
+from contactlab.engines.sampled_loads import with_loads
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import context_of
 from contactlab.measure.coverage import coverages

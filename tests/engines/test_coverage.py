@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.engines import ENGINES, Buffers, PreparedRuns
-from contactlab.engines.mujoco_engine import sampled_steps
+from contactlab.engines.sampled_loads import sampled_steps
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.measure import assess
 from contactlab.scene.initial_states import InitialStates

@@ -102,7 +102,7 @@ _BY_STATE = ("time", "qpos", "qvel")
 _ENERGIES = ("kinetic", "potential", "momentum", "angular_momentum")
 _COUNTS = ("contacts", "least_distance", "iterations", "iterations_most")
 _BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
-_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "given", "sleeper")
+_OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "creep", "given", "sleeper")
 
 
 @dataclass(frozen=True)
@@ -132,6 +132,8 @@ class Trace:
         equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
         equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
             largest, and the median in the last quarter.
+        creep: (n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction
+            loss brakes with less than it could, under constant controls [m/s or rad/s].
         work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
             gravity and springs; NaN where not known.
         given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
@@ -162,6 +164,7 @@ class Trace:
     control_ranges: Floats | None = None
     equality_loads: Floats | None = None
     equality_gaps: Floats | None = None
+    creep: Floats | None = None
     work: Floats | None = None
     given: Floats | None = None
     sleeper: Floats | None = None

@@ -16,6 +16,8 @@ QUARTER_TURN = np.pi / 2
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
 _LIMITS = ("iterations", "limits_act", "speculative")
 _BY_RUN = ("elliptic", "gravity", "moving_mass", "duration", *_LIMITS)
+DEGREES: Mapping[str, int] = {"free": 6, "ball": 3, "slide": 1, "hinge": 1}
+"""How many degrees of freedom a joint has."""
 
 
 @dataclass(frozen=True)

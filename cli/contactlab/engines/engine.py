@@ -86,6 +86,7 @@ class Rollout:
     control_ranges: Floats | None = None
     equality_loads: Floats | None = None
     equality_gaps: Floats | None = None
+    creep: Floats | None = None
     work: Floats | None = None
     given: Floats | None = None
     sleeper: Floats | None = None

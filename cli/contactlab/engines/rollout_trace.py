@@ -52,6 +52,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         control_ranges=rollout.control_ranges,
         equality_loads=rollout.equality_loads,
         equality_gaps=rollout.equality_gaps,
+        creep=rollout.creep,
         work=rollout.work,
         given=rollout.given,
         sleeper=rollout.sleeper,

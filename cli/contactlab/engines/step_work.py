@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
@@ -65,9 +66,14 @@ class Books:
         if moved or _conveys(model):
             self.given[run] = np.nan
             return
-        first, last = _largest_rise(self.work[run, :, CONSTRAINTS])
-        inputs = starts.inputs(run, model.opt.timestep, np.array([first]))[0]
-        self.given[run] = first, last, _stored(model, self._data, states[first], inputs)
+        given = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
+        free = _largest_rise(given, ~forces["qfrc_constraint"].any(axis=1))
+        held = _largest_rise(given, np.ones(len(states) - 1, np.bool_))
+        inputs = starts.inputs(run, model.opt.timestep, np.array(held[:1]))[0]
+        stored = _stored(model, self._data, states[held[0]], inputs)
+        # Where nothing is constrained, nothing is stored.
+        more = _rise(given, free) > _rise(given, held) - stored
+        self.given[run] = (*free, 0) if more else (*held, stored)
 
 
 def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
@@ -151,27 +157,45 @@ def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> F
     return model.opt.timestep * feedback @ model.actuator_biasprm[:, 2]
 
 
-def _largest_rise(work: Floats) -> tuple[int, int]:
-    """Return the first and the last step of the stretch in which most work was done."""
-    given = np.concatenate(([0.0], np.cumsum(work)))
-    rise = given - np.minimum.accumulate(given)
-    end = int(rise.argmax())
-    return int(given[: max(end, 1)].argmin()), max(end - 1, 0)
+def _largest_rise(given: Floats, starts: NDArray[np.bool_]) -> tuple[int, int]:
+    """Return the first and the last step of the stretch in which most was given.
+
+    It begins with one of the (N,) steps that it may start with; given (N + 1) counts from step 0.
+    """
+    least = np.minimum.accumulate(np.where(starts, given[:-1], np.inf))
+    last = int((given[1:] - least).argmax())
+    return int(np.where(starts[: last + 1], given[: last + 1], np.inf).argmin()), last
+
+
+def _rise(given: Floats, stretch: tuple[int, int]) -> float:
+    first, last = stretch
+    return float(given[last + 1] - given[first])
 
 
 def _stored(model: mujoco.MjModel, data: mujoco.MjData, state: Floats, inputs: Floats) -> float:
     """Return the most energy that constraints can have stored in a state [J].
 
-    A constraint is a spring that does not soften, so that it is force times violation r; where
-    other forces hold it, it gives back up to K r^2 of its reference acceleration, times impedance
-    and the mass that it moves (MuJoCo's documentation, Computation > Constraint model).
+    At rest a constraint is a spring, which carries other forces beside. The spring does not soften
+    with violation: it has stored at most half of its force times the violation, and what it carries
+    does at most that force times the violation (MuJoCo's documentation, Computation > Constraint
+    model).
     """
     positions, velocities = model.nq, model.nq + model.nv
     data.qpos[:], data.qvel[:], data.act[:] = np.split(state[1:], [positions, velocities])
     apply_inputs(model, data, inputs)
     mujoco.mj_forward(model, data)
-    violation = data.efc_pos - data.efc_margin
-    stiffness, _, impedance, _ = data.efc_KBIP.reshape(-1, 4).T
-    # R is (1 - d) / d over the mass.
-    spring = stiffness * violation**2 * (1 - impedance) / data.efc_R
-    return float(np.maximum(np.abs(data.efc_force * violation), spring).sum())
+    violation, others = np.abs(data.efc_pos - data.efc_margin), data.qacc_smooth.copy()
+    data.qvel[:] = 0
+    mujoco.mj_fwdVelocity(model, data)
+    carried, sprung = (_work_of_springs(model, data, others * part, violation) for part in (1, 0))
+    return sprung / 2 + max(carried - sprung, 0)
+
+
+def _work_of_springs(
+    model: mujoco.MjModel, data: mujoco.MjData, others: Floats, violation: Floats
+) -> float:
+    """Return force times violation at rest, where other forces would accelerate like that."""
+    data.qacc_smooth[:] = others
+    mujoco.mj_mulM(model, data, data.qfrc_smooth, others)
+    mujoco.mj_fwdConstraint(model, data)
+    return float((np.abs(data.efc_force) * violation).sum())

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.contact.trace_setup import QUARTER_TURN, Part
+from contactlab.contact.trace_setup import DEGREES, QUARTER_TURN, Mechanism, Part
 from contactlab.measure.context import Context, cached, first_step
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
@@ -59,7 +59,22 @@ def _violations(context: Context) -> list[_Violation]:
         found += [
             _Violation(each.name, each.unit, each.scale, *gaps) for each, gaps in of_equalities
         ]
+    found += _of_brakes(context, mechanism)
     return [each for each in found if each is not None and np.isfinite(each.scale)]
+
+
+def _of_brakes(context: Context, mechanism: Mechanism) -> Iterator[_Violation]:
+    """Yield how far what friction loss should hold would creep in the time of the run."""
+    if context.trace.creep is None:
+        return
+    moved = context.trace.creep * context.seconds[:, None]
+    braked = [each for each in mechanism.joints for _ in range(DEGREES[each.kind])]
+    braked += mechanism.tendons
+    for place in np.flatnonzero(moved.any(axis=0)).tolist():
+        part, crept = braked[place], moved[:, place]
+        turns = part.kind in {"ball", "hinge"}
+        scale, unit = (QUARTER_TURN, "rad") if turns else (part.reach or mechanism.size, "m")
+        yield _Violation(f"the friction loss of {part.name}", unit, scale, crept * np.nan, crept)
 
 
 def _places(context: Context, joint: Part) -> Floats:
@@ -99,14 +114,18 @@ def constraint_violation(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-9)
 def constraint_violation_rest(context: Context) -> Floats:
-    """Median violation of a limit or an equality in the last quarter; see constraint_violation."""
+    """Median violation of a limit or an equality in the last quarter; see constraint_violation.
+
+    Likewise for friction loss how far it lets creep, in the time of the run, what it could hold:
+    over the body's reach, or a quarter turn.
+    """
     shares = [each.rest / each.scale for each in _violations(context)]
     return np.fmax.reduce(shares) if shares else context.undefined()
 
 
 @label(66, (_PEAK, _AT_REST))
 def constraint_violated(runs: MeasuredRuns) -> Found:
-    """A limit was pushed through, or a loop, weld, gear or rope gives way."""
+    """A limit was pushed through, or a loop, weld, gear, rope or brake gives way."""
     quarter = 3 * runs.context.trace.steps // 4
     for name, when, begin in (
         ("constraint_violation", "", 0),
@@ -115,7 +134,7 @@ def constraint_violated(runs: MeasuredRuns) -> Found:
         for run, _, limit in runs.over(name):
             for each, amount, step in _beyond(runs.context, run, limit, begin):
                 reason = (
-                    f"{each.name} is violated by {amount:.3g} {each.unit}{when} "
+                    f"{each.name} gives way by {amount:.3g} {each.unit}{when} "
                     f"(limit {limit * each.scale:.3g} {each.unit})"
                 )
                 yield run, Finding(reason, step)

@@ -8,9 +8,7 @@ from contactlab.measure.context import (
     cached,
     energy,
     first_step,
-    kinetic,
     peak_kinetic,
-    potential,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
@@ -98,8 +96,9 @@ def constraint_gain(context: Context) -> Floats:
 
     Judged in the stretch of the run in which contacts, limits and equalities gave most. What they
     give beyond what they had stored overcomes other forces, or it comes from nowhere: it counts as
-    far as kinetic energy rose by more than all other forces together gave. They had stored at most
-    the sum of force times violation. Not defined with RK4, where nothing but gravity, springs and
+    far as energy rose by more than actuators and all else together gave. They had stored at most
+    half of what their springs press with at rest times violation, and all that they carry times
+    violation. Not defined with RK4, where nothing but gravity, springs and
     contacts acts, so that energy_gain judges, and where moving mocap bodies, surface velocities or
     adhesion act through constraints.
     """
@@ -109,12 +108,10 @@ def constraint_gain(context: Context) -> Floats:
     runs, last = np.arange(trace.runs), context.trace.steps - 1
     first, end = (np.nan_to_num(trace.given[:, k]).astype(np.intp) for k in range(2))
     after = np.minimum(end + 1, last)
-    heights = potential(context)
-    risen = kinetic(context)[runs, after] - kinetic(context)[runs, first]
-    fallen = heights[runs, first] - heights[runs, after]
+    risen = energy(context)[runs, after] - energy(context)[runs, first]
     done = np.concatenate([np.zeros((trace.runs, 1, 3)), np.cumsum(trace.work, axis=1)], axis=1)
     given = done[runs, end + 1] - done[runs, first]
-    others = fallen + given[:, ACTUATORS] + given[:, OTHERS]
+    others = given[:, ACTUATORS] + given[:, OTHERS]
     gain = np.minimum(given[:, CONSTRAINTS], risen - np.maximum(others, 0)) - trace.given[:, 2]
     return gain / _scale(context)
 

@@ -29,9 +29,7 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
     springs = np.asarray(model.tendon_stiffness) != 0
     springs |= np.any(getattr(model, "tendon_stiffnesspoly", springs[:, None]), axis=1)
     places = _limits(model.jnt_limited, model.jnt_range)
-    reach = reaches(model)
-    # A body without geoms counts as large as bodies are on average.
-    reach[reach == 0] = model.stat.meansize
+    reach, ends = _reaches(model), equality_reach(model)
     return Mechanism(
         joints=tuple(_joint(model, index, places[index], reach) for index in range(model.njnt)),
         tendons=tuple(
@@ -44,24 +42,43 @@ def find_mechanism(model: mujoco.MjModel) -> Mechanism:
         ),
         slack=np.where(springs[:, None], np.reshape(model.tendon_lengthspring, (-1, 2)), np.nan),
         forces=_force_limits(model),
-        equalities=tuple(_equality(model, index, places, reach) for index in range(model.neq)),
+        equalities=tuple(
+            _equality(model, index, places, reach, float(ends[index])) for index in range(model.neq)
+        ),
         weight=float(model.body_mass.sum()) * _STANDARD_GRAVITY,
         size=float(model.stat.meansize),
     )
 
 
-def _equality(model: mujoco.MjModel, index: int, places: Floats, reach: Floats) -> Equality:
+def _reaches(model: mujoco.MjModel) -> Floats:
+    """Return (nbody,) how far bodies reach; without geoms, as far as bodies do on average [m]."""
+    reach = reaches(model)
+    return np.where(reach > 0, reach, model.stat.meansize)
+
+
+def equality_reach(model: mujoco.MjModel) -> Floats:
+    """Return (neq,) the reach [m] of the smaller body that each connects or welds; else inf."""
+    ends = np.stack([model.eq_obj1id, model.eq_obj2id])
+    sited = model.eq_objtype == int(mujoco.mjtObj.mjOBJ_SITE)
+    ends[:, sited] = np.asarray(model.site_bodyid)[ends[:, sited]]
+    tied = np.isin(model.eq_type, (int(_EQUALITY.mjEQ_CONNECT), int(_EQUALITY.mjEQ_WELD)))
+    ends = np.where(tied, ends, 0)
+    return np.where(ends > 0, _reaches(model)[ends], np.inf).min(axis=0)
+
+
+def _equality(
+    model: mujoco.MjModel, index: int, places: Floats, reach: Floats, ends: float
+) -> Equality:
     kind, first = int(model.eq_type[index]), int(model.eq_obj1id[index])
-    second, name = int(model.eq_obj2id[index]), model.equality(index).name
-    if kind in (_EQUALITY.mjEQ_CONNECT, _EQUALITY.mjEQ_WELD):
-        bodies = np.array([first, second])
-        if int(model.eq_objtype[index]) == mujoco.mjtObj.mjOBJ_SITE:
-            bodies = np.asarray(model.site_bodyid)[bodies]
-        return Equality(name, "m", float(reach[bodies[bodies > 0]].min()))
+    name = model.equality(index).name
     if kind == _EQUALITY.mjEQ_TENDON:
         return Equality(name, "m", _tendon_scale(model, first))
+    if kind == _EQUALITY.mjEQ_FLEX:
+        edges = slice(model.flex_edgeadr[first], None)
+        lengths = model.flexedge_length0[edges][: model.flex_edgenum[first]]
+        return Equality(name, "m", float(lengths.mean()))
     if kind != _EQUALITY.mjEQ_JOINT:
-        return Equality(name, "m", np.inf)
+        return Equality(name, "m", ends)
     low, high = places[first].tolist()
     if int(model.jnt_type[first]) == _JOINT.mjJNT_HINGE:
         return Equality(name, "rad", min(high - low, QUARTER_TURN))
