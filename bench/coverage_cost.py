@@ -14,8 +14,8 @@ from pathlib import Path
 import mujoco
 
 from contactlab.engines import ENGINES, Buffers, PreparedRuns
-from contactlab.engines.sampled_loads import with_loads
 from contactlab.engines.rollout_trace import make_trace
+from contactlab.engines.sampled_loads import with_loads
 from contactlab.measure import context_of
 from contactlab.measure.coverage import coverages
 from contactlab.run.sweep_request import SceneLoader

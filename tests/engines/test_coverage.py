@@ -10,8 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from contactlab.engines import ENGINES, Buffers, PreparedRuns
-from contactlab.engines.sampled_loads import sampled_steps
 from contactlab.engines.rollout_trace import make_trace
+from contactlab.engines.sampled_loads import sampled_steps
 from contactlab.measure import assess
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_setup import make_setup

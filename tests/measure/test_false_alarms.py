@@ -62,6 +62,36 @@ LID = (
     '<geom type="box" size=".1 .1 .01" mass="1"/></body>'
 )
 ASLEEP = '<option sleep_tolerance="{}"><flag sleep="enable"/></option>'
+DROP = (
+    '<body pos="0 0 .1"><joint type="slide" axis="0 0 1"/><geom size=".03" mass="1" '
+    'solref="{solref} 1" priority="1"/></body></worldbody><keyframe><key qvel="-{speed}"/>'
+    "</keyframe><worldbody>"
+)
+MAT = (
+    '<geom name="mat" type="box" size=".2 .2 .03" pos="0 0 .03" solref="{solref} 1" '
+    'solimp="{solimp}" priority="1"/><body pos="0 0 .16"><freejoint/>'
+    '<geom type="box" size=".1 .1 .1" mass="8"/></body>'
+)
+STOP = (
+    '<body pos="0 0 1"><joint type="slide" axis="0 0 1" range="0 .5" limited="true" '
+    'damping="1"/><geom size=".05" mass="1"/></body>{}</worldbody><keyframe><key qpos="-.1{}"/>'
+    "</keyframe><worldbody>"
+)
+DROPPED = deep(0.03, 0.05, ".01 .1").split("<body")[1].split("</world")[0]
+TOOL = """<mujoco><worldbody><body name="link" pos="0 0 1"><joint axis="0 1 0" stiffness="4000"
+damping="50"/><geom type="box" size=".2 .02 .02" pos=".2 0 0" mass="1"/></body><body name="tool"
+pos=".5 0 1"><freejoint/><geom type="box" size=".1 .02 .02" mass="2"/></body></worldbody>
+<contact><exclude body1="link" body2="tool"/></contact>
+<equality><weld body1="link" body2="tool" solref="{} 1"/></equality></mujoco>"""
+BRAKE = """<mujoco><worldbody><body><joint axis="0 1 0" frictionloss="4" solreffriction="{} 1"/>
+<geom size=".02" pos=".1 0 0" mass="2"/></body></worldbody></mujoco>"""
+WEDGED = (
+    '<geom type="box" size=".2 .2 .02" pos="0 0 {height}"/><body pos="0 0 .05"><freejoint/>'
+    '<geom type="box" size=".1 .05 .05" mass="1" solref=".004 1" priority="1"/></body>{press}'
+)
+PRESS = """<body pos="0 0 .12"><joint name="ram" type="slide" axis="0 0 -1"/><geom type="box"
+size=".04 .04 .02" mass="1"/></body></worldbody><actuator><motor joint="ram"/></actuator>
+<keyframe><key qpos="0 0 .05 1 0 0 0 0" ctrl="200"/></keyframe><worldbody>"""
 WEIGHTLESS = '<option gravity="0 0 0"/>'
 
 # Healthy, failing, and the label of the failing one.
@@ -92,6 +122,28 @@ LOOKALIKES = {
         world(LID, option=ASLEEP.format(1e-3)),
         world(LID.replace("0 0 .01", "0 0 .5"), option=ASLEEP.format(2)),
         "asleep_unsupported",
+    ),
+    "a mat as soft as its solimp is wide": (
+        world(MAT.format(solref=0.04, solimp=".3 .6 .02")),
+        world(MAT.format(solref=0.09, solimp=".59 .6 .001")),
+        "deep_penetration",
+    ),
+    "a start outside of a limit": (
+        world(STOP.format("", "")),
+        world(STOP.format(f"<body{DROPPED}", " 0 0 .02 1 0 0 0")),
+        "energy_injection",
+    ),
+    "a hard landing": (
+        world(DROP.format(speed=6, solref=0.02)),
+        world(DROP.format(speed=6, solref=0.4)),
+        "tunneling",
+    ),
+    "a weld that turns a little": (TOOL.format(0.02), TOOL.format(0.2), "constraint_violated"),
+    "a brake that holds": (BRAKE.format(0.01), BRAKE.format(1), "constraint_violated"),
+    "a press that a motor drives": (
+        world(WEDGED.format(height=2, press=PRESS)),
+        world(WEDGED.format(height=0.114, press="")),
+        "squeezed",
     ),
     "a start a hair deep": (
         deep(0.002, 0.05, ".02 1"),

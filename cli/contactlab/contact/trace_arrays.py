@@ -136,8 +136,8 @@ class Trace:
             loss brakes with less than it could, under constant controls [m/s or rad/s].
         work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
             gravity and springs; NaN where not known.
-        given: (n, 3) the stretch of steps in which constraints gave most energy: the first, the
-            last, and what they had stored before it [J].
+        given: (n, 4) the stretch of steps in which constraints gave most energy: the first, the
+            last, what they had stored before it [J], and all but contacts at the start [J].
         sleeper: (n, 3) of all that sleeps at the end, what would accelerate most if it were awake:
             by how much [m/s^2], its joint, and the step since when; NaN where nothing sleeps.
         passages: for each run, what passed through what; empty where nobody looked.
@@ -242,7 +242,7 @@ class PairSeries:
 
 REFINEMENT = 4
 """Steps of a refined copy in each step of its run."""
-_BY_RUN = ("residual", "jacobian", "overlap", "apart", "repeats", "rest", "travel")
+_BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats", "rest", "travel")
 
 
 @dataclass(frozen=True)
@@ -261,6 +261,8 @@ class SelfChecks:
         overlap: (n, L) deepest geometric overlap of a monitored pair without a contact [m].
         apart: (n, L) largest excess of a pair's geometric distance over that of its contact [m].
         geometry_steps: (L,) the steps of these states.
+        squeeze: (n, P) normal force that contacts of each pair would still exert at the end if
+            nothing moved, and nothing else acted: that of mere overlap [N].
         repeats: (n,) whether a second rollout gave every state again, bit for bit.
         refined: the refined copy of each run, in the steps of the run.
         rest: (n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy,
@@ -275,6 +277,7 @@ class SelfChecks:
     overlap: Floats
     apart: Floats
     geometry_steps: NDArray[np.intp]
+    squeeze: Floats
     repeats: NDArray[np.bool_]
     refined: tuple[Trace, ...]
     rest: Floats

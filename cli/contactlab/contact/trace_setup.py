@@ -169,6 +169,9 @@ class Setup:
         free_bodies: bodies on free joints.
         barriers: fixed surfaces that free bodies of monitored pairs must not pass.
         thickness: (P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes.
+        widths: (P,) depth [m] over which each pair's solimp lets its contacts give way.
+        grounded: (P,) whether one side of each pair is a plane or a height field.
+        weights: (P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N].
         slots: (P,) contact slots recorded for each pair.
         duration: (n,) requested simulated time [s].
         expected: what monitored pairs should do.
@@ -195,6 +198,9 @@ class Setup:
     free_bodies: tuple[FreeBody, ...]
     barriers: tuple[Barrier, ...]
     thickness: Floats
+    widths: Floats
+    grounded: NDArray[np.bool_]
+    weights: Floats
     slots: NDArray[np.int32]
     duration: Floats
     expected: tuple[ExpectedContact, ...] = ()

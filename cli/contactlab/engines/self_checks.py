@@ -11,6 +11,7 @@ from contactlab.contact.trace_arrays import REFINEMENT, Floats, SelfChecks, Trac
 from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, roll_out, start_batch
 from contactlab.engines.rollout_trace import make_trace
+from contactlab.engines.step_work import forces_at_rest
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding
 from contactlab.scene.initial_states import InitialStates, apply_inputs
@@ -19,6 +20,7 @@ _JACOBIAN_SAMPLES = 16
 _GEOMETRY_SAMPLES = 128
 # Forces and accelerations below this share of the run's largest may be rounding.
 _LEAST_SHARE = 1e-3
+_NO_ACCELERATION = 1e-5  # m/s^2 or rad/s^2: a millionth of gravity.
 _TIGHT = 1e-12
 _MOST_ITERATIONS = 1000
 # How the solver of a refined copy is tightened, and how far off a perturbed one starts.
@@ -28,6 +30,10 @@ _PERTURBATION = 1e-9
 _MOST_NUMBERS = 1 << 25
 _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
+_BUT_CONTACTS = sum(
+    int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each}"))
+    for each in ("EQUALITY", "LIMIT", "FRICTIONLOSS")
+)
 _NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
 _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
@@ -57,6 +63,7 @@ def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_alwa
         overlap=np.array([overlap for overlap, _ in geometry]),
         apart=np.array([apart for _, apart in geometry]),
         geometry_steps=geometry_steps,
+        squeeze=np.array([_squeeze(runs.base, models[run], trace.qpos[run, -1]) for run in states]),
         repeats=np.array([_repeats(trace, run, again[run][int(STATE)]) for run in states]),
         refined=tuple(refined for refined, _, _ in copies),
         rest=np.array([rest for _, rest, _ in copies]),
@@ -118,11 +125,13 @@ def _refined(model: mujoco.MjModel) -> mujoco.MjModel:
 
 def _thinned(rollout: Rollout) -> Rollout:
     """Return what a refined copy did in the steps of its run, in memory of its own."""
-    names, work = ("state", "sensors", "iterations"), rollout.work
+    names, work, given = ("state", "sensors", "iterations"), rollout.work, rollout.given
     rows = {name: getattr(rollout, name)[:, ::REFINEMENT].copy() for name in names}
     if work is not None:
         work = work.reshape(1, -1, REFINEMENT, 3).sum(axis=2)
-    return replace(rollout, **rows, work=work, given=None)
+    if given is not None:
+        given = np.concatenate((given[:, :2] // REFINEMENT, given[:, 2:]), axis=1)
+    return replace(rollout, **rows, work=work, given=given)
 
 
 def _travel(model: mujoco.MjModel, path: Floats) -> Floats:
@@ -137,13 +146,17 @@ def _travel(model: mujoco.MjModel, path: Floats) -> Floats:
 def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:
     """Return (N,) how far forward and inverse dynamics disagree, as a share of the forces.
 
-    NaN with noslip, which changes forces after the solver on purpose.
+    Forces that accelerate nothing count as such. NaN with noslip, which changes forces after the
+    solver on purpose.
     """
     gap = again["solver_fwdinv"][:, 1]
     if model.opt.noslip_iterations:
         return np.full(len(gap), np.nan)
     force = np.linalg.norm(again["qfrc_constraint"], axis=1)
-    return gap / np.maximum(force, max(_LEAST_SHARE * force.max(initial=0), np.finfo(float).tiny))
+    least = max(
+        _LEAST_SHARE * force.max(initial=0), _NO_ACCELERATION * np.linalg.norm(model.dof_M0)
+    )
+    return gap / np.maximum(force, max(least, np.finfo(float).tiny))
 
 
 def _jacobian(
@@ -202,6 +215,23 @@ def _geometry(
             elif distance > 0 and not speculative:
                 apart[sample] = max(apart[sample], distance - slots[touching, 7].min())
     return overlap, apart
+
+
+def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:
+    """Return (P,) the normal force of each monitored pair if nothing moves or acts but contacts."""
+    alone, force = copy.copy(model), np.zeros(6)
+    alone.opt.disableflags |= _BUT_CONTACTS
+    data, squeeze = mujoco.MjData(alone), np.zeros(len(base.pairs))
+    data.qpos[:] = qpos
+    mujoco.mj_forward(alone, data)
+    forces_at_rest(alone, data, np.zeros(model.nv))
+    sides = [[*map(set, each.geoms)] for each in base.pairs]
+    for contact, (first, second) in enumerate(data.contact.geom.tolist()):
+        mujoco.mj_contactForce(alone, data, contact, force)
+        for pair, (one, other) in enumerate(sides):
+            met = (first in one and second in other) or (first in other and second in one)
+            squeeze[pair] += met * force[0]
+    return squeeze
 
 
 def _is_speculative(model: mujoco.MjModel) -> bool:

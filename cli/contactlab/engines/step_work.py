@@ -18,6 +18,7 @@ from contactlab.scene.run_setup import is_conservative
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+_FIRST_OF_CONTACTS = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 _OF_ACTUATORS = ("actuator_velocity", "actuator_force")
 _FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "qfrc_fluid")
@@ -32,7 +33,7 @@ class Books:
     Attributes:
         forces: what a batch is to record of one run: arrays (1, N, ...) by field of MjData.
         work: (n, N, 3) [J] as `Trace.work` says; None where it is not known.
-        given: (n, 3) as `Trace.given` says; None likewise.
+        given: (n, 4) as `Trace.given` says; None likewise.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int) -> None:
@@ -41,7 +42,7 @@ class Books:
         widths = {name: model.nu if name in _OF_ACTUATORS else model.nv for name in fields}
         self.forces = {name: np.empty((1, steps, width)) for name, width in widths.items()}
         self.work = np.full((len(models), steps, 3), np.nan) if fields else None
-        self.given = np.zeros((len(models), 3)) if fields else None
+        self.given = np.zeros((len(models), 4)) if fields else None
         self._data = mujoco.MjData(model) if fields else None
 
     def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
@@ -66,14 +67,36 @@ class Books:
         if moved or _conveys(model):
             self.given[run] = np.nan
             return
+        acts = forces["qfrc_constraint"].any(axis=1)
         given = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
-        free = _largest_rise(given, ~forces["qfrc_constraint"].any(axis=1))
-        held = _largest_rise(given, np.ones(len(states) - 1, np.bool_))
-        inputs = starts.inputs(run, model.opt.timestep, np.array(held[:1]))[0]
-        stored = _stored(model, self._data, states[held[0]], inputs)
+        held, free = _largest_rise(given, acts | True), _largest_rise(given, ~acts)
+        steps = np.array([held[0], 0])
+        inputs = starts.inputs(run, model.opt.timestep, steps)
+        stored, _ = self._stored(model, states[held[0]], inputs[0])
+        _, at_start = self._stored(model, states[0], inputs[1]) if acts[0] else (0, 0)
         # Where nothing is constrained, nothing is stored.
-        more = _rise(given, free) > _rise(given, held) - stored
-        self.given[run] = (*free, 0) if more else (*held, stored)
+        more = not acts[free[0]] and _rise(given, free) > _rise(given, held) - stored
+        self.given[run] = *(free if more else held), 0 if more else stored, at_start
+
+    def _stored(self, model: mujoco.MjModel, state: Floats, inputs: Floats) -> tuple[float, float]:
+        """Return the most energy that constraints, and all but contacts, can have stored [J].
+
+        At rest a constraint is a spring, which carries other forces beside. The spring does not
+        soften with violation: it has stored at most half of its force times the violation, and what
+        it carries does at most that force times the violation (MuJoCo's documentation, Computation
+        > Constraint model).
+        """
+        data = self._data
+        assert data is not None
+        data.qpos[:], data.qvel[:], data.act[:] = np.split(
+            state[1:], [model.nq, model.nq + model.nv]
+        )
+        apply_inputs(model, data, inputs)
+        mujoco.mj_forward(model, data)
+        violation, others = np.abs(data.efc_pos - data.efc_margin), data.qacc_smooth.copy()
+        carried, sprung = (forces_at_rest(model, data, each) for each in (others, 0 * others))
+        energies = violation * (sprung / 2 + np.maximum(carried - sprung, 0))
+        return float(energies.sum()), float(energies[data.efc_type < _FIRST_OF_CONTACTS].sum())
 
 
 def _fields(models: Sequence[mujoco.MjModel]) -> list[str]:
@@ -172,30 +195,14 @@ def _rise(given: Floats, stretch: tuple[int, int]) -> float:
     return float(given[last + 1] - given[first])
 
 
-def _stored(model: mujoco.MjModel, data: mujoco.MjData, state: Floats, inputs: Floats) -> float:
-    """Return the most energy that constraints can have stored in a state [J].
+def forces_at_rest(model: mujoco.MjModel, data: mujoco.MjData, others: Floats) -> Floats:
+    """Return (nefc,) the forces of constraints if nothing moved, and others accelerated like that.
 
-    At rest a constraint is a spring, which carries other forces beside. The spring does not soften
-    with violation: it has stored at most half of its force times the violation, and what it carries
-    does at most that force times the violation (MuJoCo's documentation, Computation > Constraint
-    model).
+    They are in `data.efc_force` too; positions are those of `data`.
     """
-    positions, velocities = model.nq, model.nq + model.nv
-    data.qpos[:], data.qvel[:], data.act[:] = np.split(state[1:], [positions, velocities])
-    apply_inputs(model, data, inputs)
-    mujoco.mj_forward(model, data)
-    violation, others = np.abs(data.efc_pos - data.efc_margin), data.qacc_smooth.copy()
     data.qvel[:] = 0
     mujoco.mj_fwdVelocity(model, data)
-    carried, sprung = (_work_of_springs(model, data, others * part, violation) for part in (1, 0))
-    return sprung / 2 + max(carried - sprung, 0)
-
-
-def _work_of_springs(
-    model: mujoco.MjModel, data: mujoco.MjData, others: Floats, violation: Floats
-) -> float:
-    """Return force times violation at rest, where other forces would accelerate like that."""
     data.qacc_smooth[:] = others
     mujoco.mj_mulM(model, data, data.qfrc_smooth, others)
     mujoco.mj_fwdConstraint(model, data)
-    return float((np.abs(data.efc_force) * violation).sum())
+    return np.abs(data.efc_force)

@@ -1,7 +1,7 @@
 """Every metric, label and series of a trace."""
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
 import numpy as np
@@ -12,7 +12,7 @@ from contactlab.contact.trace_setup import Setup
 from contactlab.errors import ContactlabError
 from contactlab.measure.context import Context, context_of
 from contactlab.measure.coverage import coverages
-from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric
+from contactlab.measure.entries import LABELS, METRICS, MeasuredRuns, Metric, limits
 from contactlab.measure.run_integrity import STABLE, invalid
 from contactlab.measure.step_dependence import suspects
 from contactlab.schema.coverage import Coverage
@@ -20,9 +20,11 @@ from contactlab.schema.coverage import Coverage
 Failures = dict[int, list[str]]
 """Why metrics and labels fail, by run."""
 
-_TRACED = {"tunneling", "energy_injection", "penetration_growth", "chatter"}
-_OF_CONTROL = {"chatter", "penetration_growth"}
-"""Labels that controls which change may be the cause of, where the step is not."""
+_TRACED = {"tunneling", "energy_injection", "constraint_gain", "penetration_growth", "chatter"}
+_OF_CONTROL = ("mode_switches", "contact_losses")
+"""Thresholds of chatter, which controls that change may be the cause of, where the step is not."""
+_CLEAR = 0.5
+"""Share of these that a copy must keep below to be free of it."""
 _NUMERICAL = "numerical, since a copy at a quarter of the step is free of it"
 _MODELLED = "modelled, or not resolved by a quarter of the step either"
 
@@ -105,12 +107,15 @@ def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iter
     if not checks or not checks.compared[run] or _TRACED.isdisjoint(each[0] for each in labels):
         yield from labels
         return
-    refined = assess(checks.refined[run], context.setup.select([run])).labels[0]
-    kept = {each.label for each in refined}
+    setup, usual = context.setup.select([run]), limits(context.setup.thresholds)
+    if setup.steered:
+        lower = {each: _CLEAR * usual[each] for each in _OF_CONTROL}
+        setup = replace(setup, thresholds={**setup.thresholds, **lower})
+    kept = {each.label for each in assess(checks.refined[run], setup).labels[0]}
     for each in labels:
         if each.label not in _TRACED:
             yield each
-        elif not (context.setup.steered and each.label in kept & _OF_CONTROL):
+        elif not (setup.steered and each.label in kept and each.label == "chatter"):
             cause = _MODELLED if each.label in kept else _NUMERICAL
             yield each._replace(reason=f"{each.reason}; {cause}")
 

@@ -69,7 +69,8 @@ def energy_gain(context: Context) -> Floats:
 
     The datum is the lowest potential energy that the run reaches; the energy at the start counts
     as at least what lifts every free body by 1 mm. Contact must not add energy, beyond what a start
-    a hair deep has stored in it; the swing that semi-implicit steps give springs does not count.
+    a hair deep, or outside of limits, has stored; the swing that semi-implicit steps give springs
+    does not count.
     """
     if not context.setup.passive:
         return context.undefined()
@@ -290,13 +291,14 @@ def _level_energy(context: Context) -> Floats:
 
 @cached
 def _stored_at_start(context: Context) -> Floats:
-    """Return (n,) the energy [J] that contacts have stored at the start: force times depth.
+    """Return (n,) the energy [J] that constraints have stored at the start.
 
-    Of each pair at most what lifts everything by a tenth of the thinner geom's half extent: who
-    starts deeper than a hair, or is thrown higher, has no excuse.
+    Contacts at most force times depth, and of each pair at most what lifts everything by a tenth of
+    the thinner geom's half extent: who starts deeper than a hair, or is thrown higher, has no
+    excuse.
     """
-    most = _HAIR * context.setup.moving_mass * gravity(context)
-    stored = np.zeros(context.trace.runs)
+    most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
+    stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])
     for pair, thickness in zip(context.trace.pairs, context.setup.thickness, strict=True):
         first = pair.slots[:, 0]
         energies = first[..., FORCE.start] * np.maximum(-first[..., DISTANCE], 0)

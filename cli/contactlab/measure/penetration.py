@@ -16,13 +16,15 @@ from contactlab.measure.context import (
     worst_pair,
 )
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
+from contactlab.measure.stick_slip import spans
 
 _PIERCED = Threshold(
     "pierced",
     None,
     "m",
     "Largest metric penetration_max where no fixed surface is known that must not be passed. "
-    "Unless set, half the smallest extent of the pair's thinnest geom.",
+    "Unless set, half the smallest extent of the pair's thinnest geom, and for more than 0.1 s "
+    "where it dips into a plane or a height field, which has no other side.",
 )
 _GROWTH = Threshold(
     "penetration_growth",
@@ -37,7 +39,8 @@ _STEADY = Threshold(
     "m",
     "Largest metric penetration_steady. The guideline is 0.1 mm on flat ground, which the "
     "engine's default contact meets under light loads only; grasps over 5 mm count as broken. "
-    "Unless set, half the smallest extent of the pair's thinnest geom applies where that is less.",
+    "Unless set, contacts may be as deep as the width of their solimp, but at most a quarter of "
+    "the smallest extent of the pair's thinnest geom.",
 )
 _STANDOFF = Threshold(
     "standoff",
@@ -52,6 +55,12 @@ _RESTING = 0.9
 _LASTING = 0.5
 """Share of the last fifth in which a pair must touch for a steady depth; sliding bodies hop, and
 touch in half of the steps."""
+
+_DRIVEN = 0.75
+"""Share of the last fifth in which a pair under a drive must be deep to count as resting."""
+
+_DIP = 0.1
+"""Longest time [s] for which a geom may dip beyond its middle into the ground, and come back."""
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
@@ -198,7 +207,9 @@ def contact_at_distance(runs: MeasuredRuns) -> Found:
 
 @label(56, (_GROWTH,), name="penetration_growth")
 def sinking(runs: MeasuredRuns) -> Found:
-    """A resting pair keeps sinking into each other."""
+    """A resting pair keeps sinking into each other, under controls that do not change."""
+    if runs.context.setup.steered:
+        return
     rate, limit = runs.metrics["penetration_growth"], runs.limits["penetration_growth"]
     steps = runs.context.trace.steps
     sunk = rate * runs.context.trace.timestep * (steps // 4)
@@ -215,14 +226,17 @@ def deep_penetration(runs: MeasuredRuns) -> Found:
     if context.trace.steps == 0:
         return
     for index, steady in reversed([*enumerate(steady_by_pair(context))]):
-        accepted = limit
+        accepted, touching = limit, contact_depths(context)[index][1][:, context.last_fifth]
         if "penetration_steady" not in context.setup.thresholds and context.series:
-            accepted = min(limit, context.setup.thickness[index] / 2)
-        for run in runs_where(steady > accepted):
+            accepted = max(limit, context.setup.widths[index])
+            accepted = min(accepted, context.setup.thickness[index] / 2)
+        # What a drive presses down for a moment does not rest.
+        lasts = (touching > accepted).mean(axis=1) >= (_DRIVEN if context.setup.steered else 0)
+        for run in runs_where((steady > accepted) & lasts):
             name = context.series[index].name if context.series else "the model"
             reason = f"{name} rests {steady[run]:.3g} m deep (limit {accepted:.3g} m)"
-            depth = contact_depths(context)[index][1][run, context.last_fifth]
-            yield run, Finding(reason, context.last_fifth.start + first_step(depth > accepted))
+            step = context.last_fifth.start + first_step(touching[run] > accepted)
+            yield run, Finding(reason, step)
 
 
 def _pierced(runs: MeasuredRuns) -> Found:
@@ -235,9 +249,18 @@ def _pierced(runs: MeasuredRuns) -> Found:
         depth = contact_depths(context)[index][1]
         limit = given or float(context.setup.thickness[index])
         where = f"{limit:.3g} m" if given else f"its middle, {limit:.3g} m from the surface"
-        for run in runs_where(np.asarray((depth > limit).any(axis=1))):
-            reason = f"{series.name} is deeper than {where}"
-            yield run, Finding(reason, first_step(depth[run] > limit))
+        deep = spans(depth > limit)
+        for run, start, stop in np.transpose((deep.run, deep.start, deep.stop)).tolist():
+            if given or not _dips(context, index, run, slice(start, stop)):
+                yield run, Finding(f"{series.name} is deeper than {where}", start)
+
+
+def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
+    """Return whether what is beyond its middle in the ground was only hit hard, and comes back."""
+    trace, depth = context.trace, contact_depths(context)[index][1][run]
+    soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
+    left = deep.stop < trace.steps and depth[deep.stop] == 0
+    return bool(context.setup.grounded[index] and soon and not left)
 
 
 def _crossed(context: Context) -> Found:

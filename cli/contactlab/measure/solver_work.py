@@ -44,8 +44,6 @@ _PHANTOM = Threshold(
     "Largest metric distance_phantom; collision tolerances are a hundred times finer.",
 )
 _FEWEST_ITERATIONS = 2
-_GRAZING = 1e-5
-"""Acceleration [m/s^2] below which contact does nothing: a millionth of gravity."""
 _SUSTAINED = 0.99
 """Quantile of the residual over the steps with contact: a single hard step is no failure."""
 
@@ -156,22 +154,13 @@ def sustained_residual(context: Context, where: NDArray[np.bool_]) -> Floats:
     """Return (n,) the sustained residual over the given steps with contact, 0 without any."""
     if context.checks is None:
         return context.undefined()
-    chosen = where & (context.trace.contacts > 0) & ~_grazing(context)[:, None]
+    chosen = where & (context.trace.contacts > 0)
     return np.array(
         [
             np.quantile(residual[mask], _SUSTAINED) if mask.any() else 0.0
             for residual, mask in zip(context.checks.residual, chosen, strict=True)
         ]
     )
-
-
-def _grazing(context: Context) -> NDArray[np.bool_]:
-    """Return (n,) whether monitored contacts are all that constrains a run, and bear nothing."""
-    setup, monitored = context.setup, sum(net.found for net in context.net)
-    alone = setup.conservative & np.asarray((context.trace.contacts <= monitored).all(axis=1))
-    force = sum(each.normal.max(axis=1, initial=0) for each in context.series)
-    lightest = np.min([each.mass for each in setup.free_bodies] or [setup.moving_mass], axis=0)
-    return alone & (force < _GRAZING * lightest)
 
 
 @cached
@@ -186,8 +175,8 @@ def solver_residual(context: Context) -> Floats:
     """Difference between forward and inverse dynamics over the run's largest constraint force.
 
     By the flag fwdinv, in constraint space; 99th percentile of the steps with contact. Not
-    defined with noslip, which changes forces after the solver. 0 where monitored contacts are all
-    that acts on bodies, and accelerate none by 1e-5 m/s^2.
+    defined with noslip, which changes forces after the solver. The largest force counts as at least
+    what accelerates the model by 1e-5 m/s^2 or rad/s^2.
     """
     return sustained_residual(context, np.ones(context.trace.contacts.shape, dtype=np.bool_))
 

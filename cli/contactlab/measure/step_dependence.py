@@ -20,6 +20,7 @@ from contactlab.measure.entries import (
     limits,
     metric,
 )
+from contactlab.measure.squeezing import PRESSED, weights_borne
 
 _SHAKING = Threshold(
     "unresolved_motion",
@@ -108,12 +109,14 @@ def unresolved_motion(context: Context) -> Floats:
 def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
-    Something shakes from step to step; a model with actuators does not come to rest under constant
-    controls; or a body that was at rest in contact moved far.
+    Something shakes from step to step, or is pressed hard at rest; a model with actuators does not
+    come to rest under constant controls; or a body that was at rest in contact moved far.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf
-    found = unresolved_motion(context) > limits(context.setup.thresholds)[_SHAKING.name]
+    most = limits(context.setup.thresholds)
+    found = unresolved_motion(context) > most[_SHAKING.name]
+    found |= weights_borne(context) > most[PRESSED.name]
     if ranges is not None and ranges.shape[1]:
         constant = (ranges[..., 0] == ranges[..., 1]).all(axis=1)
         found |= constant & (_ends(context).total[:, 0] > _MOVING)

@@ -10,7 +10,12 @@ from contactlab.contact.rotations import rotate_back
 from contactlab.contact.trace_arrays import Floats
 from contactlab.contact.trace_setup import Barrier, FreeBody, HoldWindow, Joints, Setup
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import MonitoredPair, colliding, half_extent
+from contactlab.scene.contact_pairs import (
+    MonitoredPair,
+    colliding,
+    effective_parameters,
+    half_extent,
+)
 from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.mechanism import find_mechanism
@@ -52,6 +57,9 @@ def make_setup(
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
         thickness=np.array([_thickness(base.model, pair) for pair in base.pairs]),
+        widths=np.array([_width(models[0], pair) for pair in base.pairs]),
+        grounded=np.array([_is_grounded(base.model, pair) for pair in base.pairs], np.bool_),
+        weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
         duration=np.array([run.duration for run in runs]),
         limits_act=np.array([not model.opt.disableflags & _NO_LIMITS for model in models]),
@@ -133,6 +141,23 @@ def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return half the smallest extent of the pair's thinnest geom that can collide [m]."""
     touching = {geom for both in colliding(model, pair) for geom in both}
     return min((half_extent(model, geom) for geom in touching), default=np.inf)
+
+
+def _is_grounded(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
+    grounds = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
+    return any(bool(np.isin(model.geom_type[[*side]], grounds).all()) for side in pair.geoms)
+
+
+def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+    """Return the weight of the lighter of the trees of bodies that a pair's sides are of [N]."""
+    roots = np.asarray(model.body_rootid)[model.geom_bodyid[[side[0] for side in pair.geoms]]]
+    return float(np.where(roots > 0, model.body_subtreemass[roots], np.inf).min() * 9.81)
+
+
+def _width(model: mujoco.MjModel, pair: MonitoredPair) -> float:
+    """Return the depth over which the impedance of a pair's contacts rises, if it does [m]."""
+    low, high, width, *_ = effective_parameters(model, pair).solimp
+    return width if high > low else 0.0
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:

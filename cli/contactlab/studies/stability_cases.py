@@ -27,8 +27,8 @@ class StabilityRequest:
     Attributes:
         names: cases of the catalogue; model files, folders of scenes or menagerie:ROBOT, for
             generic checks of these; every case of the catalogue if empty.
-        drive: what drives the runs; None for what sweep or scene say, and for an exercise of a
-            model without either.
+        drive: what drives models; None for what their scene says, and for an exercise of a model
+            without one.
         assign: settings of models, `NAME=VALUE` each, as those of a sweep.
     """
 
@@ -68,10 +68,11 @@ def run(request: StabilityRequest, session: Session) -> StabilityReport:
         StoppedError: the session was stopped.
     """
     cases = find_cases(request.names)
-    if request.assign and (shipped := [each.name for each in cases if not each.is_generic]):
+    own = [*request.assign, *(["a drive"] if request.drive else [])]
+    if own and (shipped := [each.name for each in cases if not each.is_generic]):
         raise SweepFileError(
-            f"{', '.join(request.assign)}: '{shipped[0]}' is a case with settings of its own; "
-            "give settings to a model, or to the case's sweep"
+            f"{', '.join(own)}: '{shipped[0]}' is a case with settings and a drive of its own; "
+            "give them to a model, or to the case's sweep"
         )
     for case in cases:
         session.claim(case.name, case.origin)

@@ -54,6 +54,6 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
 
 
 def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
-    request = StabilityRequest(("free_fall",), assign=("duration=1",))
-    with pytest.raises(SweepFileError, match="'free_fall' is a case with settings of its own"):
-        run(request, Session(tmp_path))
+    for given in ({"assign": ("duration=1",)}, {"drive": "hold"}):
+        with pytest.raises(SweepFileError, match="'free_fall' is a case with settings and a drive"):
+            run(StabilityRequest(("free_fall",), **given), Session(tmp_path))
