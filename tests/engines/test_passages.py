@@ -1,5 +1,6 @@
 """What is too fast for its step goes through walls of any shape, and is caught; else it is not."""
 
+from math import prod
 from typing import Any
 
 import pytest
@@ -64,3 +65,32 @@ def test_what_cannot_touch_may_pass(sweeper: Any) -> None:
     wall = WALLS["box"] + ' contype="0" conaffinity="0"'
     parts = {"joint": FREE[0], "speed": 60, "rest": FREE[1], "hinge": "", "still": ""}
     assert not reasons(sweeper, wall=wall, **parts)
+
+
+NET = """
+<mujoco>
+  <option timestep="0.002" gravity="0 0 0"/>
+  <worldbody>
+    <flexcomp name="net" type="grid" count="{count}" spacing=".05 .05 .05" pos="0 0 0" radius=".005"
+      dim="{dim}" mass="1"><edge equality="true" damping=".1"/>
+      <contact selfcollide="none"/></flexcomp>
+    <body name="shot" pos=".012 .007 .2"><joint type="slide" axis="0 0 -1"/>
+      <geom name="shot" size=".01" mass=".01"/></body>
+  </worldbody>
+  <keyframe><key qvel="{still}{speed}"/></keyframe>
+</mujoco>
+"""
+
+
+@pytest.mark.parametrize(("speed", "passes"), [(60, True), (1, False)])
+@pytest.mark.parametrize(("dim", "count"), [(2, (5, 5, 1)), (3, (4, 4, 2))], ids=["cloth", "body"])
+def test_a_shot_goes_through_a_flex(
+    sweeper: Any, dim: int, count: tuple[int, int, int], speed: float, passes: bool
+) -> None:
+    """At 60 m/s a step is 12 cm long, and the flex at z = 0 is met in the second one."""
+    still = "0 " * 3 * prod(count)
+    model = NET.format(still=still, speed=speed, dim=dim, count="{} {} {}".format(*count))
+    (sweeper.folder / "model.xml").write_text(model)
+    sweeper.run(SWEEP)
+    (row,) = sweeper.rows()
+    assert ("shot passed through net" in " ".join(row["label_reasons"])) == passes

@@ -1,7 +1,8 @@
 """What passed through what between steps, whether or not a step had a contact.
 
 Seen from one geom, the centre of another moves along a line from step to step. Where a ray along it
-enters the geom and leaves it again, or gets under a surface, the other has passed through.
+enters the geom and leaves it again, or gets under a surface, the other has passed through; and a
+flex, where the centre crosses its mid-surface.
 """
 
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ from itertools import islice
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats, Passage
@@ -45,8 +47,11 @@ class Passages:
         self._least = _SLOW * (half[:, None] + half)
         self._least[np.tril_indices(len(half))] = np.inf
         self._touch: dict[tuple[int, int], bool] = {}
-        widths = {"xpos": 3, "xquat": 4} if np.isfinite(self._thinnest) else {}
-        self.poses = {name: np.empty((1, steps, model.nbody, k)) for name, k in widths.items()}
+        shapes = {"xpos": (model.nbody, 3), "xquat": (model.nbody, 4)}
+        if model.nflex:
+            shapes["flexvert_xpos"] = (model.nflexvert, 3)
+        shapes = shapes if np.isfinite(self._thinnest) else {}
+        self.poses = {name: np.empty((1, steps, *shape)) for name, shape in shapes.items()}
         self.found = [tuple[Passage, ...]()] * runs
 
     def enter(self, run: int, model: mujoco.MjModel, velocity: Floats) -> None:
@@ -55,8 +60,11 @@ class Passages:
             return
         # Farther than this no point can move in a step: a bound that is found quickly.
         farthest = np.abs(velocity).max(axis=0) @ self._lengths * model.opt.timestep
-        if farthest > _SLOW * self._thinnest:
-            found = self._passages(model, *(rows[0] for rows in self.poses.values()))
+        if model.nflex or farthest > _SLOW * self._thinnest:
+            position, rotation, *vertices = (rows[0] for rows in self.poses.values())
+            found = [*self._passages(model, position, rotation)]
+            for each in vertices:
+                found += _through_flexes(model, position, rotation, each)
             self.found[run] = tuple(sorted(found, key=lambda each: each.step))
 
     def _passages(
@@ -93,6 +101,57 @@ class Passages:
         if pair not in self._touch:
             self._touch[pair] = may_touch(model, *pair)
         return self._touch[pair]
+
+
+def _through_flexes(
+    model: mujoco.MjModel, position: Floats, rotation: Floats, vertices: Floats
+) -> Iterator[Passage]:
+    """Yield the first passage of each geom through each surface of a flex; vertices (N, V, 3)."""
+    meets = np.asarray(model.flex_contype)[:, None] & np.asarray(model.geom_conaffinity)
+    meets |= np.asarray(model.flex_conaffinity)[:, None] & np.asarray(model.geom_contype)
+    endless = np.isin(model.geom_type, (_PLANE, _HFIELD))
+    for flex, geom in np.argwhere((meets != 0) & ~endless).tolist():
+        first = model.flex_vertadr[flex]
+        own = model.flex_vertbodyid[first : first + model.flex_vertnum[flex]]
+        faces = _faces(model, flex)
+        if not len(faces) or model.geom_bodyid[geom] in own:
+            continue
+        corners = vertices[:, first + faces]
+        seen = _centre(model, position, rotation, geom)[:, None] - corners.mean(axis=2)
+        step = _first_crossing(seen, corners - corners.mean(axis=2, keepdims=True))
+        if step is not None:
+            name = mujoco.mj_id2name(model, int(mujoco.mjtObj.mjOBJ_FLEX), flex)
+            yield Passage(model.geom(geom).name, name or f"flex[{flex}]", step)
+
+
+def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
+    """Return (F, 3) the vertices of a cloth's elements, or of a body's shell; ropes have none."""
+    numbers, starts, data = {
+        2: (model.flex_elemnum, model.flex_elemdataadr, model.flex_elem),
+        3: (model.flex_shellnum, model.flex_shelldataadr, model.flex_shell),
+    }.get(int(model.flex_dim[flex]), (np.zeros(flex + 1, np.intp),) * 3)
+    return data[starts[flex] : starts[flex] + 3 * numbers[flex]].reshape(-1, 3)
+
+
+def _first_crossing(seen: Floats, corners: Floats) -> int | None:
+    """Return the first step in which a point crosses a triangle; None if it never does.
+
+    Args:
+        seen: (N, F, 3) the point, from the centre of each triangle [m].
+        corners: (N, F, 3, 3) of the triangles, from their centres [m].
+    """
+    normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
+    height = (seen * normal).sum(axis=2)
+    for step, face in np.argwhere(height[:-1] * height[1:] < 0).tolist():
+        before, after = height[step : step + 2, face]
+        met = seen[step, face] + (seen[step + 1, face] - seen[step, face]) * before / (
+            before - after
+        )
+        sides = np.roll(corners[step, face], -1, axis=0) - corners[step, face]
+        inside = np.cross(sides, met - corners[step, face]) @ normal[step, face]
+        if (inside >= 0).all():
+            return step
+    return None
 
 
 def _half_extents(model: mujoco.MjModel) -> Floats:
