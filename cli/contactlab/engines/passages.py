@@ -126,11 +126,13 @@ def _through_flexes(
 
 def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
     """Return (F, 3) the vertices of a cloth's elements, or of a body's shell; ropes have none."""
-    numbers, starts, data = {
-        2: (model.flex_elemnum, model.flex_elemdataadr, model.flex_elem),
-        3: (model.flex_shellnum, model.flex_shelldataadr, model.flex_shell),
-    }.get(int(model.flex_dim[flex]), (np.zeros(flex + 1, np.intp),) * 3)
-    return data[starts[flex] : starts[flex] + 3 * numbers[flex]].reshape(-1, 3)
+    kind = int(model.flex_dim[flex])
+    if kind == 3:
+        numbers, starts, data = model.flex_shellnum, model.flex_shelldataadr, model.flex_shell
+    else:
+        numbers, starts, data = model.flex_elemnum, model.flex_elemdataadr, model.flex_elem
+    count = 3 * int(numbers[flex]) if kind > 1 else 0
+    return data[starts[flex] : starts[flex] + count].reshape(-1, 3)
 
 
 def _first_crossing(seen: Floats, corners: Floats) -> int | None:

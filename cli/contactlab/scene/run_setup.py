@@ -150,8 +150,9 @@ def _is_grounded(model: mujoco.MjModel, pair: MonitoredPair) -> bool:
 
 def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     """Return the weight of the lighter of the trees of bodies that a pair's sides are of [N]."""
-    roots = np.asarray(model.body_rootid)[model.geom_bodyid[[side[0] for side in pair.geoms]]]
-    return float(np.where(roots > 0, model.body_subtreemass[roots], np.inf).min() * 9.81)
+    bodies = np.asarray(model.geom_bodyid)[[side[0] for side in pair.geoms]]
+    masses = model.body_subtreemass[model.body_rootid[bodies]]
+    return float(np.where(model.body_weldid[bodies] > 0, masses, np.inf).min() * 9.81)
 
 
 def _width(model: mujoco.MjModel, pair: MonitoredPair) -> float:
