@@ -129,6 +129,9 @@ def test_a_run_repeats_from_its_controls_alone(
     assert again.state.tobytes() == rollout.state.tobytes()
     assert again.sensors.tobytes() == rollout.sensors.tobytes()
     assert again.iterations.tobytes() == rollout.iterations.tobytes()
+    assert rollout.work is not None
+    np.testing.assert_array_equal(again.work, rollout.work)
+    np.testing.assert_array_equal(again.given, rollout.given)
 
 
 def test_runs_of_a_job_are_what_each_is_alone(cart: Scene) -> None:

@@ -105,8 +105,38 @@ _BY_STEP = (*_ENERGIES, *_COUNTS, "forces", "lengths", "work")
 _OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "creep", "given", "sleeper")
 
 
+@dataclass(frozen=True, kw_only=True)
+class Told:
+    """What an engine tells of n runs of N steps beside their states; None where it is not known.
+
+    Attributes:
+        control_ranges: (n, nu, 2) least and greatest control of each actuator.
+        equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
+        equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
+            largest, and the median in the last quarter.
+        creep: (n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction
+            loss brakes with less than it could, under constant controls [m/s or rad/s].
+        work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
+            gravity and springs; NaN where not known.
+        given: (n, 4) the stretch of steps in which constraints gave most energy: the first, the
+            last, what they had stored before it [J], and all but contacts at the start [J].
+        sleeper: (n, 3) of all that sleeps at the end, what would accelerate most if it were awake:
+            by how much [m/s^2], its joint, and the step since when; NaN where nothing sleeps.
+        passages: for each run, what passed through what; empty where nobody looked.
+    """
+
+    control_ranges: Floats | None = None
+    equality_loads: Floats | None = None
+    equality_gaps: Floats | None = None
+    creep: Floats | None = None
+    work: Floats | None = None
+    given: Floats | None = None
+    sleeper: Floats | None = None
+    passages: tuple[tuple[Passage, ...], ...] = ()
+
+
 @dataclass(frozen=True)
-class Trace:
+class Trace(Told):
     """What n runs did over N steps.
 
     Attributes:
@@ -126,21 +156,8 @@ class Trace:
         pairs: the monitored contact pairs.
         warnings: for each run, engine warnings by name with their counts.
         held: pose of the subject relative to its holder, or None where nothing should be held.
-        forces: (n, N, nu) force of each actuator, or None if not recorded, like all that follow.
+        forces: (n, N, nu) force of each actuator, or None if not recorded, like the next.
         lengths: (n, N, ntendon) length of each tendon.
-        control_ranges: (n, nu, 2) least and greatest control of each actuator.
-        equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
-        equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
-            largest, and the median in the last quarter.
-        creep: (n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction
-            loss brakes with less than it could, under constant controls [m/s or rad/s].
-        work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
-            gravity and springs; NaN where not known.
-        given: (n, 4) the stretch of steps in which constraints gave most energy: the first, the
-            last, what they had stored before it [J], and all but contacts at the start [J].
-        sleeper: (n, 3) of all that sleeps at the end, what would accelerate most if it were awake:
-            by how much [m/s^2], its joint, and the step since when; NaN where nothing sleeps.
-        passages: for each run, what passed through what; empty where nobody looked.
     """
 
     timestep: Floats
@@ -161,14 +178,6 @@ class Trace:
     held: HeldPose | None = None
     forces: Floats | None = None
     lengths: Floats | None = None
-    control_ranges: Floats | None = None
-    equality_loads: Floats | None = None
-    equality_gaps: Floats | None = None
-    creep: Floats | None = None
-    work: Floats | None = None
-    given: Floats | None = None
-    sleeper: Floats | None = None
-    passages: tuple[tuple[Passage, ...], ...] = ()
 
     @property
     def runs(self) -> int:

@@ -7,7 +7,7 @@ that starts at or after a latency more, and stay until the next ones do.
 
 import copy
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from contextlib import redirect_stdout
 from itertools import chain, groupby, pairwise
 from statistics import mean
@@ -29,7 +29,14 @@ from contactlab.engines.engine import (
     RolloutArrays,
     Watch,
 )
-from contactlab.engines.mujoco_batch import STATE, driven, record_starts, recorded, start_batch
+from contactlab.engines.mujoco_batch import (
+    STATE,
+    Recorder,
+    driven,
+    record_starts,
+    recorded,
+    start_batch,
+)
 from contactlab.engines.older_mujoco import SimulationError
 from contactlab.errors import SceneError, in_one_line
 from contactlab.scene.compile_model import PREFIX
@@ -54,6 +61,8 @@ class _PolicyFailureError(Exception):
     """A policy cannot act; the message says why."""
 
 
+Fields = Mapping[Any, np.ndarray]
+"""What is recorded of each run, by field of MjData: (n, N, ...)."""
 _Flown = tuple[float, np.ndarray, str | None, RecordedControls | None]
 """What one run leaves: its share of CPU time [s], counts of warnings, its error, its controls."""
 
@@ -64,19 +73,27 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
     They advance together: the cost of each is its share, by its steps and samples of what they
     take, of the time of all. If the sweep should stop, the first run alone goes on to its end.
     """
-    arrays = buffers.arrays(runs.models[0], len(runs.prepared), runs.steps)
+    count = len(runs.prepared)
+    arrays = buffers.arrays(runs.models[0], count, runs.steps)
     record_starts(runs.starts, arrays)
+    recorder = Recorder(runs.models, runs.steps, count)
     flown: list[_Flown] = []
     for _, group in groupby(range(len(runs.prepared)), lambda run: _pace(runs.resolved[run])):
         places = list(group)
         if places[0] and not proceed():
             break
-        rows = arrays.rows(slice(places[0], places[-1] + 1))
-        flown += _together(runs.rows(places), rows, watch, proceed)
+        rows = slice(places[0], places[-1] + 1)
+        fields = {name: each[rows] for name, each in recorder.fields.items()}
+        flown += _together(runs.rows(places), arrays.rows(rows), fields, watch, proceed)
         if len(flown) <= places[-1]:
             break
     cost, warnings, errors, controls = zip(*flown, strict=True)
-    return recorded(arrays, np.array(cost), np.array(warnings), errors, controls)
+    rollout = recorded(arrays, np.array(cost), np.array(warnings), errors, controls)
+    acted = {run: each for run, each in enumerate(controls) if each is not None}
+    for run, own in acted.items():
+        starts = runs.starts.acted_on([own] * count)
+        recorder.enter(run, run, runs.models[run], starts, arrays.state[run])
+    return recorder.told(rollout)
 
 
 def _drive(run: ResolvedRun) -> PolicyDrive:
@@ -90,13 +107,13 @@ def _pace(run: ResolvedRun) -> tuple[float, ...]:
 
 
 def _together(
-    runs: PreparedRuns, arrays: RolloutArrays, watch: Watch, proceed: Proceed
+    runs: PreparedRuns, arrays: RolloutArrays, fields: Fields, watch: Watch, proceed: Proceed
 ) -> list[_Flown]:
     """Simulate runs of one pace together; one by one where the policy fails with all of them."""
     count = len(runs.prepared)
     try:
         with redirect_stdout(sys.stderr):
-            return _Flight(runs, arrays).fly(watch, proceed)
+            return _Flight(runs, arrays, fields).fly(watch, proceed)
     except _PolicyFailureError as failure:
         if count == 1:
             return [(0.0, np.zeros(_KINDS, np.int32), str(failure), None)]
@@ -104,15 +121,23 @@ def _together(
     for run in range(count):
         if run and not proceed():
             break
-        flown += _together(runs.rows([run]), arrays.rows(slice(run, run + 1)), watch, proceed)
+        row = slice(run, run + 1)
+        own = {name: each[row] for name, each in fields.items()}
+        flown += _together(runs.rows([run]), arrays.rows(row), own, watch, proceed)
     return flown
 
 
 class _Flight:
     """n runs that one instance of a policy acts in."""
 
-    def __init__(self, runs: PreparedRuns, arrays: RolloutArrays) -> None:
+    def __init__(self, runs: PreparedRuns, arrays: RolloutArrays, fields: Fields) -> None:
         self._runs, self._models, self._arrays = runs, runs.models, arrays
+        self._out: dict[Any, np.ndarray] = {
+            _STATE: arrays.state[:, 1:],
+            "sensordata": arrays.sensors,
+            "solver_niter": arrays.iterations,
+            **fields,
+        }
         self._batch = start_batch(self._models, runs.starts)
         self._controls = self._batch.bind("ctrl")
         self._pushed = bool((runs.starts.driven >= self._controls.shape[1]).any())
@@ -264,11 +289,10 @@ class _Flight:
 
     def _step_runs(self, runs: list[int], begin: int, end: int) -> float:
         """Step runs, record them, and return the CPU time of the steps [s]."""
-        arrays, shape = self._arrays, (len(runs), end - begin)
-        out: dict[Any, np.ndarray] = {
-            _STATE: np.empty((*shape, arrays.state.shape[2])),
-            "sensordata": np.empty((*shape, arrays.sensors.shape[2])),
-            "solver_niter": np.empty((*shape, arrays.iterations.shape[2]), np.int32),
+        shape = len(runs), end - begin
+        out = {
+            name: np.empty((*shape, *each.shape[2:]), each.dtype)
+            for name, each in self._out.items()
         }
         # A slice where all fly, since it copies faster than a list.
         ids = runs if len(runs) < len(self._models) else None
@@ -280,9 +304,8 @@ class _Flight:
             for run in runs:
                 self._errors[run] = self._batch.error(run) or None
         taken = thread_time() - start
-        arrays.state[rows, begin + 1 : end + 1] = out[_STATE]
-        arrays.sensors[rows, begin:end] = out["sensordata"]
-        arrays.iterations[rows, begin:end] = out["solver_niter"]
+        for name, each in self._out.items():
+            each[rows, begin:end] = out[name]
         return taken
 
     def _inputs(self, runs: list[int], begin: int, end: int) -> dict[str, Any]:
@@ -299,10 +322,9 @@ class _Flight:
         """Leave runs at the state before a step: they stopped or failed."""
         for run in runs:
             self._ends[run] = step
+            for each in self._out.values():
+                each[run, step:] = each[run, max(step - 1, 0)]
             self._arrays.state[run, step + 1 :] = self._arrays.state[run, step]
-            last = max(step - 1, 0)
-            self._arrays.sensors[run, step:] = self._arrays.sensors[run, last]
-            self._arrays.iterations[run, step:] = self._arrays.iterations[run, last]
         self._flying = [run for run in self._flying if run not in runs]
 
     def _flown(self, count: int) -> list[_Flown]:

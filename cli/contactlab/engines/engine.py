@@ -18,7 +18,7 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import mujoco
 import numpy as np
 
-from contactlab.contact.trace_arrays import Floats, Passage, RecordedControls, SelfChecks, Trace
+from contactlab.contact.trace_arrays import Floats, RecordedControls, SelfChecks, Told, Trace
 from contactlab.scene.compiled_scene import CompiledScene, PreparedModel
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.resolution import ResolvedRun
@@ -59,7 +59,7 @@ class RolloutArrays(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Rollout:
+class Rollout(Told):
     """What an engine returns for n runs of N steps; rows after a run stopped are not valid.
 
     Attributes:
@@ -72,7 +72,6 @@ class Rollout:
         warnings: engine warnings of each run by name, with their counts.
         errors: the error of the engine or of the policy in each run, or None.
         controls: what policies did in each run, None where one failed; empty without policies.
-        control_ranges: as `Trace` has it, like all that follow; None if not known.
     """
 
     state: Floats
@@ -83,14 +82,6 @@ class Rollout:
     warnings: tuple[dict[str, int], ...]
     errors: tuple[str | None, ...]
     controls: tuple[RecordedControls | None, ...] = ()
-    control_ranges: Floats | None = None
-    equality_loads: Floats | None = None
-    equality_gaps: Floats | None = None
-    creep: Floats | None = None
-    work: Floats | None = None
-    given: Floats | None = None
-    sleeper: Floats | None = None
-    passages: tuple[tuple[Passage, ...], ...] = ()
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":

@@ -95,8 +95,7 @@ def roll_out(
     record_starts(starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
-    books, passages = Books(models, steps), Passages(models[0], count, steps)
-    velocities = slice(1 + models[0].nq, 1 + models[0].nq + models[0].nv)
+    recorder = Recorder(models, steps, 1)
     for run in range(count):
         if run and not proceed():
             count = run
@@ -105,8 +104,7 @@ def roll_out(
             int(STATE): arrays.state[run : run + 1, 1:],
             "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
-            **books.forces,
-            **passages.poses,
+            **recorder.fields,
         }
         inputs = driven(models[run], starts, run, steps)
         watch()
@@ -117,13 +115,40 @@ def roll_out(
             errors[run] = batch.error(run)
         cost[run] = time.thread_time() - start
         if not errors[run]:
-            books.enter(run, models[run], starts, arrays.state[run])
-            passages.enter(run, models[run], arrays.state[run, :, velocities])
+            recorder.enter(run, 0, models[run], starts, arrays.state[run])
     rollout = recorded(arrays, cost[:count], batch.warning[:count, :, _COUNT], errors)
-    rollout = replace(rollout, passages=tuple(passages.found[:count]))
-    if books.work is None or books.given is None:
-        return rollout
-    return replace(rollout, work=books.work[:count], given=books.given[:count])
+    return recorder.told(rollout)
+
+
+class Recorder:
+    """What batches record of runs beside states, by field of MjData, and what it tells.
+
+    Attributes:
+        fields: arrays (rows, N, ...) for as many runs as are recorded together.
+    """
+
+    def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
+        """Record runs of N steps, so many together."""
+        self._books = Books(models, steps, rows)
+        self._passages = Passages(models[0], len(models), steps, rows)
+        self.fields = {**self._books.forces, **self._passages.poses}
+
+    def enter(
+        self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
+    ) -> None:
+        """Take in a run that was recorded in a row; see `Books.enter`."""
+        velocity = 1 + model.nq
+        with np.errstate(all="ignore"):
+            self._books.enter(run, row, model, starts, states)
+            self._passages.enter(run, row, model, states[:, velocity : velocity + model.nv])
+
+    def told(self, rollout: Rollout) -> Rollout:
+        """Return a rollout with what was told of its runs."""
+        count, books = len(rollout.cost), self._books
+        rollout = replace(rollout, passages=tuple(self._passages.found[:count]))
+        if books.work is None or books.given is None:
+            return rollout
+        return replace(rollout, work=books.work[:count], given=books.given[:count])
 
 
 def record_starts(starts: InitialStates, arrays: RolloutArrays) -> None:

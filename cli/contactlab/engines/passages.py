@@ -33,11 +33,11 @@ class Passages:
     """What passed through what in runs of one structure, by the poses of their bodies.
 
     Attributes:
-        poses: what a batch is to record of one run: arrays (1, N, nbody, ...) by field of MjData.
+        poses: what a batch is to record of some runs: arrays (rows, N, ...) by field of MjData.
         found: what passed through what in each run, in the order of steps.
     """
 
-    def __init__(self, model: mujoco.MjModel, runs: int, steps: int) -> None:
+    def __init__(self, model: mujoco.MjModel, runs: int, steps: int, rows: int) -> None:
         """Look for passages in n runs of N steps; their geoms are those of one model."""
         off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         half = _half_extents(model)
@@ -51,17 +51,17 @@ class Passages:
         if model.nflex:
             shapes["flexvert_xpos"] = (model.nflexvert, 3)
         shapes = shapes if np.isfinite(self._thinnest) else {}
-        self.poses = {name: np.empty((1, steps, *shape)) for name, shape in shapes.items()}
+        self.poses = {name: np.empty((rows, steps, *shape)) for name, shape in shapes.items()}
         self.found = [tuple[Passage, ...]()] * runs
 
-    def enter(self, run: int, model: mujoco.MjModel, velocity: Floats) -> None:
+    def enter(self, run: int, row: int, model: mujoco.MjModel, velocity: Floats) -> None:
         """Look at a run that was just recorded, with its own model and (N + 1, nv) velocities."""
         if not self.poses:
             return
         # Farther than this no point can move in a step: a bound that is found quickly.
         farthest = np.abs(velocity).max(axis=0) @ self._lengths * model.opt.timestep
         if model.nflex or farthest > _SLOW * self._thinnest:
-            position, rotation, *vertices = (rows[0] for rows in self.poses.values())
+            position, rotation, *vertices = (rows[row] for rows in self.poses.values())
             found = [*self._passages(model, position, rotation)]
             for each in vertices:
                 found += _through_flexes(model, position, rotation, each)

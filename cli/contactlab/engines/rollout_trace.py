@@ -1,6 +1,7 @@
 """From what an engine recorded to a Trace, and its hash."""
 
 from collections.abc import Sequence
+from dataclasses import fields
 
 import numpy as np
 
@@ -9,6 +10,7 @@ from contactlab.contact.trace_arrays import (
     Floats,
     HeldPose,
     PairTrace,
+    Told,
     Trace,
     hash_of_states,
 )
@@ -49,14 +51,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
         lengths=sensors[:, :, layout.lengths : layout.lengths + model.ntendon],
-        control_ranges=rollout.control_ranges,
-        equality_loads=rollout.equality_loads,
-        equality_gaps=rollout.equality_gaps,
-        creep=rollout.creep,
-        work=rollout.work,
-        given=rollout.given,
-        sleeper=rollout.sleeper,
-        passages=rollout.passages,
+        **{each.name: getattr(rollout, each.name) for each in fields(Told)},
     )
 
 

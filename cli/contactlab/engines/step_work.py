@@ -31,25 +31,28 @@ class Books:
     keeps no forces but those of its last stage. Such runs have no books.
 
     Attributes:
-        forces: what a batch is to record of one run: arrays (1, N, ...) by field of MjData.
+        forces: what a batch is to record of some runs: arrays (rows, N, ...) by field of MjData.
         work: (n, N, 3) [J] as `Trace.work` says; None where it is not known.
         given: (n, 4) as `Trace.given` says; None likewise.
     """
 
-    def __init__(self, models: Sequence[mujoco.MjModel], steps: int) -> None:
-        """Open the books of runs of one structure."""
+    def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
+        """Open the books of runs of one structure, of which so many are recorded together."""
         model, fields = models[0], _fields(models)
         widths = {name: model.nu if name in _OF_ACTUATORS else model.nv for name in fields}
-        self.forces = {name: np.empty((1, steps, width)) for name, width in widths.items()}
+        self.forces = {name: np.empty((rows, steps, width)) for name, width in widths.items()}
         self.work = np.full((len(models), steps, 3), np.nan) if fields else None
         self.given = np.zeros((len(models), 4)) if fields else None
         self._data = mujoco.MjData(model) if fields else None
 
-    def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
+    def enter(
+        self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
+    ) -> None:
         """Enter a run that was just recorded.
 
         Args:
-            run: its row, here and in `starts`.
+            run: its place, here and in `starts`.
+            row: where its forces were recorded.
             model: its own.
             starts: of all runs.
             states: (N + 1, nstate) its time, qpos, qvel, act.
@@ -57,7 +60,7 @@ class Books:
         if self.work is None or self.given is None or self._data is None:
             return
         velocity = states[:, 1 + model.nq : 1 + model.nq + model.nv]
-        forces = {name: rows[0] for name, rows in self.forces.items()}
+        forces = {name: rows[row] for name, rows in self.forces.items()}
         self.work[run] = _work(model, velocity, forces)
         places = starts.signals[run].places
         pushed = starts.applied[run].any() or (places >= model.nu).any()
