@@ -270,8 +270,8 @@ class SelfChecks:
         overlap: (n, L) deepest geometric overlap of a monitored pair without a contact [m].
         apart: (n, L) largest excess of a pair's geometric distance over that of its contact [m].
         geometry_steps: (L,) the steps of these states.
-        squeeze: (n, P) normal force that contacts of each pair would still exert at the end if
-            nothing moved, and nothing else acted: that of mere overlap [N].
+        squeeze: (n, P) normal force of each pair once nothing but contacts has acted for a while
+            after the end: that of what overlaps between walls [N].
         repeats: (n,) whether a second rollout gave every state again, bit for bit.
         refined: the refined copy of each run, in the steps of the run.
         rest: (n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy,

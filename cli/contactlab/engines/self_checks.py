@@ -11,7 +11,6 @@ from contactlab.contact.trace_arrays import REFINEMENT, Floats, SelfChecks, Trac
 from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, roll_out, start_batch
 from contactlab.engines.rollout_trace import make_trace
-from contactlab.engines.step_work import forces_at_rest
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.contact_pairs import colliding
 from contactlab.scene.initial_states import InitialStates, apply_inputs
@@ -32,8 +31,10 @@ _DENSE = int(mujoco.mjtJacobian.mjJAC_DENSE)
 _SPARSE = int(mujoco.mjtJacobian.mjJAC_SPARSE)
 _BUT_CONTACTS = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each}"))
-    for each in ("EQUALITY", "LIMIT", "FRICTIONLOSS")
+    for each in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", "SPRING")
 )
+_RELAXING = 200
+"""Steps in which what only loads press together parts."""
 _NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
 _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 
@@ -218,13 +219,13 @@ def _geometry(
 
 
 def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:
-    """Return (P,) the normal force of each monitored pair if nothing moves or acts but contacts."""
+    """Return (P,) what each monitored pair bears [N] once nothing but contact acts for a while."""
     alone, force = copy.copy(model), np.zeros(6)
     alone.opt.disableflags |= _BUT_CONTACTS
     data, squeeze = mujoco.MjData(alone), np.zeros(len(base.pairs))
     data.qpos[:] = qpos
+    mujoco.mj_step(alone, data, nstep=_RELAXING)
     mujoco.mj_forward(alone, data)
-    forces_at_rest(alone, data, np.zeros(model.nv))
     sides = [[*map(set, each.geoms)] for each in base.pairs]
     for contact, (first, second) in enumerate(data.contact.geom.tolist()):
         mujoco.mj_contactForce(alone, data, contact, force)

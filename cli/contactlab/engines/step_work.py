@@ -17,7 +17,9 @@ from contactlab.scene.mechanism import AT_JOINT
 from contactlab.scene.run_setup import is_conservative
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
-_IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
+_FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+_DISCRETE = getattr(mujoco.mjtIntegrator, "mjINT_DISCRETE", _FAST)
+_IMPLICIT = (mujoco.mjtIntegrator.mjINT_IMPLICIT, _FAST, _DISCRETE)
 _FIRST_OF_CONTACTS = int(mujoco.mjtConstraint.mjCNSTR_CONTACT_FRICTIONLESS)
 _EULER_IS_EXPLICIT = int(mujoco.mjtDisableBit.mjDSBL_EULERDAMP)
 _OF_ACTUATORS = ("actuator_velocity", "actuator_force")
@@ -97,7 +99,7 @@ class Books:
         apply_inputs(model, data, inputs)
         mujoco.mj_forward(model, data)
         violation, others = np.abs(data.efc_pos - data.efc_margin), data.qacc_smooth.copy()
-        carried, sprung = (forces_at_rest(model, data, each) for each in (others, 0 * others))
+        carried, sprung = (_forces_at_rest(model, data, each) for each in (others, 0 * others))
         energies = violation * (sprung / 2 + np.maximum(carried - sprung, 0))
         return float(energies.sum()), float(energies[data.efc_type < _FIRST_OF_CONTACTS].sum())
 
@@ -131,9 +133,9 @@ def _conveys(model: mujoco.MjModel) -> bool:
 def _couples_branches(model: mujoco.MjModel) -> bool:
     """Return whether velocity feedback may act between branches of a tree.
 
-    The integrator implicitfast leaves out what it does from one to the other.
+    The integrators implicitfast and discrete leave out what it does from one to the other.
     """
-    if model.opt.integrator != _IMPLICIT[1]:
+    if model.opt.integrator not in {_FAST, _DISCRETE}:
         return False
     feeds = model.actuator_biasprm[:, 2] != 0
     return bool((feeds & ~np.isin(model.actuator_trntype, AT_JOINT)).any())
@@ -198,11 +200,8 @@ def _rise(given: Floats, stretch: tuple[int, int]) -> float:
     return float(given[last + 1] - given[first])
 
 
-def forces_at_rest(model: mujoco.MjModel, data: mujoco.MjData, others: Floats) -> Floats:
-    """Return (nefc,) the forces of constraints if nothing moved, and others accelerated like that.
-
-    They are in `data.efc_force` too; positions are those of `data`.
-    """
+def _forces_at_rest(model: mujoco.MjModel, data: mujoco.MjData, others: Floats) -> Floats:
+    """Return (nefc,) forces of constraints if nothing moved, and others accelerated like that."""
     data.qvel[:] = 0
     mujoco.mj_fwdVelocity(model, data)
     data.qacc_smooth[:] = others

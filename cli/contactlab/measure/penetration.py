@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate
-from contactlab.contact.trace_arrays import FORCE, Floats
+from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.contact.trace_setup import Barrier
 from contactlab.measure.context import (
     Context,
@@ -256,11 +256,18 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
-    """Return whether what is beyond its middle in the ground was only hit hard, and comes back."""
-    trace, depth = context.trace, contact_depths(context)[index][1][run]
+    """Return whether what is beyond its middle in the ground was only hit hard, and comes back.
+
+    Its refined copy then gets there too, or the step is what let it in.
+    """
+    trace, checks, depth = context.trace, context.checks, contact_depths(context)[index][1][run]
     soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
-    return bool(context.setup.grounded[index] and soon and not left)
+    if not (checks and context.setup.grounded[index] and soon and not left):
+        return False
+    pair = checks.refined[run].pairs[index]
+    copied = np.where(pair.touching, -pair.slots[..., DISTANCE], 0).max(initial=0)
+    return bool(copied > context.setup.thickness[index])
 
 
 def _crossed(context: Context) -> Found:
