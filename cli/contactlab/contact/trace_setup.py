@@ -169,7 +169,7 @@ class Setup:
         free_bodies: bodies on free joints.
         barriers: fixed surfaces that free bodies of monitored pairs must not pass.
         thickness: (P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes.
-        widths: (P,) depth [m] over which each pair's solimp lets its contacts give way.
+        widths: (P,) width of each pair's solimp, over which its impedance rises [m].
         grounded: (P,) whether one side of each pair is a plane or a height field.
         weights: (P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N].
         slots: (P,) contact slots recorded for each pair.

@@ -7,7 +7,15 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.contact.trace_arrays import REFINEMENT, Floats, SelfChecks, Trace, motion_at_rest
+from contactlab.contact.trace_arrays import (
+    FORCE,
+    REFINEMENT,
+    SLOT_WIDTH,
+    Floats,
+    SelfChecks,
+    Trace,
+    motion_at_rest,
+)
 from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, proceed_always
 from contactlab.engines.mujoco_batch import STATE, driven, roll_out, start_batch
 from contactlab.engines.rollout_trace import make_trace
@@ -220,19 +228,16 @@ def _geometry(
 
 def _squeeze(base: CompiledScene, model: mujoco.MjModel, qpos: Floats) -> Floats:
     """Return (P,) what each monitored pair bears [N] once nothing but contact acts for a while."""
-    alone, force = copy.copy(model), np.zeros(6)
+    alone = copy.copy(model)
     alone.opt.disableflags |= _BUT_CONTACTS
-    data, squeeze = mujoco.MjData(alone), np.zeros(len(base.pairs))
+    data = mujoco.MjData(alone)
     data.qpos[:] = qpos
     mujoco.mj_step(alone, data, nstep=_RELAXING)
-    mujoco.mj_forward(alone, data)
-    sides = [[*map(set, each.geoms)] for each in base.pairs]
-    for contact, (first, second) in enumerate(data.contact.geom.tolist()):
-        mujoco.mj_contactForce(alone, data, contact, force)
-        for pair, (one, other) in enumerate(sides):
-            met = (first in one and second in other) or (first in other and second in one)
-            squeeze[pair] += met * force[0]
-    return squeeze
+    slots = (
+        data.sensordata[address : address + pair.slots * SLOT_WIDTH].reshape(-1, SLOT_WIDTH)
+        for pair, address in zip(base.pairs, base.layout.pairs, strict=True)
+    )
+    return np.array([each[:, FORCE.start].sum() for each in slots])
 
 
 def _is_speculative(model: mujoco.MjModel) -> bool:

@@ -57,7 +57,7 @@ def make_setup(
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
         thickness=np.array([_thickness(base.model, pair) for pair in base.pairs]),
-        widths=np.array([_width(models[0], pair) for pair in base.pairs]),
+        widths=np.array([effective_parameters(models[0], pair).solimp[2] for pair in base.pairs]),
         grounded=np.array([_is_grounded(base.model, pair) for pair in base.pairs], np.bool_),
         weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
         slots=np.array([pair.slots for pair in base.pairs], np.int32),
@@ -153,12 +153,6 @@ def _weight(model: mujoco.MjModel, pair: MonitoredPair) -> float:
     bodies = np.asarray(model.geom_bodyid)[[side[0] for side in pair.geoms]]
     masses = model.body_subtreemass[model.body_rootid[bodies]]
     return float(np.where(model.body_weldid[bodies] > 0, masses, np.inf).min() * 9.81)
-
-
-def _width(model: mujoco.MjModel, pair: MonitoredPair) -> float:
-    """Return the depth over which the impedance of a pair's contacts rises, if it does [m]."""
-    low, high, width, *_ = effective_parameters(model, pair).solimp
-    return width if high > low else 0.0
 
 
 def joints_of(model: mujoco.MjModel) -> Joints:
