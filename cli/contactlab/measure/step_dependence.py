@@ -24,11 +24,11 @@ from contactlab.measure.squeezing import PRESSED, weights_borne
 
 _SHAKING = Threshold(
     "unresolved_motion",
-    2.4e-3,
+    1e-3,
     "1",
     "Largest metric unresolved_motion, if the refined copy shakes too, by a sixteenth of it, or "
     "moves less than a third as fast. Servos and velocity loops too stiff for their step reach "
-    "3e-3 to 1.5, boxes that slide 1.9e-3; public robots 0.03, with copies as fast to 5 %.",
+    "2.4e-3 to 1.5; public robots 0.03, with copies as fast to 5 %.",
 )
 _REST_RATIO = Threshold(
     "rest_ratio",
