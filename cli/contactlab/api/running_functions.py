@@ -32,19 +32,16 @@ Progress = Callable[[int, int], None]
 
 
 class RunOptions(TypedDict, total=False):
-    """How runs are made, whatever they are for.
-
-    Attributes:
-        workers: worker processes, 0 for none; one for each core if left out.
-        plugins: files that add metrics, labels, oracles or engines. They are executed.
-        allow_code: whether a policy that drives the runs may be executed.
-        progress: called as runs finish.
-    """
+    """How runs are made, whatever they are for."""
 
     workers: int | None
+    """Worker processes, 0 for none; one for each core if left out."""
     plugins: Sequence[str | Path]
+    """Files that add metrics, labels, oracles or engines. They are executed."""
     allow_code: bool
+    """Whether a policy that drives the runs may be executed."""
     progress: Progress | None
+    """Called as runs finish."""
 
 
 def sweep(

@@ -1,7 +1,7 @@
 """Compare two stores: open them, make every check, and say what they mean together."""
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 
@@ -248,7 +248,8 @@ def _conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
     failed = [NAMES.index(check.verdict) for check in checks if check.outcome == "failed"]
     skipped = [check.kind for check in checks if check.is_open]
     found = Counter(check.verdict for check in checks if check.kind in _ABOUT_RUNS)
-    verdict, exit_code = _unchanged(found), 0
+    changed = set(found) - {"same", "not comparable"}
+    verdict, exit_code = "changed" if changed - {"better"} else "better" if changed else "same", 0
     if failed and "evidence" not in skipped:
         verdict, exit_code = NAMES[max(failed)], ExpectationError.exit_code
     elif skipped:
@@ -260,14 +261,6 @@ def _conclusion(checks: Sequence[Check]) -> tuple[Verdict, int, str]:
     words = {"better": "better", "changed": "changed", "worse": "worse within budget"}
     changes = ", ".join(f"{found[name]} {word}" for name, word in words.items() if found[name])
     return verdict, 0, f"{verdict}: no check of {len(checks)} fails{changes and f'; {changes}'}"
-
-
-def _unchanged(found: Collection[str]) -> Verdict:
-    """Return the verdict where no gate failed."""
-    changes = set(found) - {"same", "not comparable"}
-    if not changes:
-        return "same"
-    return "better" if changes == {"better"} else "changed"
 
 
 def _advice(checks: Sequence[Check], baseline: Store, candidate: Store) -> Iterator[str]:

@@ -48,16 +48,10 @@ def read_sweep(
     vocabulary: Callable[[str], Vocabulary],
     overrides: Overrides = _NONE,
 ) -> SweepFile:
-    """Read and check a sweep file, with the options of the command line.
+    """Read and check a sweep file, as a path, text or JSON data, with options of the command line.
 
-    Args:
-        source: its path, its text, or its content as JSON data.
-        vocabulary: gives the names that a scene offers; may raise SceneError.
-        overrides: options of the command line.
-
-    Raises:
-        SweepFileError: the file cannot be read, or (as SweepMistakesError, with all of them as
-            data) it or the options hold mistakes.
+    The vocabulary has the names that a scene offers, unless it raises SceneError. A SweepFileError
+    says that the file cannot be read or, as SweepMistakesError, has all mistakes as data.
     """
     path = source if isinstance(source, Path) else None
     if isinstance(source, Mapping):

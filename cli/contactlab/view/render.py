@@ -46,13 +46,9 @@ _DEFAULT = PictureOptions()
 def render(store: Store, run: str, target: Path, options: PictureOptions = _DEFAULT) -> BodyMotion:
     """Write a stored run as .mcap with a 3D layer, .rrd, .mp4, .gif or .png.
 
-    Everything comes from the stored trace and scene; nothing is simulated again.
-
-    Raises:
-        OutputError: the suffix is unknown, an option does not apply to it, the file cannot be
-            written, or a library is missing.
-        StoreError: there is no such run, or its trace was not kept.
-        SceneError: there is no OpenGL to draw with, or no such camera.
+    Everything comes from the stored trace and scene; nothing is simulated again. An OutputError
+    says what of suffix, options, file and libraries is wrong, a StoreError that there is no such
+    run or trace, a SceneError that there is no OpenGL to draw with, or no such camera.
     """
     _check_options(target, options)
     replay = prepare_replay(store, run)
