@@ -25,19 +25,16 @@ _DIGITS = 9
 
 
 class Pairing(NamedTuple):
-    """Pairs of runs, as rows of the two tables.
-
-    Attributes:
-        baseline: (n,) rows of the baseline that have a partner.
-        candidate: (n,) the partners.
-        missing: rows that only the baseline has.
-        new: rows that only the candidate has.
-    """
+    """Pairs of runs, as rows of the two tables."""
 
     baseline: Rows
+    """(n,) rows of the baseline that have a partner."""
     candidate: Rows
+    """(n,) the partners."""
     missing: Rows
+    """Rows that only the baseline has."""
     new: Rows
+    """Rows that only the candidate has."""
 
 
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:

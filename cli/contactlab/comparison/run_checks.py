@@ -86,22 +86,19 @@ def knife_edge_check(paired: PairedStores) -> Check:
 
 @dataclass(frozen=True)
 class PairLabels:
-    """The labels of all pairs; those of `ranks` are ordered worst first.
-
-    Attributes:
-        before: (n,) index in `ranks` of the worst label in the baseline; `after` in the candidate.
-        gained: (n,) bit i is set if label i of `ranks` is new; of `lost` if it is gone.
-        allowed: (n,) whether the policy allows the change.
-        notes: why allowed transitions do not apply, by label.
-    """
+    """The labels of all pairs; those of `ranks` are ordered worst first."""
 
     paired: PairedStores
     before: NDArray[np.int64]
+    """(n,) index in `ranks` of the worst label in the baseline; `after` in the candidate."""
     after: NDArray[np.int64]
     gained: NDArray[np.int64]
+    """(n,) bit i is set if label i of `ranks` is new; of `lost` if it is gone."""
     lost: NDArray[np.int64]
     allowed: Mask
+    """(n,) whether the policy allows the change."""
     notes: dict[str, str]
+    """Why allowed transitions do not apply, by label."""
 
     @classmethod
     def of(cls, paired: PairedStores) -> "PairLabels":

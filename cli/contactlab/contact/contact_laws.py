@@ -127,21 +127,18 @@ def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:
 
 @dataclass(frozen=True)
 class Impact:
-    """The outcome of n rigid impacts.
-
-    Attributes:
-        velocity: (n, d) velocity afterwards [m/s].
-        impulse: (n, d) impulse on the mass [N s].
-        normal_impulse: (n,) its part along the normal [N s].
-        tangential_impulse: (n,) magnitude of its part across the normal [N s].
-        sticks: (n,) whether the impulse is inside the cone; False where it lies on the boundary.
-    """
+    """The outcome of n rigid impacts."""
 
     velocity: Floats
+    """(n, d) velocity afterwards [m/s]."""
     impulse: Floats
+    """(n, d) impulse on the mass [N s]."""
     normal_impulse: Floats
+    """(n,) its part along the normal [N s]."""
     tangential_impulse: Floats
+    """(n,) magnitude of its part across the normal [N s]."""
     sticks: NDArray[np.bool_]
+    """(n,) whether the impulse is inside the cone; False where it lies on the boundary."""
 
 
 def resolve_impact(

@@ -52,19 +52,16 @@ def hash_of_states(rows: Floats) -> str:
 
 @dataclass(frozen=True)
 class PairTrace:
-    """What one monitored contact pair did, for n runs of N steps with S contact slots.
-
-    Attributes:
-        slots: (n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out, those that
-            hold a contact first. Force and velocity are in the contact frame, normal first; the
-            normal points from the pair's first side to its second and is in the world frame, as
-            is the position.
-        friction: (n, 5) effective coefficients (slide, slide, torsion, roll, roll).
-    """
+    """What one monitored contact pair did, for n runs of N steps with S contact slots."""
 
     name: str
     slots: Floats
+    """(n, N, S, 23) contact slots as MuJoCo's contact sensor lays them out, those that hold a
+    contact first. Force and velocity are in the contact frame, normal first; the normal points from
+    the pair's first side to its second and is in the world frame, as is the position.
+    """
     friction: Floats
+    """(n, 5) effective coefficients (slide, slide, torsion, roll, roll)."""
 
     @property
     def found(self) -> Floats:
@@ -87,15 +84,12 @@ class Passage(NamedTuple):
 
 @dataclass(frozen=True)
 class HeldPose:
-    """Pose of a scene's subject relative to the body that holds it, for n runs of N steps.
-
-    Attributes:
-        position: (n, N, 3) origin of the subject's frame [m], in the holder's frame.
-        rotation: (n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z.
-    """
+    """Pose of a scene's subject relative to the body that holds it, for n runs of N steps."""
 
     position: Floats
+    """(n, N, 3) origin of the subject's frame [m], in the holder's frame."""
     rotation: Floats
+    """(n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z."""
 
 
 _BY_STATE = ("time", "qpos", "qvel")
@@ -107,77 +101,71 @@ _OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "creep", "
 
 @dataclass(frozen=True, kw_only=True)
 class Told:
-    """What an engine tells of n runs of N steps beside their states; None where it is not known.
-
-    Attributes:
-        control_ranges: (n, nu, 2) least and greatest control of each actuator.
-        equality_loads: (n, neq) largest force of each equality at sampled steps [N or N m].
-        equality_gaps: (n, neq, 2) violation of each equality at sampled steps [m or rad]: the
-            largest, and the median in the last quarter.
-        creep: (n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction
-            loss brakes with less than it could, under constant controls [m/s or rad/s].
-        work: (n, N, 3) work in each step [J] of actuators, of constraints, and of all else but
-            gravity and springs; NaN where not known.
-        given: (n, 4) the stretch of steps in which constraints gave most energy: the first, the
-            last, what they had stored before it [J], and all but contacts at the start [J].
-        sleeper: (n, 3) of all that sleeps at the end, what would accelerate most if it were awake:
-            by how much [m/s^2], its joint, and the step since when; NaN where nothing sleeps.
-        passages: for each run, what passed through what; empty where nobody looked.
-    """
+    """What an engine tells of n runs of N steps beside their states; None where it is not known."""
 
     control_ranges: Floats | None = None
+    """(n, nu, 2) least and greatest control of each actuator."""
     equality_loads: Floats | None = None
+    """(n, neq) largest force of each equality at sampled steps [N or N m]."""
     equality_gaps: Floats | None = None
+    """(n, neq, 2) violation of each equality at sampled steps [m or rad]: the largest, and the
+    median in the last quarter."""
     creep: Floats | None = None
+    """(n, nv + ntendon) speed at the end of degrees of freedom and tendons that friction loss
+    brakes with less than it could, under constant controls [m/s or rad/s]."""
     work: Floats | None = None
+    """(n, N, 3) work in each step [J] of actuators, of constraints, and of all else but gravity and
+    springs; NaN where not known."""
     given: Floats | None = None
+    """(n, 4) the stretch of steps in which constraints gave most energy: the first, the last, what
+    they had stored before it [J], and all but contacts at the start [J]."""
     sleeper: Floats | None = None
+    """(n, 3) of all that sleeps at the end, what would accelerate most if it were awake: by how
+    much [m/s^2], its joint, and the step since when; NaN where nothing sleeps."""
     passages: tuple[tuple[Passage, ...], ...] = ()
+    """For each run, what passed through what; empty where nobody looked."""
 
 
 @dataclass(frozen=True)
 class Trace(Told):
-    """What n runs did over N steps.
-
-    Attributes:
-        timestep: (n,) step length [s].
-        steps_asked: steps requested; N is smaller where the engine stopped a run.
-        time: (n, N + 1) simulated time [s].
-        qpos: (n, N + 1, nq) configuration.
-        qvel: (n, N + 1, nv) velocity.
-        kinetic: (n, N) kinetic energy [J]; NaN, like the next, where it was not recorded.
-        potential: (n, N) potential energy [J] of gravity and springs.
-        contacts: (n, N) contacts in the whole model, monitored or not.
-        least_distance: (n, N) smallest signed distance of any contact [m]; 0 where none.
-        iterations: (n, N) solver iterations, summed over contact islands.
-        iterations_most: (n, N) solver iterations of the busiest island.
-        momentum: (n, N, 3) linear momentum [kg m/s], or None where the system is not free.
-        angular_momentum: (n, N, 3) about the centre of mass [kg m^2/s], or None likewise.
-        pairs: the monitored contact pairs.
-        warnings: for each run, engine warnings by name with their counts.
-        held: pose of the subject relative to its holder, or None where nothing should be held.
-        forces: (n, N, nu) force of each actuator, or None if not recorded, like the next.
-        lengths: (n, N, ntendon) length of each tendon.
-    """
+    """What n runs did over N steps."""
 
     timestep: Floats
+    """(n,) step length [s]."""
     steps_asked: int
+    """Steps requested; N is smaller where the engine stopped a run."""
     time: Floats
+    """(n, N + 1) simulated time [s]."""
     qpos: Floats
+    """(n, N + 1, nq) configuration."""
     qvel: Floats
+    """(n, N + 1, nv) velocity."""
     kinetic: Floats
+    """(n, N) kinetic energy [J]; NaN, like the next, where it was not recorded."""
     potential: Floats
+    """(n, N) potential energy [J] of gravity and springs."""
     contacts: Integers
+    """(n, N) contacts in the whole model, monitored or not."""
     least_distance: Floats
+    """(n, N) smallest signed distance of any contact [m]; 0 where none."""
     iterations: Integers
+    """(n, N) solver iterations, summed over contact islands."""
     iterations_most: Integers
+    """(n, N) solver iterations of the busiest island."""
     momentum: Floats | None
+    """(n, N, 3) linear momentum [kg m/s], or None where the system is not free."""
     angular_momentum: Floats | None
+    """(n, N, 3) about the centre of mass [kg m^2/s], or None likewise."""
     pairs: tuple[PairTrace, ...]
+    """The monitored contact pairs."""
     warnings: tuple[dict[str, int], ...]
+    """For each run, engine warnings by name with their counts."""
     held: HeldPose | None = None
+    """Pose of the subject relative to its holder, or None where nothing should be held."""
     forces: Floats | None = None
+    """(n, N, nu) force of each actuator, or None if not recorded, like the next."""
     lengths: Floats | None = None
+    """(n, N, ntendon) length of each tendon."""
 
     @property
     def runs(self) -> int:
@@ -227,26 +215,23 @@ SLIDE = 2
 
 @dataclass(frozen=True)
 class PairSeries:
-    """Net quantities of one monitored pair, for n runs of N steps.
-
-    Attributes:
-        contacts: (n, N) contacts recorded, at most the slots.
-        normal: (n, N) net normal force [N].
-        tangential: (n, N) magnitude of the net tangential force [N].
-        usage: (n, N) share of the friction bound in use, in the cone's own norm; 1 means sliding.
-        slip: (n, N) magnitude of the force-weighted tangential velocity [m/s].
-        distance: (n, N) least signed distance [m]; 0 where nothing touches.
-        mode: (n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`).
-    """
+    """Net quantities of one monitored pair, for n runs of N steps."""
 
     name: str
     contacts: NDArray[np.int32]
+    """(n, N) contacts recorded, at most the slots."""
     normal: Floats
+    """(n, N) net normal force [N]."""
     tangential: Floats
+    """(n, N) magnitude of the net tangential force [N]."""
     usage: Floats
+    """(n, N) share of the friction bound in use, in the cone's own norm; 1 means sliding."""
     slip: Floats
+    """(n, N) magnitude of the force-weighted tangential velocity [m/s]."""
     distance: Floats
+    """(n, N) least signed distance [m]; 0 where nothing touches."""
     mode: NDArray[np.int8]
+    """(n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`)."""
 
 
 REFINEMENT = 4
@@ -260,38 +245,36 @@ class SelfChecks:
 
     Refined copies have a quarter of the step and a tightened solver; perturbed ones start from
     velocities that differ by 1e-9.
-
-    Attributes:
-        residual: (n, N) disagreement of forces and accelerations, over the largest
-            constraint force of the run [1]; 0 to rounding for a solver that converged.
-        jacobian: (n, K) relative difference of the accelerations that a dense and a sparse
-            constraint Jacobian give, at sampled states [1].
-        jacobian_steps: (K,) the steps of these states.
-        overlap: (n, L) deepest geometric overlap of a monitored pair without a contact [m].
-        apart: (n, L) largest excess of a pair's geometric distance over that of its contact [m].
-        geometry_steps: (L,) the steps of these states.
-        squeeze: (n, P) normal force of each pair once nothing but contacts has acted for a while
-            after the end: that of what overlaps between walls [N].
-        repeats: (n,) whether a second rollout gave every state again, bit for bit.
-        refined: the refined copy of each run, in the steps of the run.
-        rest: (n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy,
-            each by its own steps; NaN for copies where one did not complete.
-        travel: (n, 3, nbody) how far bodies ended from their start, likewise [mean body sizes].
-        bodies: their names.
     """
 
     residual: Floats
+    """(n, N) disagreement of forces and accelerations, over the largest constraint force of the run
+    [1]; 0 to rounding for a solver that converged."""
     jacobian: Floats
+    """(n, K) relative difference of the accelerations that a dense and a sparse constraint Jacobian
+    give, at sampled states [1]."""
     jacobian_steps: NDArray[np.intp]
+    """(K,) the steps of these states."""
     overlap: Floats
+    """(n, L) deepest geometric overlap of a monitored pair without a contact [m]."""
     apart: Floats
+    """(n, L) largest excess of a pair's geometric distance over that of its contact [m]."""
     geometry_steps: NDArray[np.intp]
+    """(L,) the steps of these states."""
     squeeze: Floats
+    """(n, P) normal force of each pair once nothing but contacts has acted for a while after the
+    end: that of what overlaps between walls [N]."""
     repeats: NDArray[np.bool_]
+    """(n,) whether a second rollout gave every state again, bit for bit."""
     refined: tuple[Trace, ...]
+    """The refined copy of each run, in the steps of the run."""
     rest: Floats
+    """(n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy, each by
+    its own steps; NaN for copies where one did not complete."""
     travel: Floats
+    """(n, 3, nbody) how far bodies ended from their start, likewise [mean body sizes]."""
     bodies: tuple[str, ...]
+    """Their names."""
 
     @property
     def runs(self) -> int:
@@ -318,36 +301,30 @@ def motion_at_rest(velocity: Floats) -> Floats:
 
 
 class Invariants(NamedTuple):
-    """Energy and momenta at T states.
-
-    Attributes:
-        energy: (T,) mechanical energy [J].
-        kinetic: (T,) the kinetic part of it [J].
-        momentum: (T, 3) linear momentum [kg m/s], or None where the system is not free.
-        angular_momentum: (T, 3) about the centre of mass [kg m^2/s], or None likewise.
-        mass: total mass [kg].
-        lift: energy that lifts everything by 1 mm [J].
-    """
+    """Energy and momenta at T states."""
 
     energy: Floats
+    """(T,) mechanical energy [J]."""
     kinetic: Floats
+    """(T,) the kinetic part of it [J]."""
     momentum: Floats | None
+    """(T, 3) linear momentum [kg m/s], or None where the system is not free."""
     angular_momentum: Floats | None
+    """(T, 3) about the centre of mass [kg m^2/s], or None likewise."""
     mass: float
+    """Total mass [kg]."""
     lift: float
+    """Energy that lifts everything by 1 mm [J]."""
 
 
 @dataclass(frozen=True)
 class RecordedControls:
-    """The controls of one run, each held until the next.
-
-    Attributes:
-        times: (K,) when they took effect [s], increasing from 0; the last is the run's end.
-        levels: (K, nu) the controls.
-    """
+    """The controls of one run, each held until the next."""
 
     times: Floats
+    """(K,) when they took effect [s], increasing from 0; the last is the run's end."""
     levels: Floats
+    """(K, nu) the controls."""
 
     @property
     def sha256(self) -> str:

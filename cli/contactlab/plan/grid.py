@@ -38,20 +38,17 @@ class Block:
 
 @dataclass(frozen=True)
 class Match:
-    """A condition on a row: settings that must match, and an expression that must be true.
-
-    Attributes:
-        settings: canonical values by axis.
-        expression: a further condition, if any.
-        inside: where the expression's first character is, if known.
-        splits: functions that split the values of axes into the parts that the expression may name.
-    """
+    """A condition on a row: settings that must match, and an expression that must be true."""
 
     settings: tuple[tuple[str, object], ...]
+    """Canonical values by axis."""
     expression: Expression | None
+    """A further condition, if any."""
     place: Place
     inside: Place | None = None
+    """Where the expression's first character is, if known."""
     splits: tuple[tuple[str, Split], ...] = ()
+    """Functions that split the values of axes into the parts that the expression may name."""
 
     def holds(self, row: Mapping[str, object]) -> bool:
         """Return whether a row meets the condition; a row that lacks one of the axes does not.
@@ -87,21 +84,18 @@ class Match:
 
 @dataclass(frozen=True)
 class Grid:
-    """All rows of a sweep, streamed.
-
-    Attributes:
-        base: settings of every row.
-        blocks: factors of the product, the last one fastest; None where there is no product.
-        excludes: conditions on rows of the product to leave out.
-        added: rows to include.
-        written: rows of the scene as written, one for each scenario.
-    """
+    """All rows of a sweep, streamed."""
 
     base: RowValues
+    """Settings of every row."""
     blocks: tuple[Block, ...] | None
+    """Factors of the product, the last one fastest; None where there is no product."""
     excludes: tuple[Match, ...]
+    """Conditions on rows of the product to leave out."""
     added: tuple[RowValues, ...]
+    """Rows to include."""
     written: tuple[RowValues, ...] = ()
+    """Rows of the scene as written, one for each scenario."""
 
     def values(self) -> dict[str, dict[object, None]]:
         """Return the values that each axis takes anywhere, each once, in order."""
@@ -190,18 +184,15 @@ class SweptAxis:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One planned rollout.
-
-    Attributes:
-        index: its position in the plan, from 0.
-        values: canonical settings by axis, the sweep's effects among them; treat as read-only,
-            since the seeds of one row share it. What is absent keeps the scene's value.
-        seed: seeds the scene's perturbation.
-    """
+    """One planned rollout."""
 
     index: int
+    """Its position in the plan, from 0."""
     values: Mapping[str, object]
+    """Canonical settings by axis, the sweep's effects among them; treat as read-only, since the
+    seeds of one row share it. What is absent keeps the scene's value."""
     seed: int
+    """Seeds the scene's perturbation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,20 +206,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Plan:
-    """The runs that a sweep file and the options of the command line define.
-
-    Attributes:
-        axes: in the order in which they advance, the slowest first.
-        warnings: mistakes that do not stop the sweep.
-        expected: conditions of `expect`, each with its expectation.
-    """
+    """The runs that a sweep file and the options of the command line define."""
 
     sweep: Sweep
     axes: tuple[SweptAxis, ...]
+    """In the order in which they advance, the slowest first."""
     count: int
     warnings: tuple[Diagnostic, ...]
+    """Mistakes that do not stop the sweep."""
     grid: Grid
     expected: tuple[tuple[Match, Expectation], ...]
+    """Conditions of `expect`, each with its expectation."""
 
     def rows(self) -> Iterator[Row]:
         """Yield the rows: the product in the order written, then included rows, baselines last."""

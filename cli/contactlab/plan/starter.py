@@ -17,19 +17,16 @@ _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 @dataclass(frozen=True)
 class SceneAsWritten:
-    """What a starter file says of a scene.
-
-    Attributes:
-        reference: the scene, relative to the file.
-        settings: the settings that all of its geoms and options share, by name.
-        duration: simulated time that its drive needs [s].
-        drive: what drives it; None if the scene says so itself.
-    """
+    """What a starter file says of a scene."""
 
     reference: str
+    """The scene, relative to the file."""
     settings: Mapping[str, object]
+    """The settings that all of its geoms and options share, by name."""
     duration: float
+    """Simulated time that its drive needs [s]."""
     drive: str | None = None
+    """What drives it; None if the scene says so itself."""
 
 
 def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:

@@ -177,16 +177,13 @@ def _models_in(annotation: object) -> Iterator[type[BaseModel]]:
 
 @dataclass(frozen=True)
 class Draft:
-    """A sweep file without the entries that cannot be read.
-
-    Attributes:
-        sweep: what is valid.
-        kept: for every list that lost entries, the positions of the others in the file.
-    """
+    """A sweep file without the entries that cannot be read."""
 
     document: Document
     sweep: Sweep
+    """What is valid."""
     kept: Mapping[str, Sequence[int]]
+    """For every list that lost entries, the positions of the others in the file."""
 
     def path(self, key: str, index: int, *below: str | int) -> KeyPath:
         """Return where an entry of one of the sweep's lists lies in the file."""

@@ -32,23 +32,20 @@ _LOG_SPAN = 50.0
 
 @dataclass(frozen=True)
 class GridAxis:
-    """One axis of n runs.
-
-    Attributes:
-        unit: its unit; `1` or empty for none.
-        ticks: its values, or bins of them, as text, in order.
-        codes: (n,) index into `ticks` of each run's value.
-        numbers: (n,) the values themselves where `ticks` are bins; else None.
-        tick_values: (ticks,) the values as numbers, NaN for text; the middles of bins.
-    """
+    """One axis of n runs."""
 
     name: str
     unit: str
+    """Its unit; `1` or empty for none."""
     role: Role
     ticks: tuple[str, ...]
+    """Its values, or bins of them, as text, in order."""
     codes: Codes
+    """(n,) index into `ticks` of each run's value."""
     numbers: Floats | None
+    """(n,) the values themselves where `ticks` are bins; else None."""
     tick_values: Floats
+    """(ticks,) the values as numbers, NaN for text; the middles of bins."""
 
     @property
     def title(self) -> str:
@@ -77,22 +74,19 @@ class Quantity:
 
 @dataclass(frozen=True)
 class RunLabels:
-    """The labels of n runs.
-
-    Attributes:
-        names: worst labels that occur, the worst first and `stable` last.
-        letters: one letter for each, all different; empty for `stable`.
-        codes: (n,) index into `names` of each run's worst label.
-        masks: (n,) all labels of a run as bits: bit i for `every[i]`.
-        every: labels that occur at all, also beside a worse one.
-    """
+    """The labels of n runs."""
 
     names: tuple[str, ...]
+    """Worst labels that occur, the worst first and `stable` last."""
     letters: tuple[str, ...]
+    """One letter for each, all different; empty for `stable`."""
     colours: tuple[str, ...]
     codes: Codes
+    """(n,) index into `names` of each run's worst label."""
     masks: Codes
+    """(n,) all labels of a run as bits: bit i for `every[i]`."""
     every: tuple[str, ...]
+    """Labels that occur at all, also beside a worse one."""
 
     @cached_property
     def counts(self) -> tuple[int, ...]:

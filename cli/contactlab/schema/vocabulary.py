@@ -13,27 +13,24 @@ from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole
 
 @dataclass(frozen=True)
 class AxisSpec:
-    """An axis that a sweep can vary.
-
-    Attributes:
-        unit: its unit, `1` for a ratio, empty for a word.
-        description: one line on what it sets.
-        parse: turns a value of the sweep file into its canonical form: a number, a word, a
-            boolean, or a tuple of numbers; raises ValueError saying what to write instead.
-        choices: the words it accepts, if it is one of few.
-        conflicts: names of axes that set the same thing and so cannot be swept beside it.
-        parts: names of the numbers that a value consists of, for expressions: `solref.timeconst`.
-        split: gives the parts that a value has, by name; in direct form a solref has no timeconst.
-    """
+    """An axis that a sweep can vary."""
 
     name: str
     unit: str
+    """Its unit, `1` for a ratio, empty for a word."""
     description: str
+    """One line on what it sets."""
     parse: Callable[[object], object]
+    """Turns a value of the sweep file into its canonical form: a number, a word, a boolean, or a
+    tuple of numbers; raises ValueError saying what to write instead."""
     choices: tuple[str, ...] = ()
+    """The words it accepts, if it is one of few."""
     conflicts: tuple[str, ...] = ()
+    """Names of axes that set the same thing and so cannot be swept beside it."""
     parts: tuple[str, ...] = ()
+    """Names of the numbers that a value consists of, for expressions: `solref.timeconst`."""
     split: Callable[[object], Mapping[str, float]] | None = None
+    """Gives the parts that a value has, by name; in direct form a solref has no timeconst."""
 
     def accepts(self, value: object) -> bool:
         """Return whether the axis takes a value."""

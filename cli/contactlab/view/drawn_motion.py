@@ -24,21 +24,18 @@ _USUAL_PERCENTILE = 90
 
 
 class ContactForces(NamedTuple):
-    """K contact forces, each drawn in one frame, in the order of the frames.
-
-    Attributes:
-        frame: (K,) index of the frame.
-        pair: (K,) index of the monitored pair.
-        mode: (K,) STICK or SLIDE, of the pair.
-        position: (K, 3) contact point, world frame [m].
-        force: (K, 3) force on the pair's second side, world frame [N].
-    """
+    """K contact forces, each drawn in one frame, in the order of the frames."""
 
     frame: NDArray[np.intp]
+    """(K,) index of the frame."""
     pair: NDArray[np.intp]
+    """(K,) index of the monitored pair."""
     mode: NDArray[np.int8]
+    """(K,) STICK or SLIDE, of the pair."""
     position: Floats
+    """(K, 3) contact point, world frame [m]."""
     force: Floats
+    """(K, 3) force on the pair's second side, world frame [N]."""
 
     def of(self, frame: int) -> slice:
         """Return where the forces of a frame are."""
@@ -48,37 +45,34 @@ class ContactForces(NamedTuple):
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """F frames of a run with B bodies, the first of which is the world.
-
-    Attributes:
-        bodies: (B) their names.
-        moving: (B,) whether each can move.
-        rows: (F,) the state row of each frame.
-        time: (F,) simulated time [s].
-        positions: (F, B, 3) of the bodies' frames, world frame [m].
-        rotations: (F, B, 4) unit quaternions w, x, y, z to the world frame.
-        pairs: names of the monitored pairs.
-        forces: contact forces; of each pair and frame, those of the step with the largest net
-            force up to the next frame.
-        centre: (3,) of the sphere that the camera sees, world frame [m].
-        radius: of that sphere [m].
-        scale: length of an arrow per newton [m/N].
-        longest: length at which arrows are cut [m].
-    """
+    """F frames of a run with B bodies, the first of which is the world."""
 
     bodies: tuple[str, ...]
+    """(B) their names."""
     moving: NDArray[np.bool_]
+    """(B,) whether each can move."""
     shapes: tuple[BodyShape, ...]
     rows: NDArray[np.intp]
+    """(F,) the state row of each frame."""
     time: Floats
+    """(F,) simulated time [s]."""
     positions: Floats
+    """(F, B, 3) of the bodies' frames, world frame [m]."""
     rotations: Floats
+    """(F, B, 4) unit quaternions w, x, y, z to the world frame."""
     pairs: tuple[str, ...]
+    """Names of the monitored pairs."""
     forces: ContactForces
+    """Contact forces; of each pair and frame, those of the step with the largest net force up to
+    the next frame."""
     centre: Floats
+    """(3,) of the sphere that the camera sees, world frame [m]."""
     radius: float
+    """Of that sphere [m]."""
     scale: float
+    """Length of an arrow per newton [m/N]."""
     longest: float
+    """Length at which arrows are cut [m]."""
 
     @property
     def arrows(self) -> Floats:

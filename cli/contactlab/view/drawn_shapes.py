@@ -15,29 +15,26 @@ Form = Literal["box", "ellipsoid", "cylinder", "mesh"]
 
 @dataclass(frozen=True)
 class BodyShape:
-    """A rigid part of a body.
-
-    Attributes:
-        name: unique in the model.
-        body: index of its body.
-        form: what it is; a cylinder's axis is its z axis.
-        size: (3,) full extents along its own axes [m]; ones for a mesh.
-        position: (3,) of its centre in the body's frame [m].
-        rotation: (4,) unit quaternion w, x, y, z to the body's frame.
-        colour: (4,) red, green, blue and opacity, 0 to 1.
-        vertices: (V, 3) of a mesh in its own frame [m]; else none.
-        triangles: (T, 3) indices of a mesh's vertices; else none.
-    """
+    """A rigid part of a body."""
 
     name: str
+    """Unique in the model."""
     body: int
+    """Index of its body."""
     form: Form
+    """What it is; a cylinder's axis is its z axis."""
     size: Floats
+    """(3,) full extents along its own axes [m]; ones for a mesh."""
     position: Floats
+    """(3,) of its centre in the body's frame [m]."""
     rotation: Floats
+    """(4,) unit quaternion w, x, y, z to the body's frame."""
     colour: Floats
+    """(4,) red, green, blue and opacity, 0 to 1."""
     vertices: Floats
+    """(V, 3) of a mesh in its own frame [m]; else none."""
     triangles: Integers
+    """(T, 3) indices of a mesh's vertices; else none."""
 
 
 # As in MuJoCo's viewers, which hide the groups above.
