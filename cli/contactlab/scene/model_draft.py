@@ -219,13 +219,11 @@ class Draft:
 
     def set_options(self, meant: CompiledFiles) -> None:
         """Set the options and flags of a model: in the main file's elements, if they are last."""
-        new, old, options, flags = meant.model, meant.plain, dict[str, str](), dict[str, str]()
-        for name in OPTIONS:
-            if (value := read_option(new, name)) != read_option(old, name):
-                options[name] = mjcf_text(value)
-        for name in FLAGS:
-            if (on := read_flag(new, name)) != read_flag(old, name):
-                flags[name] = "enable" if on else "disable"
+        new, old = meant.model, meant.plain
+        changed = [name for name in OPTIONS if read_option(new, name) != read_option(old, name)]
+        options = {name: mjcf_text(read_option(new, name)) for name in changed}
+        switched = [name for name in FLAGS if read_flag(new, name) != read_flag(old, name)]
+        flags = {name: "enable" if read_flag(new, name) else "disable" for name in switched}
         for tag, found, added in (
             ("option", options, "<option{}/>"),
             ("flag", flags, "<option><flag{}/></option>"),

@@ -59,9 +59,7 @@ class WrittenModel:
     @property
     def lines(self) -> tuple[str, ...]:
         """The changes, as printed."""
-        return tuple(
-            f"{each.file}:{each.line}: {each.element or 'removed'}" for each in self.changes
-        )
+        return tuple(map(str, self.changes))
 
 
 def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -> WrittenModel:
@@ -102,8 +100,10 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
             patch=b"".join(patch) if copied.content.model == source.content.model else b"",
             changes=tuple(draft.changes(start)),
         )
+        beside = written.path.with_suffix(".patch")
+        beside.unlink(missing_ok=True)
         if written.patch:
-            written.path.with_suffix(".patch").write_bytes(written.patch)
+            beside.write_bytes(written.patch)
         return written
 
 
