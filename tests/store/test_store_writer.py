@@ -13,7 +13,8 @@ import pytest
 
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
-from contactlab.store.atomic_files import atomic_write, target_name, write_error
+from contactlab.store import atomic_files
+from contactlab.store.atomic_files import GroupCommit, atomic_write, target_name, write_error
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import record_to_row
 
@@ -227,6 +228,35 @@ def test_two_writers_of_one_file_do_not_share_what_they_write(tmp_path: Path) ->
     assert target.read_text() == "first, longer"
     assert [target_name(path.name) for path in (first, second)] == ["file", "file"]
     assert list(tmp_path.iterdir()) == [target]
+
+
+def test_many_changes_are_synced_together_and_all_of_them_by_the_end(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    changes, seen = 0, list[int]()
+    monkeypatch.setattr(atomic_files, "sync_filesystem", lambda _: seen.append(changes))
+    commit = GroupCommit(tmp_path)
+    while len(seen) < 2:
+        changes += 1
+        commit.changed()
+    assert len(seen) < changes / 10
+    changes += 1
+    commit.changed()
+    commit.close()
+    assert seen[-1] == changes
+
+
+def test_a_change_that_cannot_be_synced_ends_the_sweep(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(_: Path) -> None:
+        raise OSError(errno.EIO, "Input/output error")
+
+    monkeypatch.setattr(atomic_files, "sync_filesystem", fail)
+    commit = GroupCommit(tmp_path)
+    commit.changed()
+    with pytest.raises(OutputError, match="Input/output error"):
+        commit.close()
 
 
 @pytest.mark.parametrize(

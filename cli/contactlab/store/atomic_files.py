@@ -138,7 +138,8 @@ class GroupCommit:
         """Sync what is not yet."""
         if (timer := self._timer) is not None:
             timer.cancel()
-            self._sync()
+        # Also where a sync is under way: this returns once all is on the disk.
+        self._sync()
         self._raise_failure()
 
     def _sync(self) -> None:
