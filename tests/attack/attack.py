@@ -224,10 +224,10 @@ def judge_resumed(store: Path, whole: Any) -> str:
         with bounded():
             try:
                 resume(request_in(store.parent))
+                if lasting(meaning(store)) == lasting(whole):
+                    return "harmless"
             except ContactlabError:
                 return "detected"
-        if lasting(meaning(store)) == lasting(whole):
-            return "harmless"
         return "detected" if verify(store) else judge_runs(Store.open(store))
     except Exception as error:  # noqa: BLE001 - whatever it is, it is no message to a user
         return f"failed: {type(error).__name__}: {error}"[:200]

@@ -19,6 +19,7 @@ from contactlab.plan.sweep_file import read_sweep
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import definitions, engine, provenance
 from contactlab.run.planned_runs import RunIndex, stored_sweep_scene
+from contactlab.run.run_verdicts import judge, within_tolerances
 from contactlab.run.stored_runs import canonical_values, replay, resolve_record
 from contactlab.run.sweep_request import SweepRequest, supported
 from contactlab.run.sweep_runner import identity_of
@@ -71,7 +72,9 @@ def recomputed_problems(store: Store) -> Iterator[str]:
             yield f"{SCENES}/{identity.scene_hash}: its files have the hash {scene.hash}"
             return
         if unplanned(store) is None:
-            yield from _other_plan(store, scene)
+            plan = _plan(identity, scene)
+            yield from _other_plan(store, scene, plan)
+            yield from _other_verdicts(store, scene, plan)
     except ContactlabError as error:
         yield str(error).partition("\n")[0]
         return
@@ -86,10 +89,9 @@ def recomputed_problems(store: Store) -> Iterator[str]:
             yield f"run {record.run_id}: {name} is {stored.get(name)}, not {again.get(name)}"
 
 
-def _other_plan(store: Store, scene: Scene) -> Iterator[str]:
+def _other_plan(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
     """Yield where the sweep's text and options, read again, give another sweep or plan."""
     identity, columns = store.manifest.sweep, store.columns
-    plan = _plan(identity, scene)
     index = RunIndex(plan, scene)
     name, source, options = identity.name, identity.source, identity.overrides
     request = SweepRequest(plan, scene, name, source, options, store.address, workers=0)
@@ -101,6 +103,19 @@ def _other_plan(store: Store, scene: Scene) -> Iterator[str]:
     places = columns.to_pydict(["run_id", "index"])
     if not all(map(index.has, places["run_id"], places["index"])):
         yield f"{TABLE}: its runs are not at their places in the plan"
+
+
+def _other_verdicts(store: Store, scene: Scene, plan: Plan) -> Iterator[str]:
+    """Yield which runs do not meet, or miss, what the sweep expects of them as they say."""
+    for record in store.records():
+        values, labels = canonical_values(scene, record), [each.label for each in record.labels]
+        selected = [each for match, each in plan.expected if match.holds(values)]
+        said = (record.expected, record.expectation_met, record.expectation_reason)
+        if judge(selected, labels, record.metrics) != said:
+            yield f"run {record.run_id}: what it says of expectations is not what the sweep expects"
+        metrics = record.metrics | (record.accuracy.model_dump() if record.accuracy else {})
+        if within_tolerances(plan.sweep.tolerances, metrics) != record.tolerances_met:
+            yield f"run {record.run_id}: tolerances_met is not what its metrics give"
 
 
 def _plan(identity: SweepIdentity, scene: Scene) -> Plan:

@@ -231,6 +231,8 @@ def _wrong_parts(
     yield from (name for name in ("label_reason", "label_step") if row[name] != again[name])
     if record.labels and record.label != record.labels[0].label:
         yield "label"
+    if (record.status == "ok") != (record.status_reason is None):
+        yield "status_reason"
     if record.trace is not None and not record.trace.file.endswith(f"/{record.run_id}.mcap"):
         yield "trace"
     if (record.timing and not asked.get("timing")) or (
