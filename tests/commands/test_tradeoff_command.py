@@ -96,6 +96,15 @@ def test_what_a_store_recommends_is_written_into_its_model(
     assert line.split(": ", 1)[1] in (tmp_path / "model" / "scene.xml").read_text()
 
 
+def test_no_folder_with_files_is_written_into(contactlab: Run, swung: str, tmp_path: Path) -> None:
+    (tmp_path / "scene.xml").write_text("the user's own")
+    for place in (".", "scene.xml"):
+        code, _, err = contactlab("tradeoff", swung, "--model", place)
+        assert code == 2
+        assert err == f"error: {place} is no empty folder; choose another one with --model\n"
+    assert (tmp_path / "scene.xml").read_text() == "the user's own"
+
+
 def test_a_tolerance_that_nothing_meets_ends_in_1(contactlab: Run, swung: str) -> None:
     code, out, err = contactlab("tradeoff", swung, "--tolerance", "steps=1%")
     assert code == 1

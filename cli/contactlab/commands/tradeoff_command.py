@@ -47,7 +47,7 @@ def tradeoff(
 
     opt.load_plugins(plugin)
     criteria = opt.accuracy_criteria(error, tolerance)
-    _check_outputs(figure, write)
+    _check_outputs(figure, write, model)
     report = _report(name, store, workers, criteria, drive, model, allow_code=allow_code)
     if output == "json":
         print_json(report.model_dump(mode="json"))
@@ -61,7 +61,7 @@ def tradeoff(
         _write(write, report)
 
 
-def _check_outputs(figure: Path | None, write: Path | None) -> None:
+def _check_outputs(figure: Path | None, write: Path | None, model: Path | None) -> None:
     """Refuse files that cannot be written, before anything is run."""
     from contactlab.pareto.drawing import check_figure
 
@@ -72,6 +72,8 @@ def _check_outputs(figure: Path | None, write: Path | None) -> None:
             raise OutputError(f"cannot write {path}: no folder {path.parent}; create it first")
     if write is not None and write.exists():
         raise OutputError(f"{write} exists; choose another file with --write")
+    if model is not None and model.exists() and not (model.is_dir() and not any(model.iterdir())):
+        raise OutputError(f"{model} is no empty folder; choose another one with --model")
 
 
 def _report(

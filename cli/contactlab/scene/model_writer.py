@@ -180,5 +180,5 @@ def _placed(source: SceneSource, folder: Path, name: str) -> SceneSource:
     try:
         shutil.copytree(root, folder, dirs_exist_ok=True)
     except OSError as error:
-        raise OutputError(f"cannot write {folder}: {error}") from error
+        raise OutputError(f"cannot write {folder}: {error.strerror or error}") from error
     return stored_scene(folder.resolve(), model.relative_to(root).as_posix(), source.name)
