@@ -55,21 +55,43 @@ def test_what_is_recommended_is_ringed(report: TradeoffReport) -> None:
     assert [each["time"] for each in ringed] == [report.recommendation.time]
 
 
-def test_methods_beyond_eight_share_one_grey(report: TradeoffReport) -> None:
+def crowded(report: TradeoffReport) -> TradeoffReport:
+    """Return a report of six times as many methods, each six times slower than the one before."""
+
+    def values(each: Any, number: int) -> dict[str, Any]:
+        return {"configuration": {**each.configuration, "cone": str(number)}}
+
     many = tuple(
-        each.model_copy(update={"configuration": {**each.configuration, "cone": str(number)}})
+        each.model_copy(update={**values(each, number), "time": (each.time or 0) * 6**number})
         for number in range(6)
         for each in report.configurations
     )
     methods = tuple(
-        each.model_copy(update={"configuration": {**each.configuration, "cone": str(number)}})
+        each.model_copy(update=values(each, number))
         for number in range(6)
         for each in report.methods
     )
     none = {"front": (), "unconstrained_front": (), "recommendation": None, "robust": None}
-    crowded = report.model_copy(update={"configurations": many, "methods": methods, **none})
-    assert len(chart_data(crowded).methods) == 8
-    assert "others" in {each["method"] for each in points(crowded)}
+    return report.model_copy(update={"configurations": many, "methods": methods, **none})
+
+
+def test_of_more_than_eight_methods_each_integrator_has_its_front(report: TradeoffReport) -> None:
+    shown = chart_data(crowded(report))
+    assert sorted(name.split()[-1] for name in shown.methods) == ["Euler", "RK4"]
+    for method in shown.methods:
+        mine = [each for each in shown.points if each["method"] == method]
+        for each in mine:
+            beaten = any(
+                other["time"] < each["time"] and other["error"] <= each["error"] for other in mine
+            )
+            assert each["drawn"] != beaten
+
+
+def test_methods_beyond_eight_without_integrators_share_one_grey(report: TradeoffReport) -> None:
+    many = crowded(report)
+    alike = many.model_copy(update={"knobs": tuple(set(many.knobs) - {"integrator"})})
+    assert len(chart_data(alike).methods) == 8
+    assert "others" in {each["method"] for each in points(alike)}
 
 
 @pytest.mark.parametrize("suffix", [".png", ".svg"])

@@ -13,6 +13,7 @@ from contactlab.pareto.recommendation import front_of
 from contactlab.schema.tradeoff_report import Configuration, Settings, TradeoffReport
 
 OTHERS = "others"
+_INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
 NOW = "now"
@@ -55,8 +56,9 @@ class ChartData:
 def chart_data(report: TradeoffReport, places: Collection[int] | None = None) -> ChartData:
     """Return the rows of every layer of a report's chart; of some places, if given.
 
-    At most eight methods get a colour: the recommended first, then those on the front, then the
-    most accurate.
+    At most eight methods get a colour: the recommended first, then that of the model as written,
+    those on the front, then the most accurate. Of more methods, each integrator has one, and its
+    line is its own front.
     """
     keys = {method_key(each.configuration) for each in report.methods}
     shown = {
@@ -65,21 +67,35 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
         if (method_key(each.configuration) in keys or each == report.baseline)
         and (places is None or place in places)
     }
-    feasible = [place for place, each in shown.items() if each.feasible]
-    front = [feasible[index] for index in front_of([shown[place] for place in feasible])]
-    names = _names(report, shown.values(), [shown[place] for place in front])
+    crowded = len(keys) > len(LETTERS) and _INTEGRATOR in report.varying
+    lines = {place: _line(each.configuration, crowded=crowded) for place, each in shown.items()}
+    front = _front({place: each for place, each in shown.items() if each.feasible})
+    names = _names(report, shown, lines, front)
     floors: list[Row] = [
         {"method": names[key], "error": each.floor.error}
         for each in report.methods
-        if each.floor and (key := method_key(each.configuration)) in names
+        if each.floor and (key := _line(each.configuration, crowded=crowded)) in names
     ]
     frame = _frame(report, shown.values(), [each["error"] for each in floors])
-    labelled = {*front, *_ends(shown)}
+    drawn = {place: key for place, key in lines.items() if not _is_failed(shown[place])}
+    if crowded:
+        fronts = [
+            _front({place: shown[place] for place in drawn if drawn[place] == key})
+            for key in dict.fromkeys(drawn.values())
+        ]
+        drawn = {place: drawn[place] for each in fronts for place in each}
+    labelled = {*front, *_ends(shown, drawn)}
     return ChartData(
         frame=frame,
         methods=list(names.values()),
         points=[
-            {"place": place, **_point(each, report, names, frame), "labelled": place in labelled}
+            {
+                **_point(each, report, names.get(lines[place], OTHERS), frame),
+                "place": place,
+                "line": str(lines[place]),
+                "drawn": place in drawn,
+                "labelled": place in labelled,
+            }
             for place, each in shown.items()
         ],
         front=[
@@ -95,17 +111,28 @@ def _is_failed(each: Configuration) -> bool:
     return each.error is None or not set(each.outcomes.labels) <= _MEASURED
 
 
+def _line(values: Settings, *, crowded: bool) -> MethodKey:
+    """Return what the points of one line share: the method, or the integrator."""
+    return ((_INTEGRATOR, values[_INTEGRATOR]),) if crowded else method_key(values)
+
+
+def _front(shown: Mapping[int, Configuration]) -> list[int]:
+    """Return the places on the front of some configurations, the cheapest first."""
+    places = list(shown)
+    return [places[index] for index in front_of([*shown.values()])]
+
+
 def _names(
-    report: TradeoffReport, shown: Collection[Configuration], front: Collection[Configuration]
+    report: TradeoffReport,
+    shown: Mapping[int, Configuration],
+    lines: Mapping[int, MethodKey],
+    front: Collection[int],
 ) -> dict[MethodKey, str]:
-    idle = {name: report.methods[0].configuration[name] for name in report.idle}
-    recommended = [
-        {**each.configuration, **idle} for each in (report.recommendation, report.robust) if each
-    ]
-    measured = [each for each in shown if not _is_failed(each)]
-    by_error = sorted(measured, key=lambda each: each.error or 0.0)
-    ordered = [*recommended, *(each.configuration for each in (*front, *by_error, *shown))]
-    keys = list(dict.fromkeys(map(method_key, ordered)))
+    marked = [place for place in shown if _chosen(shown[place].configuration, report)]
+    marked.sort(key=lambda place: _chosen(shown[place].configuration, report) == NOW)
+    measured = [place for place in shown if not _is_failed(shown[place])]
+    by_error = sorted(measured, key=lambda place: shown[place].error or 0.0)
+    keys = list(dict.fromkeys(lines[place] for place in (*marked, *front, *by_error, *shown)))
     differing = varying([dict(key) for key in keys])
     return {
         key: f"{letter}  {method_name(dict(key), differing)}"
@@ -113,13 +140,13 @@ def _names(
     }
 
 
-def _ends(shown: Mapping[int, Configuration]) -> Iterator[int]:
-    """Yield the places of the configurations with the shortest and longest step of a method."""
+def _ends(shown: Mapping[int, Configuration], drawn: Mapping[int, MethodKey]) -> Iterator[int]:
+    """Yield the places of the configurations with the shortest and longest step of a line."""
     lines: dict[MethodKey, list[tuple[float, int]]] = {}
-    for place, each in shown.items():
-        step = each.configuration.get(TIMESTEP)
-        if isinstance(step, int | float) and not _is_failed(each):
-            lines.setdefault(method_key(each.configuration), []).append((step, place))
+    for place, key in drawn.items():
+        step = shown[place].configuration.get(TIMESTEP)
+        if isinstance(step, int | float):
+            lines.setdefault(key, []).append((step, place))
     for line in lines.values():
         yield from (min(line)[1], max(line)[1])
 
@@ -138,18 +165,13 @@ def _around(values: list[float]) -> tuple[float, float]:
     return min(values, default=1.0) / _PADDING, max(values, default=1.0) * _PADDING
 
 
-def _point(
-    each: Configuration, report: TradeoffReport, names: Mapping[MethodKey, str], frame: ChartFrame
-) -> Row:
-    key = method_key(each.configuration)
-    name = names.get(key, OTHERS)
+def _point(each: Configuration, report: TradeoffReport, name: str, frame: ChartFrame) -> Row:
     failed = _is_failed(each) or (each.error or 0.0) > frame.error[1]
     step = each.configuration.get(TIMESTEP)
     label = f"{1e3 * step:.3g} ms" if isinstance(step, int | float) else ""
     chosen = _chosen(each.configuration, report)
     return {
         "method": name,
-        "line": "; ".join(f"{axis} {value}" for axis, value in key),
         "time": each.time or frame.time[0],
         "error": frame.error[1] if failed else _above(each.error, frame),
         "timestep": step,
@@ -202,15 +224,15 @@ def specification(
 
 def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     x, y = _axes(report, shown)
-    count = len(shown.methods)
-    colour = _coloured(shown, alt.Color, [*COLOURS[:count], OTHERS_COLOUR])
+    colour = _coloured(shown, alt.Color, [*COLOURS[: len(shown.methods)], OTHERS_COLOUR])
     measured = [each for each in shown.points if each["state"] != "failed"]
     failed = [each for each in shown.points if each["state"] == "failed"]
     named = [each for each in measured if each["method"] != OTHERS]
     if limit := report.tolerances.get(report.error.name):
         yield from _tolerance(shown.frame, limit)
-    lines = _chart("lines", measured).mark_line(strokeWidth=1.2, opacity=0.8)
-    yield lines.encode(x, y, colour, detail="line:N", order="timestep:Q")
+    drawn = [each for each in measured if each["drawn"]]
+    lines = _chart("lines", drawn).mark_line(strokeWidth=1.2, opacity=0.8)
+    yield lines.encode(x, y, colour, detail="line:N", order="time:Q")
     if shown.floors:
         rules = _chart("floors", shown.floors).mark_rule(strokeDash=[2, 3], strokeWidth=1.5)
         yield rules.encode(y, colour)
@@ -220,23 +242,31 @@ def _layers(report: TradeoffReport, shown: ChartData) -> Iterator[alt.Chart]:
     )
     yield stairs.encode(x, y, order="time:Q")
     yield from _labels(shown, named, x, y)
-    shape = _coloured(shown, alt.Shape, [*SHAPES[:count], "stroke"])
-    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
-    opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
-    points = _chart("points", named).mark_point(size=70, strokeWidth=1.5, opacity=1)
-    yield points.encode(x, y, colour, shape, fill, opacity)
+    bars = _chart("spreads", [each for each in drawn if each["least"]])
+    yield bars.mark_rule(opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
+    yield from _markers(shown, named, x, y, colour)
     crosses = _chart("failures", failed).mark_text(text="\u2715", size=13, dy=8)
     yield crosses.encode(x, y, colour)
     # Upper bounds: errors below the uncertainty of their reference.
-    if report.cases > 1:
-        spreads = _chart("spreads", [each for each in named if each["least"]])
-        bars = spreads.mark_rule(strokeWidth=1, opacity=0.5).encode(x, y, alt.Y2("least:Q"), colour)
-        yield bars
     arrows = _chart("bounds", [each for each in measured if each["bound"]]).mark_point(
         shape="arrow", angle=180, size=260, yOffset=14, color=INK
     )
     yield arrows.encode(x, y)
     yield from _rings(shown, x, y)
+
+
+def _markers(
+    shown: ChartData, named: list[Row], x: alt.X, y: alt.Y, colour: alt.Color
+) -> Iterator[alt.Chart]:
+    """Yield the markers of points, those on no line small and pale."""
+    count = len(shown.methods)
+    shape = _coloured(shown, alt.Shape, [*SHAPES[:count], "stroke"])
+    fill = alt.Fill("method:N").scale(domain=shown.methods, range=COLOURS[:count]).legend(None)
+    opacity = alt.FillOpacity("state:O").scale(domain=_STATES[:2], range=[1, 0]).legend(None)
+    for name, size, strength in (("beside", 24, 0.5), ("points", 70, 1.0)):
+        points = _chart(name, [each for each in named if each["drawn"] == (name == "points")])
+        marked = points.mark_point(size=size, strokeWidth=1.5, opacity=strength)
+        yield marked.encode(x, y, colour, shape, fill, opacity)
 
 
 def _axes(report: TradeoffReport, shown: ChartData) -> tuple[alt.X, alt.Y]:
