@@ -44,6 +44,10 @@ _WORDS: Mapping[Verdict, str] = {
 }
 _MOST_EXCESS = 1e6
 """Changes of more than half as many tolerances are not ordered among each other."""
+_CONFIDENCE = 0.95
+_LEAST_TIME = 0.05
+"""CPU time that each timing of a run takes at least [s]."""
+_MOST_REPEATS = 200
 
 
 def metric_checks(paired: PairedStores) -> Iterator[Check]:
@@ -212,12 +216,6 @@ def _value(column: NumberColumn, index: int) -> Value:
         return None
     value = float(column.values[index])
     return value if np.isfinite(value) else str(value)
-
-
-_CONFIDENCE = 0.95
-_LEAST_TIME = 0.05
-"""CPU time that each timing of a run takes at least [s]."""
-_MOST_REPEATS = 200
 
 
 class RunTimer(Protocol):

@@ -46,6 +46,9 @@ Layered = alt.LayerChart | alt.FacetChart
 Room = tuple[int, int]
 
 _ROOM: Room = 560, 340
+_THIRD: Room = 300, 260
+_PANELS = ("baseline", "candidate", "difference")
+_LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
 _CELL_WIDTH, _CELL_HEIGHT = (13, 112), (13, 56)
 _GAP = 0.03
 _DIVERGING = ["#1845fb", "#f4f4f4", "#ff5e02"]
@@ -229,12 +232,6 @@ def _ticks(ticks: Sequence[str]) -> dict[str, Any]:
     }
 
 
-_THIRD = 300, 260
-_LISTED: tuple[CheckOutcome, ...] = ("failed", "warned", "noted")
-_PANELS = ("baseline", "candidate", "difference")
-Indices = NDArray[np.intp]
-
-
 class BaselineComparison(NamedTuple):
     """A comparison as a page shows it: its checks, the failed ones first, and maps by name."""
 
@@ -283,7 +280,7 @@ def _maps(data: ReportData, baseline: Store, pairing: Pairing) -> Iterator[tuple
             yield each.name, _number_maps(axes, earlier, replace(each, values=each.values[after]))
 
 
-def _labels_of(store: Store, names: Sequence[str], rows: Indices) -> RunLabels:
+def _labels_of(store: Store, names: Sequence[str], rows: NDArray[np.intp]) -> RunLabels:
     labels = read_run_labels(store, names)
     return replace(labels, codes=labels.codes[rows], masks=labels.masks[rows])
 

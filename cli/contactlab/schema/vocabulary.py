@@ -10,6 +10,10 @@ from pydantic_core import PydanticCustomError
 from contactlab.schema.pair_expectation import PairExpectation
 from contactlab.schema.strict_model import Model, Number, Positive, Value, Whole, about
 
+Role = Literal["knob", "scenario"]
+MOST_VALUES = 1_000_000
+Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
+
 
 @dataclass(frozen=True)
 class AxisSpec:
@@ -64,12 +68,6 @@ class Vocabulary:
     thresholds: Sequence[str] = ()
     mistake_in: Callable[[PairExpectation, float | None], tuple[str, str] | None] | None = None
     """The key that is wrong in what is expected of pairs in runs of that duration, and why."""
-
-
-Role = Literal["knob", "scenario"]
-MOST_VALUES = 1_000_000
-
-Count = Annotated[Whole, Field(ge=2, le=MOST_VALUES)]
 
 
 def _reaching(values: tuple[float, float, float]) -> tuple[float, float, float]:
