@@ -60,9 +60,10 @@ class PolicyDrive(Model):
         json_schema_extra={"pattern": _CLASS},
     )
     rate: Positive = about("how often it acts [Hz]", default=50.0)
-    latency: Annotated[Number, Field(ge=0)] | Share = about(
-        "from what it observes to its action: s, or 50% of a period", default=0.0
-    )
+    latency: Annotated[
+        Annotated[Number, Field(ge=0), Tag("@seconds")] | Annotated[Share, Tag("@share")],
+        Discriminator(lambda data: "@share" if isinstance(data, str) else "@seconds"),
+    ] = about("from what it observes to its action: s, or 50% of a period", default=0.0)
     noise: ObservationNoise = about(
         "of what it observes; by the run's seed", default=ObservationNoise()
     )
