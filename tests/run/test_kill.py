@@ -17,13 +17,13 @@ LONG = """
 version: 1
 scene: ball_drop
 duration: 0.5
-seeds: 100
+seeds: 40
 axes:
   timestep: [1.0e-3, 1.5e-3, 2.0e-3, 3.0e-3]
   drop_height: [0.1, 0.2, 0.3]
   cone: [pyramidal, elliptic]
 """
-RUNS = 2400
+RUNS = 960
 
 
 @pytest.fixture(autouse=True)
@@ -42,7 +42,7 @@ def test_killed_ten_times(
     dice = random.Random(10)  # noqa: S311
     store, journal = tmp_path / "store", tmp_path / "store" / "journal.jsonl"
     for _ in range(10):
-        enough = size(journal) + dice.randrange(1, 200_000)
+        enough = size(journal) + dice.randrange(1, 80_000)
         process = command.start("sweep", "long.yaml", "-o", "store", "--workers", "2")
         until(lambda enough=enough: size(journal) > enough)
         os.killpg(process.pid, signal.SIGKILL)

@@ -1,5 +1,6 @@
 """Differences between configurations: metrics in tolerances, labels, and CPU time."""
 
+import json
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ import numpy as np
 
 from contactlab.measure import METRICS, Requirement
 from contactlab.run.evidence_record import as_written
+from contactlab.schema.drive import NoiseDrive, parse_drive
 from contactlab.schema.effects_report import MetricChange, Ratio
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.effects.effect_toggles import BASE, MOTION, Changed
@@ -120,7 +122,8 @@ def _change(
     tolerance = given.get(name, _SHARE)
     if name not in given and name != MOTION:
         tolerance = max(METRICS[name].tolerance, _SHARE * max(map(abs, own), default=0.0))
-    spread = max((abs(_difference(*pair)) for pair in combinations(own, 2)), default=0.0)
+    alike = () if name == MOTION and any(map(_has_noise, base)) else combinations(own, 2)
+    spread = max((abs(_difference(*pair)) for pair in alike), default=0.0)
     # Measured in all runs of one configuration and in none of the other.
     appears = not pairs and (
         len(own) == len(base) or (not own and all(row[name] is not None for row in other))
@@ -137,6 +140,12 @@ def _change(
         scenario={key: as_written(value) for key, value in scenario.items()},
         matters=size > tolerance and size > spread,
     )
+
+
+def _has_noise(row: Row) -> bool:
+    """Return whether a run's controls are noise, which its seed draws: motions differ by seed."""
+    drive = row.get("drive")
+    return bool(drive) and isinstance(parse_drive(json.loads(drive)), NoiseDrive)
 
 
 def _difference(value: Any, other: Any) -> float:  # noqa: ANN401 - a number or an array
