@@ -19,7 +19,7 @@ import tempfile
 import time
 from collections import Counter, defaultdict
 from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import chdir, contextmanager, suppress
 from dataclasses import dataclass, field, replace
 from itertools import islice
 from pathlib import Path
@@ -174,7 +174,10 @@ class Attack:
 
 
 def attack(folder: Path, count: int, seed: int) -> Attack:
-    """Bend stores so many times: with each drive, a baseline, and one whose sweep has not ended."""
+    """Bend stores so many times: with each drive, a baseline, and one whose sweep has not ended.
+
+    The current folder is in no repository: its state, which records name, may change meanwhile.
+    """
     kinds = {
         drive: (
             make_store(folder / drive, 0.12, drive),
@@ -300,7 +303,7 @@ def main() -> None:
     given = parser.parse_args()
     resource.setrlimit(resource.RLIMIT_AS, (_BYTES, _BYTES))
     started = time.monotonic()
-    with tempfile.TemporaryDirectory(prefix="contactlab-attack-") as name:
+    with tempfile.TemporaryDirectory(prefix="contactlab-attack-") as name, chdir(name):
         found = attack(Path(name), given.count, given.seed)
     print(f"{sum(found.counts.values())} mutations in {time.monotonic() - started:.0f} s")
     for outcome, count in found.counts.most_common():

@@ -29,7 +29,8 @@ NAMES = (
 
 
 @pytest.mark.slow
-def test_no_bent_store_is_sound(tmp_path: Path) -> None:
+def test_no_bent_store_is_sound(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     # All of a store with each of three drives; most of a baseline and of an unfinished store.
     count = 5 * (2 * len(FILES) + 4 * len(CONTENT)) - 40
     found = attack(tmp_path, count, seed=7)
@@ -38,7 +39,8 @@ def test_no_bent_store_is_sound(tmp_path: Path) -> None:
     assert found.counts["detected"] > 0.7 * count
 
 
-def test_some_bent_stores(tmp_path: Path) -> None:
+def test_some_bent_stores(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
     found = attack(tmp_path, 12, seed=8)
     assert set(found.counts) <= set(OUTCOMES[:5]), found.cases
 
