@@ -12,7 +12,13 @@ import numpy as np
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.configurations import ResolvedCriteria, StoredRuns, evaluate
 from contactlab.pareto.criteria import Criteria
-from contactlab.pareto.recommendation import EQUALLY_FAST, SAFE_MARGIN, equally_fast, feasible_front
+from contactlab.pareto.recommendation import (
+    EQUALLY_FAST,
+    MORE_ACCURATE,
+    SAFE_MARGIN,
+    equally_fast,
+    feasible_front,
+)
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure, TradeoffReport
 from contactlab.store.finished_store import Store
 
@@ -20,7 +26,12 @@ Swept = Callable[[str], Store]
 Reported = Callable[[str], Path]
 Visit = Callable[..., Any]
 
-RULES = {"equallyFast": EQUALLY_FAST, "safeMargin": SAFE_MARGIN}
+RULES = {
+    "equallyFast": EQUALLY_FAST,
+    "equallyAccurate": MORE_ACCURATE,
+    "safeMargin": SAFE_MARGIN,
+    "configurations": [[0, 0], *([number, number % 2] for number in range(1, 12))],
+}
 SCRIPT = resources.files("contactlab.reporting").joinpath("script/evaluation.js")
 
 
@@ -81,7 +92,7 @@ def random_runs(rng: np.random.Generator) -> StoredRuns:
     }
     return StoredRuns(
         ids=[str(index) for index in range(count)],
-        knobs={"knob": list(range(count))},
+        knobs={"knob": list(range(count)), "odd": [number % 2 for number in range(count)]},
         scenarios={},
         seeds=[0] * count,
         labels=rng.choice(["stable", "chatter"], count, p=[0.8, 0.2]).tolist(),
@@ -97,7 +108,7 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
     limits = {"depth": 1.0, "error": 1.0}
     cases: list[dict[str, Any]] = []
     expected: list[list[Any]] = []
-    for _ in range(200):
+    for number in range(200):
         runs = random_runs(rng)
         free = evaluate(runs, ResolvedCriteria(error, time, {}))
         found = evaluate(runs, ResolvedCriteria(error, time, limits))
@@ -108,9 +119,11 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
                 "worst:error": runs.numbers["error"].tolist(),
                 "time": runs.numbers["time"].tolist(),
                 "error": runs.numbers["error"].tolist(),
+                "baseline": number % 2,
             }
         )
-        best = [equally_fast(found, margin)[:1] for margin in (0.0, SAFE_MARGIN)]
+        own = found[0].values if number % 2 else None
+        best = [equally_fast(found, margin, own)[:1] for margin in (0.0, SAFE_MARGIN)]
         expected.append(
             [
                 [each.summary.feasible for each in found],
@@ -125,8 +138,8 @@ def test_random_configurations_are_evaluated_as_tradeoff_does(browser: Any) -> N
           const evaluate = load({ tradeoff: rules });
           const listed = (place) => place === null ? [] : [place];
           return cases.map((columns) => {
-            const { feasible, recommended, robust, front } = evaluate(columns, limits);
-            return [feasible, listed(recommended), listed(robust), front];
+            const found = evaluate(columns, limits, { ...rules, baseline: columns.baseline });
+            return [found.feasible, listed(found.recommended), listed(found.robust), found.front];
           });
         }""",
         {"code": SCRIPT.read_text(), "rules": RULES, "cases": cases, "limits": limits},

@@ -30,7 +30,7 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
 EQUALLY_FAST = 1.05
 """Ratio of times within which two timing passes of one build agree, on an idle machine."""
 
-_MORE_ACCURATE = 1.05
+MORE_ACCURATE = 1.05
 """Ratio of errors from which a configuration counts as more accurate."""
 
 SAFE_MARGIN = 1.25
@@ -60,7 +60,7 @@ def equally_fast(
     near = sorted((each for time, each in feasible if time <= limit), key=_error)
     if baseline is None or not near:
         return near
-    same = _MORE_ACCURATE * _error(near[0])
+    same = MORE_ACCURATE * _error(near[0])
 
     def preference(each: Evaluated) -> tuple[bool, int]:
         changed = sum(each.values[name] != value for name, value in baseline.items())
@@ -84,7 +84,7 @@ def front_of(configurations: Sequence[Configuration]) -> list[int]:
 
 def next_more_accurate(front: Sequence[Evaluated], chosen: Evaluated) -> Evaluated | None:
     """Return the cheapest on a front whose error is smaller by a factor of 1.05 at least."""
-    limit = _error(chosen) / _MORE_ACCURATE
+    limit = _error(chosen) / MORE_ACCURATE
     return next((each for each in front if _error(each) < limit), None)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
 from contactlab.pareto.analysis import ToleranceTable
-from contactlab.pareto.recommendation import EQUALLY_FAST, SAFE_MARGIN
+from contactlab.pareto.recommendation import EQUALLY_FAST, MORE_ACCURATE, SAFE_MARGIN
 from contactlab.reporting.map_cells import aggregated_axes, aggregated_columns
 from contactlab.reporting.packing import (
     as_json,
@@ -181,7 +181,9 @@ def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
         "configurations": [list(each.configuration.values()) for each in report.configurations],
         "error": [report.error.name, report.error.unit],
         "tolerances": report.tolerances,
+        "baseline": report.baseline is not None,
         "equallyFast": EQUALLY_FAST,
+        "equallyAccurate": MORE_ACCURATE,
         "safeMargin": SAFE_MARGIN,
     }
 

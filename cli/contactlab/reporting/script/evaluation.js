@@ -15,7 +15,7 @@ function marginOf(columns, name, place, limit) {
   return Number.isFinite(ratio) ? ratio : null;
 }
 
-function evaluate(columns, limits, { equallyFast, safeMargin } = metadata.tradeoff) {
+function evaluate(columns, limits, rules = metadata.tradeoff) {
   const entries = Object.entries(limits);
   const places = Array.from(columns.otherwiseFeasible.keys());
   const feasible = places.map((place) =>
@@ -24,18 +24,27 @@ function evaluate(columns, limits, { equallyFast, safeMargin } = metadata.tradeo
   const candidates = places.filter((place) => feasible[place]);
   return {
     feasible,
-    recommended: bestOfCheapest(columns, candidates, equallyFast),
-    robust: bestOfCheapest(columns, candidates.filter((place) => leastMargin(place) >= safeMargin), equallyFast),
+    recommended: bestOfCheapest(columns, candidates, rules),
+    robust: bestOfCheapest(columns, candidates.filter((place) => leastMargin(place) >= rules.safeMargin), rules),
     front: paretoFront(columns, candidates),
   };
 }
 
-// The most accurate of those whose time is within a factor of the least; of equals the first.
-function bestOfCheapest(columns, candidates, factor) {
+// The most accurate of those whose time is within a factor of the least; of equals the first. With the
+// model as written, which is the first of all, that which changes least of it and is as accurate.
+function bestOfCheapest(columns, candidates, { equallyFast, equallyAccurate, baseline, configurations }) {
   if (!candidates.length) return null;
-  const limit = factor * candidates.reduce((least, place) => Math.min(least, columns.time[place]), Infinity);
+  const limit = equallyFast * candidates.reduce((least, place) => Math.min(least, columns.time[place]), Infinity);
   const error = (place) => (Number.isNaN(columns.error[place]) ? Infinity : columns.error[place]);
-  return candidates.filter((place) => columns.time[place] <= limit).reduce((best, place) => (error(place) < error(best) ? place : best));
+  const fast = candidates.filter((place) => columns.time[place] <= limit);
+  const best = fast.reduce((best, place) => (error(place) < error(best) ? place : best));
+  if (!baseline) return best;
+  const changes = (place) => configurations[place].filter((value, knob) => value !== configurations[0][knob]).length;
+  const rank = (place) => [changes(place), error(place)];
+  return fast.filter((place) => error(place) <= equallyAccurate * error(best)).sort((a, b) => {
+    const [one, other] = [rank(a), rank(b)];
+    return one[0] - other[0] || (one[1] === other[1] ? 0 : one[1] - other[1]);
+  })[0];
 }
 
 // The candidates that no other dominates, the cheapest first; equal ones do not dominate each other.
@@ -57,7 +66,7 @@ function rowsNamed(spec, name) {
 // The chart with new states, front and rings; names and colours of methods stay.
 function chartSpec(columns, evaluated, limits) {
   const spec = structuredClone(metadata.specs.tradeoff);
-  const points = [...rowsNamed(spec, "points"), ...rowsNamed(spec, "failures"), ...rowsNamed(spec, "lines")];
+  const points = [...rowsNamed(spec, "points"), ...rowsNamed(spec, "beside"), ...rowsNamed(spec, "failures"), ...rowsNamed(spec, "lines")];
   const shown = new Set(points.map((row) => row.place));
   const sides = spec.layer.find((layer) => layer.encoding.y?.axis).encoding;
   const floor = sides.y.scale.domain[0];
@@ -101,6 +110,8 @@ function ringRows(points, evaluated, [least, most]) {
     const row = points.find((each) => each.place === place);
     return row ? [{ ...row, chosen: `${name} ${row.label}`.trim() }] : [];
   });
+  const now = rowsNamed(metadata.specs.tradeoff, "chosen").find((row) => row.chosen.startsWith("now"));
+  if (now && !rows.some((row) => row.place === now.place)) rows.push({ ...now, chosen: `now ${now.label}`.trim() });
   const lower = Math.min(...rows.map((row) => row.error));
   return rows.map((row) => {
     const right = row.time > Math.sqrt(least * most);
