@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import typer
 
 from contactlab.commands import options as opt
+from contactlab.commands.options import flag, option
 from contactlab.commands.store_commands import format_value, print_summary
 from contactlab.commands.terminal import (
     echo,
@@ -33,31 +34,25 @@ def sweep(
     name: str = typer.Argument(..., metavar="SWEEP", help="Sweep file or shipped sweep."),
     store: opt.Address | None = opt.SWEEP_STORE,
     assign: list[str] | None = opt.SET,
-    only: list[str] | None = opt.option(
+    only: list[str] | None = option(
         "NAME=VALUE", "Keep runs with a value: cone=elliptic; may be repeated."
     ),
-    limit: int | None = opt.option("N", "Keep the first N runs.", min=1),
+    limit: int | None = option("N", "Keep the first N runs.", min=1),
     workers: int | None = opt.WORKERS,
     *,
     drive: str | None = opt.DRIVE,
     executor: ExecutorName = typer.Option(
         "local", help="Where jobs run: on this machine, or on a Ray cluster."
     ),
-    address: str | None = opt.option(
-        "HOST:PORT|auto", "Ray cluster to join; by default starts one."
-    ),
+    address: str | None = option("HOST:PORT|auto", "Ray cluster to join; by default starts one."),
     mujoco: str | None = opt.MUJOCO,
     plugin: list[Path] | None = opt.PLUGIN,
     allow_code: bool = opt.ALLOW_CODE,
-    plan: bool = opt.flag("--plan", "Print runs, time and disk space; run nothing."),
-    yes: bool = opt.flag("--yes", "Allow more than 100,000 runs."),
-    fresh: bool = opt.flag("--fresh", "Replace an existing store."),
-    retry_failed: bool = opt.flag(
-        "--retry-failed", "Repeat runs that crashed, timed out or failed."
-    ),
-    repair: bool = opt.flag(
-        "--repair", "Keep the sound runs of a damaged store, repeat the others."
-    ),
+    plan: bool = flag("--plan", "Print runs, time and disk space; run nothing."),
+    yes: bool = flag("--yes", "Allow more than 100,000 runs."),
+    fresh: bool = flag("--fresh", "Replace an existing store."),
+    retry_failed: bool = flag("--retry-failed", "Repeat runs that crashed, timed out or failed."),
+    repair: bool = flag("--repair", "Keep the sound runs of a damaged store, repeat the others."),
     output: opt.Format = opt.FORMAT,
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""

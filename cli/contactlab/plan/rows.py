@@ -149,10 +149,8 @@ def _zipped(context: SweepContext, path: KeyPath, axes: Mapping[str, Axis]) -> B
     counts: dict[str, int] = {}
     for name, axis in axes.items():
         if is_sampled(axis):
-            message = f"'{name}' is sampled, so it cannot advance with others"
-            document.add(
-                "sampled-in-zip", document.key((*path, name)), message, "move it to `axes`"
-            )
+            why = f"'{name}' is sampled, so it cannot advance with others"
+            document.add("sampled-in-zip", document.key((*path, name)), why, "move it to `axes`")
             continue
         columns[name] = _listed(context, (*path, name), axis)
         counts[name] = len(listed_values(axis))

@@ -121,7 +121,5 @@ def listed(value: object) -> object:
     return (value,) if isinstance(value, str) else value
 
 
-_SeveralWords = Annotated[tuple[Word, ...], Field(min_length=1)]
-Words = Annotated[
-    _SeveralWords, BeforeValidator(listed, json_schema_input_type=Word | _SeveralWords)
-]
+_Several = Annotated[tuple[Word, ...], Field(min_length=1)]
+Words = Annotated[_Several, BeforeValidator(listed, json_schema_input_type=Word | _Several)]

@@ -128,8 +128,7 @@ def _check_options(target: Path, options: PictureOptions) -> None:
 def open_viewer(model: mujoco.MjModel, start: InitialStates) -> None:
     """Simulate from an initial state in MuJoCo's viewer, in real time, until it is closed.
 
-    Raises:
-        SceneError: there is no display.
+    A SceneError says that there is no display.
     """
     import glfw  # noqa: PLC0415 - it looks for a display
 
