@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from contactlab.scene.model_files import FileSearch, parse
-from contactlab.scene.model_text import elements_of
+from contactlab.scene.model_text import elements_of, line_of
 
 Origin = tuple[Path, int]
 """A file, and the place of an element among all that it has."""
@@ -39,9 +39,9 @@ class Origins:
             ET.indent(root)
             root.text = "\n" * (1 + max(found.by_line, default=0))
             ET.ElementTree(root).write(path)
-            written = elements_of(path.read_bytes())
-            for element, text in zip(root.iter(), written, strict=True):
-                found.by_line[text.line] = origins[element]
+            data = path.read_bytes()
+            for element, text in zip(root.iter(), elements_of(data), strict=True):
+                found.by_line[line_of(data, text.start)] = origins[element]
                 if path == main:
                     found.last[element.tag] = origins[element]
         return found

@@ -26,6 +26,7 @@ from contactlab.scene.model_text import (
     at_end,
     attributes,
     elements_of,
+    line_of,
     replaced,
     with_attributes,
     without,
@@ -268,8 +269,8 @@ class Draft:
         """Yield the changes of files, whose paths start in a folder."""
         for path, replacements in self._replacements():
             for each in replacements:
-                line = self.before[path].count(b"\n", 0, each.start) + 1
                 text = " ".join(each.text.decode(errors="replace").split())
+                line = line_of(self.before[path], each.start)
                 yield Change(path.relative_to(folder).as_posix(), line, text)
 
 

@@ -12,12 +12,8 @@ _MARKUP = re.compile(
 
 
 class ElementText(NamedTuple):
-    """Where an element stands: its start tag in bytes [start, inner), all of it in [start, end).
+    """Where an element stands: its start tag in bytes [start, inner), all of it in [start, end)."""
 
-    Its line counts from 1.
-    """
-
-    line: int
     start: int
     inner: int
     end: int
@@ -36,20 +32,23 @@ def attributes(values: Mapping[str, str]) -> str:
     return "".join(f" {name}={quoteattr(value)}" for name, value in values.items())
 
 
+def line_of(data: bytes, place: int) -> int:
+    """Return the line of a place in a text; the first is 1."""
+    return data.count(b"\n", 0, place) + 1
+
+
 def elements_of(data: bytes) -> list[ElementText]:
     """Return the elements of an XML text, in the order of their start tags."""
     found: list[ElementText] = []
     unclosed: list[int] = []
-    line, seen = 1, 0
     for markup in _MARKUP.finditer(data):
         if markup[0].startswith(b"</"):
             place = unclosed.pop()
             found[place] = found[place]._replace(end=markup.end())
         elif not markup[0].startswith((b"<!", b"<?")):
-            line, seen = line + data.count(b"\n", seen, markup.start()), markup.start()
             if not markup[0].endswith(b"/>"):
                 unclosed.append(len(found))
-            found.append(ElementText(line, seen, markup.end(), markup.end()))
+            found.append(ElementText(markup.start(), markup.end(), markup.end()))
     return found
 
 
