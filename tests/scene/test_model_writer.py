@@ -350,8 +350,9 @@ def test_a_urdf_becomes_mjcf_of_the_same_numbers(
     write_files(tmp_path / "arm", {"urdf/arm.urdf": robot, "part.obj": mesh})
     scene = Scene.open(str(tmp_path / "arm" / "urdf" / "arm.urdf"))
     settings = {"timestep": 0.003, "dof_damping[hinge]": 0.1}
-    written = write_model(scene, ModelEdits(settings), tmp_path / "out")
-    assert (written.path.name, written.patch) == ("arm.xml", b"")
+    written = write_model(scene, ModelEdits(settings), tmp_path / "out", "tuned.xml")
+    assert (written.path.name, written.patch) == ("tuned.xml", b"")
+    assert {each.file for each in written.changes} == {"tuned.xml"}
     meant = scene.base({}).prepare(scene.resolve(settings, 0, None).edits()).model
     again = Scene(written.source)
     assert unlike(again.base({}).prepare({}).model, meant) == set()

@@ -76,7 +76,7 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     if folder.resolve() == source.content.root.resolve():
         raise OutputError(f"{folder} has the scene itself; write into another folder")
     with TemporaryDirectory(prefix="contactlab-") as temporary, source.named_in_errors():
-        copied = _copied(source, Path(temporary).resolve())
+        copied = _copied(source, Path(temporary).resolve(), name)
         meant = CompiledFiles.of(scene, source, edits.settings, lambda spec: edit_spec(spec, edits))
         draft = Draft.of(scene, copied)
         draft.set_fields(meant)
@@ -136,8 +136,8 @@ def _patch(path: Path, before: bytes, after: bytes) -> bytes:
     )
 
 
-def _copied(source: SceneSource, folder: Path) -> SceneSource:
-    """Copy a scene's files into a folder, its model as MJCF."""
+def _copied(source: SceneSource, folder: Path, name: str) -> SceneSource:
+    """Copy a scene's files into a folder, a URDF as MJCF, under a name if one is given."""
     content = source.content
     content.copy_to(folder)
     files, model = content.files, content.model
@@ -145,7 +145,7 @@ def _copied(source: SceneSource, folder: Path) -> SceneSource:
         name: folder / path.relative_to(content.root) for name, path in content.resources.items()
     }
     if model.suffix == ".urdf":
-        model = model.with_suffix(".xml")
+        model = model.with_name(name or f"{model.stem}.xml")
         _convert(folder / content.model, folder / model, resources)
         files = (model, *(each for each in files if each != content.model))
     moved = replace(
