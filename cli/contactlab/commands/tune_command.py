@@ -140,6 +140,13 @@ def _number(value: float | None) -> str:
 def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
     from contactlab.schema.tune_report import PATCH, PROOF, REPORT
 
+    shares = {name: 1 - each.ratio for name, each in report.profile.items() if each.high < 1}
+    yield "time: " + (", ".join(f"{name} {share:.0%}" for name, share in shares.items()) or "-")
+    if report.masked or report.excluded:
+        yield (
+            f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies never "
+            "touch: every run is the same without their collisions, bit for bit"
+        )
     for line in report.lines:
         yield f"{line.file}:{line.line}: {line.element or 'removed'}"
     for each in report.kept[:_MOST_KEPT]:

@@ -89,6 +89,12 @@ class TuneReport(Model):
     provenance: Provenance
     candidates: tuple[Candidate, ...] = Field(description="Now first, from the same seeds.")
     changes: tuple[Changed, ...]
+    masked: tuple[str, ...] = Field(description="Geoms that never touch, taken from collisions.")
+    excluded: tuple[tuple[str, str], ...] = Field(description="Bodies that never touch.")
+    sensors: tuple[str, ...] = Field(description="Sensors that were left out.")
+    profile: dict[str, Ratio] = Field(
+        description="Time of a step of the model as written without a part, over that with it."
+    )
     kept: tuple[Kept, ...]
     proof: Proof | None = Field(description="Null if nothing is recommended.")
     file: str | None = Field(description="The written model, relative to the report.")

@@ -66,8 +66,8 @@ def test_it_finds_what_trying_everything_finds_in_a_third_of_the_runs(seed: int)
     law = Law(seed)
     feasible = [each for each in everything() if law.excess(each) <= 1]
     search = searched(law)
-    # A knob that saves less than 3 % stays as it is, and so does a step.
-    assert law.cost(search.here) <= min(map(law.cost, feasible)) / 0.97**4
+    # A knob that saves less than 5 % stays as it is, and so does a step.
+    assert law.cost(search.here) <= min(map(law.cost, feasible)) / 0.95**4
     assert law.excess(search.here) <= 1
     assert len(search.excess) <= len(everything()) / 3
 

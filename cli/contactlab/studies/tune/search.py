@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from contactlab.scene.setting_values import as_number
 from contactlab.studies.session import Values
 
-GAIN = 0.97
+GAIN = 0.95
 """A change helps if it takes at most this share of the time; less is noise."""
 _WEIGHTS = {"RK4": 4.0}
 """Times of a step over those of others, where not known: RK4 evaluates forces four times."""

@@ -19,6 +19,8 @@ from contactlab.schema.tune_report import Candidate, Standing
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
+from contactlab.studies.tune.limits import Limits
+from contactlab.studies.tune.profile import costs_without
 from contactlab.studies.tune.tune_request import BASELINE
 
 ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written", "refine": 4}
@@ -26,57 +28,14 @@ ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written", "
 PRUNING = {**ACCURACY, "refine": 2}
 _STEPS, _ROUNDS = 32, 9
 """Steps that are timed at each of eight places of a run, and how often all take turns."""
+_LEAST_SECONDS, _MOST_REPEATS = 5e-3, 50
+"""CPU time of a turn at least [s], for which its steps are repeated."""
 _ERRORS = ("error_final", "error_mean", "error_peak", "error_velocity", "error_energy")
 _NOTHING: Measure = lambda _store, _run, _model: {}  # noqa: E731
 
 
 class OutOfTimeError(StoppedError):
     """What comes next would take longer than the budget."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What every run of a feasible configuration keeps.
-
-    Attributes:
-        sizes: error or metric to its largest size.
-        labels: those that runs may have: `stable`, and what runs of the model as written have.
-        divergence: how far a start 1e-8 away parts from the model as written [m].
-        chaotic: whether that is more than the error that is asked for, so that metrics decide too.
-    """
-
-    sizes: Mapping[str, float]
-    labels: frozenset[str]
-    divergence: float = 0.0
-    chaotic: bool = False
-
-    def excess(self, rows: ConfigurationRows) -> float:
-        """Return the largest size over its limit; infinite if a run fails or was not measured."""
-        if self.failed(rows):
-            return math.inf
-        sizes = [(row[name], limit) for row in rows.flat for name, limit in self.sizes.items()]
-        return max(
-            math.inf if size is None else abs(size) / limit if limit else math.inf * bool(size)
-            for size, limit in sizes
-        )
-
-    def broken(self, rows: ConfigurationRows) -> str:
-        """Say what a configuration exceeds first; empty if it is feasible."""
-        if why := self.failed(rows):
-            return why
-        for row in rows.flat:
-            for name, limit in self.sizes.items():
-                if row[name] is None or abs(row[name]) > limit:
-                    size = "unknown" if row[name] is None else f"{abs(row[name]):.3g}"
-                    return f"{name} is {size} with seed {row['seed']} (limit {limit:.3g})"
-        return ""
-
-    def failed(self, rows: ConfigurationRows) -> str:
-        """Say which run fails as none of the model as written does; empty if none does."""
-        for row in rows.flat:
-            if row["label"] not in self.labels:
-                return f"seed {row['seed']} is {row['label']}: {row['label_reason']}"
-        return ""
 
 
 @dataclass
@@ -148,14 +107,20 @@ class Trials:
         """
         every: list[tuple[Scene, Values]] = [(self.setup.scene, {}), *configurations]
         runs = [_segments(scene, changed, seeds) for scene, changed in every]
-        _seconds(runs[0])
-        taken = [[_seconds(each) for each in runs] for _ in range(_ROUNDS)]
+        steps = sum(sum(each.lengths(_STEPS)) for each in runs[0])
+        once = max(_seconds(runs[0], 1) * steps * runs[0][0].model.opt.timestep, 1e-7)
+        repeats = min(_MOST_REPEATS, math.ceil(_LEAST_SECONDS / once))
+        taken = [[_seconds(each, repeats) for each in runs] for _ in range(_ROUNDS)]
         self.pace = median(each[0] for each in taken)
         ratios = zip(*([each / first for each in rest] for first, *rest in taken), strict=True)
         return [
             Ratio(ratio=median(each), low=min(each), high=max(each), pairs=len(each))
             for each in ratios
         ]
+
+    def profile(self) -> dict[str, Ratio]:
+        """Return the time of a step of the model as written without one part each."""
+        return costs_without(_segments(self.setup.scene, {}, BASELINE), time_segments, {})
 
 
 def _reference(source: SceneSource) -> str:
@@ -178,9 +143,9 @@ def _segments(scene: Scene, changed: Values, seeds: Sequence[int]) -> list[Segme
     return found
 
 
-def _seconds(runs: Sequence[Segments]) -> float:
+def _seconds(runs: Sequence[Segments], repeats: int) -> float:
     """Return the CPU time of some steps of each part over the time that they simulate."""
-    times = [(*time_segments(each, _STEPS, 1), each.model.opt.timestep) for each in runs]
+    times = [(*time_segments(each, _STEPS, repeats), each.model.opt.timestep) for each in runs]
     simulated = sum(steps * step for _, steps, step in times)
     return sum(seconds for seconds, _, _ in times) / simulated if times else math.inf
 

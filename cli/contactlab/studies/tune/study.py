@@ -1,0 +1,217 @@
+"""One model that is tuned: what may go, the search, the comparison, the proof."""
+
+import json
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import mujoco
+
+from contactlab.contact.trace_arrays import Floats
+from contactlab.errors import SceneError, StoppedError
+from contactlab.run.evidence_record import as_written
+from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
+from contactlab.scene.scene import Scene
+from contactlab.schema.tune_report import (
+    MODEL,
+    Kept,
+    Proof,
+)
+from contactlab.store.finished_store import Store
+from contactlab.studies.configuration_runs import ConfigurationRows, Row
+from contactlab.studies.session import Session, Values
+from contactlab.studies.tune.limits import limits_of
+from contactlab.studies.tune.savers import untouched_geoms
+from contactlab.studies.tune.search import GAIN, Search, Space
+from contactlab.studies.tune.trials import (
+    ACCURACY,
+    PRUNING,
+    Contender,
+    OutOfTimeError,
+    Trials,
+)
+from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest
+
+
+@dataclass
+class Study:
+    """One model, what its runs as written showed, and what was found since.
+
+    Attributes:
+        seed_seconds: wall time that one seed of the model as written took.
+        now: the model as written, from the seeds of the contenders once there are any.
+        savers: what may go without changing a run.
+        lighter: the scene without that.
+        contenders: those that are feasible and cheaper, the one to recommend first.
+    """
+
+    request: TuneRequest
+    session: Session
+    trials: Trials
+    space: Space
+    kept: list[Kept]
+    seed_seconds: float
+    now: Contender
+    savers: ModelEdits
+    lighter: Scene
+    ended: str = ""
+    tried: int = 0
+    contenders: list[Contender] = field(default_factory=list[Contender])
+    proof: Proof | None = None
+
+    def save(self) -> None:
+        """Leave out what changes no run: the model without it must move bit for bit the same."""
+        scene, name = self.trials.setup.scene, "untouched"
+        edits = savers_of(scene, [row["qpos"] for row in self.now.rows.flat], self.request)
+        if edits == self.savers:
+            return
+        try:
+            written = write_model(scene, edits, self.session.folder / name, MODEL)
+            rows = self.trials.run_file(f"{name}-runs", written.source, BASELINE)
+        except SceneError as error:
+            self.kept.append(Kept(name="geoms that never touch", reason=str(error)))
+            return
+        if _same_runs(self.now.rows, rows) < len(BASELINE):
+            self.kept.append(Kept(name="geoms that never touch", reason="runs differ without them"))
+            return
+        self.savers, self.lighter = edits, self.trials.scene_of(written.source)
+
+    def search(self) -> Search:
+        """Search for as long as the budget lasts, less what contenders and proof will take."""
+        trials, search = self.trials, Search(self.space, self._judge, self._clock)
+        last = trials.deadline
+        trials.deadline -= (len(FRESH) + len(BASELINE)) * self.seed_seconds
+        try:
+            search.run()
+            if self.request.goal == "most-accurate":
+                search.sharpen()
+        except OutOfTimeError:
+            self.ended = f"after {self.request.budget:g} s"
+        except StoppedError:
+            self.ended = "when it was interrupted"
+            self.session = trials.session = replace(self.session, stop=None)
+        trials.deadline, self.tried = last, len(search.excess)
+        return search
+
+    def _judge(self, configurations: Sequence[Values]) -> list[float]:
+        self._say(f"judging {len(configurations)} configurations")
+        self.tried += len(configurations)
+        return self.trials.judge([self._changed(each) for each in configurations])
+
+    def _clock(self, configurations: Sequence[Values]) -> list[float]:
+        self._say(f"timing {len(configurations)} configurations")
+        timed = [(self.lighter, self._changed(each)) for each in configurations]
+        return [cost.ratio for cost in self.trials.costs(timed, BASELINE[:1])]
+
+    def _say(self, doing: str) -> None:
+        left = self.trials.deadline - time.monotonic()
+        self.session.notify(f"{doing}; {self.tried} so far, {max(left, 0):.0f} s left")
+
+    def _changed(self, values: Values) -> Values:
+        written = self.space.written
+        return {name: value for name, value in values.items() if value != written[name]}
+
+    def compare(self, search: Search) -> None:
+        """Run what was found, and the same with shorter steps, from as many seeds as time allows.
+
+        The best comes first.
+        """
+        found = [search.here]
+        if self._changed(search.here):
+            found += [search.longer(rungs) for rungs in (-1, -2)]
+        changes = [self._changed(each) for each in found]
+        distinct = list({json.dumps(each, default=str): each for each in changes}.values())
+        left = self.trials.deadline - time.monotonic() - len(FRESH) * self.seed_seconds
+        seeds = CONTENDERS[: max(len(BASELINE), int(left / self.seed_seconds))]
+        self._say(f"comparing {len(distinct)} configurations from {len(seeds)} seeds")
+        now, *rows = self.trials.run("contenders", [{}, *distinct], seeds, accuracy=PRUNING)
+        self.now, self.trials.limits = Contender({}, now), limits_of(self.request, now)
+        costs = self.trials.costs([(self.lighter, each) for each in distinct])
+        compared = map(Contender, distinct, rows, costs)
+        self.contenders = sorted(filter(self._is_better, compared), key=self._rank)
+
+    def _is_better(self, contender: Contender) -> bool:
+        why = self.trials.limits.broken(contender.rows, self.now.rows)
+        ratio = contender.cost.ratio if contender.cost else math.inf
+        if not why and ratio > (1.0 if self.request.goal == "most-accurate" else GAIN):
+            why = f"takes {ratio:.2f} times as long"
+        if why:
+            self._keep(contender, why)
+        return not why
+
+    def _keep(self, contender: Contender, reason: str) -> None:
+        name = settings_text(contender.changed) or "collisions that never happen"
+        self.kept.append(Kept(name=name, reason=reason))
+
+    def _rank(self, contender: Contender) -> float:
+        """Return what is to be small: the time or, for the most accurate, the error."""
+        if self.request.goal == "most-accurate" or contender.cost is None:
+            return self.trials.limits.excess(contender.rows)
+        return contender.cost.ratio
+
+    def prove(self) -> tuple[Contender, WrittenModel] | None:
+        """Write contenders, the best first, until one holds from fresh seeds; return that."""
+        for each in self.contenders:
+            try:
+                edits = replace(self.savers, settings=each.changed)
+                folder = self.session.folder / "tuned"
+                written = write_model(self.trials.setup.scene, edits, folder, MODEL)
+            except SceneError as error:
+                self._keep(each, str(error))
+                continue
+            self.proof = self._proof(each, written)
+            if self.proof.holds:
+                return each, written
+            self._keep(each, f"in fresh runs, {self.proof.reason}")
+        return None
+
+    def _proof(self, contender: Contender, written: WrittenModel) -> Proof:
+        """Run the settings, and the file that has them, from fresh seeds beside the model."""
+        self._say(f"proving it from {len(FRESH)} fresh seeds")
+        both = [{}, contender.changed]
+        now, rows = self.trials.run("proof", both, FRESH, accuracy=dict(ACCURACY))
+        file = self.trials.run_file("tuned-runs", written.source, FRESH)
+        (cost,) = self.trials.costs([(self.trials.scene_of(written.source), {})])
+        limits = self.trials.limits = limits_of(self.request, now)
+        why = limits.broken(rows, now) or limits.failed(file)
+        most = 1.0 if self.request.goal == "most-accurate" else GAIN
+        if not why and cost.ratio > most:
+            why = f"takes {cost.ratio:.2f} times as long"
+        return Proof(
+            seeds=tuple(FRESH),
+            holds=not why,
+            reason=why or "every run is within the limits",
+            same_runs=_same_runs(rows, file),
+            now=Contender({}, now).reported("now", self.trials),
+            tuned=replace(contender, rows=rows, cost=cost).reported("recommended", self.trials),
+        )
+
+
+def motion_of(store: Store, run: str, _model: mujoco.MjModel) -> Row:
+    """Return the configurations (T, nq) of a stored run."""
+    return {"qpos": store.trace(run).qpos}
+
+
+def _same_runs(one: ConfigurationRows, other: ConfigurationRows) -> int:
+    """Return how many runs of the same seeds are the same bit for bit."""
+    pairs = zip(one.flat, other.flat, strict=True)
+    return sum(first["trajectory_hash"] == second["trajectory_hash"] for first, second in pairs)
+
+
+def savers_of(scene: Scene, motion: Sequence[Floats], request: TuneRequest) -> ModelEdits:
+    """Return what a model may be without: collisions that never happen, and sensors on request."""
+    model = scene.base({}).model
+    untouched = untouched_geoms(model, motion)
+    names = (model.sensor(each).name for each in range(model.nsensor * request.drop_sensors))
+    return ModelEdits(
+        masked=untouched.masked,
+        excluded=untouched.excluded,
+        sensors=tuple(each for each in names if not each.startswith(PREFIX)),
+    )
+
+
+def settings_text(values: Values) -> str:
+    """Return settings in a line."""
+    return ", ".join(f"{name} {as_written(value)}" for name, value in values.items())
