@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from contactlab import resources
+from contactlab.accuracy import timing
 from contactlab.pareto.analysis import analyse
 from contactlab.pareto.configuration_export import recommended_sweep
 from contactlab.run.sweep_request import read_request
@@ -22,6 +23,13 @@ def run(source: Path | str, store: Path) -> Store:
     ask = read_request(source, store.name, store, folder=folder, workers=2)
     run_sweep(ask, lambda _total, _done: None, lambda _: None)
     return Store.open(store)
+
+
+@pytest.fixture(autouse=True)
+def _short_times(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Measure times coarsely: what is expected here does not depend on them."""
+    for name in ("MIN_SECONDS", "MAX_SECONDS", "STEP_SECONDS"):
+        monkeypatch.setattr(timing, name, 1e-3)
 
 
 @pytest.fixture(scope="module")
