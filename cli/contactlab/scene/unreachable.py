@@ -7,7 +7,7 @@ of it. Boxes are halved until the geoms are apart in each of them.
 """
 
 import copy
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 
 import mujoco
 import numpy as np
@@ -47,12 +47,12 @@ def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
 class Clearance:
     """How far apart geoms are, and how far joints bring them together."""
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, runs: Sequence[Floats]) -> None:
         # Only the native functions compute distances of all shapes.
         self.model = copy.copy(model)
         self.model.opt.disableflags &= ~int(_OFF.mjDSBL_NATIVECCD)
         self.data = mujoco.MjData(self.model)
-        self.ranges = joint_ranges(model)
+        self.ranges = joint_ranges(model, runs)
         self._extents = _extents(model, self.ranges)
 
     def place(self, qpos: Floats) -> None:
@@ -126,10 +126,11 @@ def _upward(model: mujoco.MjModel, body: int) -> Iterator[int]:
         body = int(model.body_parentid[body])
 
 
-def joint_ranges(model: mujoco.MjModel) -> Floats:
+def joint_ranges(model: mujoco.MjModel, runs: Sequence[Floats]) -> Floats:
     """Return (njnt, 2) where hinges and slides may be, somewhat beyond their limits.
 
-    A hinge without a limit goes once round, a slide without one anywhere; of others, NaN.
+    A hinge without a limit goes once round, a slide without one anywhere; of others, NaN. A limit
+    counts as none that does not hold in the default pose, a keyframe or a run (T, nq).
     """
     ends = np.full((model.njnt, 2), np.nan)
     hinges, slides = (model.jnt_type == kind for kind in (_JOINT.mjJNT_HINGE, _JOINT.mjJNT_SLIDE))
@@ -137,16 +138,22 @@ def joint_ranges(model: mujoco.MjModel) -> Floats:
     if not model.opt.disableflags & (_OFF.mjDSBL_LIMIT | _OFF.mjDSBL_CONSTRAINT):
         limited = np.asarray(model.jnt_limited, bool) & (hinges | slides)
         spread = _BEYOND * np.ptp(model.jnt_range, axis=1, keepdims=True)
-        ends[limited] = (model.jnt_range + spread * [-1, 1])[limited]
+        allowed = model.jnt_range + spread * [-1, 1]
+        places = np.concatenate([model.qpos0[None], model.key_qpos, *runs])[:, model.jnt_qposadr]
+        limited &= ((places >= allowed[:, 0]) & (places <= allowed[:, 1])).all(axis=0)
+        ends[limited] = allowed[limited]
     return ends
 
 
-def unreachable_pairs(model: mujoco.MjModel, pairs: Iterable[GeomPair]) -> set[GeomPair]:
+def unreachable_pairs(
+    model: mujoco.MjModel, pairs: Iterable[GeomPair], runs: Sequence[Floats] = ()
+) -> set[GeomPair]:
     """Return the pairs that cannot touch, whatever joints do within a tenth beyond their ranges.
 
-    Others may be unable to touch as well: only so many boxes are tried.
+    Runs (T, nq) show which joints their limits do not hold. Other pairs may be unable to touch as
+    well: only so many boxes are tried.
     """
-    clearance = Clearance(model)
+    clearance = Clearance(model, runs)
     levers = {pair: each for pair in pairs if (each := clearance.levers(pair)) is not None}
     known, generator = np.isfinite(clearance.ranges).all(axis=1), np.random.default_rng(0)
     for _ in range(_SAMPLES):

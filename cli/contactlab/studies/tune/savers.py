@@ -48,7 +48,7 @@ def untouched_geoms(model: mujoco.MjModel, runs: Sequence[Floats]) -> UntouchedG
     Geoms that a flex may touch stay, and so do bodies without names.
     """
     pairs = filtered_pairs(model)
-    proven = unreachable_pairs(model, pairs)
+    proven = unreachable_pairs(model, pairs, runs)
     distant = distant_pairs(model, [pair for pair in pairs if pair not in proven], runs)
     touching = [pair for pair in pairs if pair not in proven | distant]
     flexes = np.bitwise_or.reduce([*model.flex_contype, *model.flex_conaffinity, 0])
@@ -82,7 +82,7 @@ def distant_pairs(
     together between two measurements. Bodies that move freely against each other are never among
     them: they may meet in the next run.
     """
-    clearance = Clearance(model)
+    clearance = Clearance(model, runs)
     bounded = [(pair, each) for pair in pairs if (each := clearance.levers(pair)) is not None]
     if len(runs) < FEWEST_RUNS or not bounded:
         return set()
