@@ -155,18 +155,13 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class Family:
-    """Runs that share a reference, and whose engine solves references.
-
-    Attributes:
-        run: one of them.
-        model: what the reference has in common with all of them: its numerics do not matter.
-        watch: called before steps, to start their time limit.
-    """
+    """Runs that share a reference, and whose engine solves references."""
 
     scene: Scene
-    run: PlannedModel
+    run: PlannedModel  # one of them
+    # What the reference has in common with all of them: its numerics do not matter.
     model: ResolvedRun
-    watch: Watch
+    watch: Watch  # called before steps, to start their time limit
 
     def integrate(
         self,
@@ -209,21 +204,14 @@ class Family:
 
 @dataclass(frozen=True)
 class ReferenceSolution:
-    """Two solutions of one model, at timesteps that differ by a factor of 2.
-
-    Attributes:
-        timestep: of the fine one [s].
-        times: (T,) at which states are known [s].
-        fine: the reference proper.
-        coarse: its distance from the fine one is the estimate of the reference's own error.
-    """
+    """Two solutions of one model, at timesteps that differ by a factor of 2."""
 
     family: Family
     integrator: str
-    timestep: float
-    times: Floats
-    fine: Solution
-    coarse: Solution
+    timestep: float  # of the fine one [s]
+    times: Floats  # (T,) at which states are known [s]
+    fine: Solution  # the reference proper
+    coarse: Solution  # its distance from the fine one is the estimate of the reference's own error
 
     @cached_property
     def joints(self) -> Joints:

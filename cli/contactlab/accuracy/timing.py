@@ -79,15 +79,11 @@ class _Portion(NamedTuple):
 
 @dataclass
 class InterleavedTimer:
-    """Times runs of one scene in this process.
-
-    Attributes:
-        rounds: how often each is timed; within a round all take turns.
-        controls: what policies did in runs, by id.
-    """
+    """Times runs of one scene in this process."""
 
     scene: Scene
-    rounds: int
+    rounds: int  # how often each is timed; within a round all take turns
+    # What policies did in runs, by id.
     controls: Mapping[str, RecordedControls] = field(default_factory=dict[str, RecordedControls])
     _compiled: dict[str, tuple[mujoco.MjModel, float]] = field(
         default_factory=dict[str, tuple[mujoco.MjModel, float]]

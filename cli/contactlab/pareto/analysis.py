@@ -47,9 +47,8 @@ _DEFAULT = Criteria()
 def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     """Return what accuracy costs in time, over the configurations of a store.
 
-    Raises:
-        SweepFileError: the criteria name a column that the store does not have.
-        StoreError: the store has no values of an error.
+    Raises a SweepFileError if the criteria name a column that the store does not have; a StoreError
+    if the store has no values of an error.
     """
     tolerances = tolerances_of(store, criteria)
     error = error_measure(store, criteria, tolerances)
@@ -228,17 +227,13 @@ def _edge_notes(chosen: Mapping[str, Setting], runs: StoredRuns) -> Iterator[str
 
 @dataclass(frozen=True)
 class ToleranceTable:
-    """The c configurations of n runs without their tolerances.
+    """The c configurations of n runs without their tolerances."""
 
-    Attributes:
-        configuration: (n,) the configuration of each run.
-        worst: metric to (c,) what tolerances are compared with: its largest magnitude over a
-            configuration's runs; NaN if a run has no value.
-        otherwise_feasible: (c,) whether a configuration is feasible but for tolerances.
-    """
-
-    configuration: NDArray[np.int64]
+    configuration: NDArray[np.int64]  # (n,) the configuration of each run
+    # Metric to (c,) what tolerances are compared with: its largest magnitude over a configuration's
+    # runs; NaN if a run has no value.
     worst: Mapping[str, Floats]
+    # (c,) whether a configuration is feasible but for tolerances.
     otherwise_feasible: NDArray[np.bool_]
 
 

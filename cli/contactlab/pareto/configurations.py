@@ -44,26 +44,18 @@ _FIXED = ("run_id", "seed", "label")
 
 @dataclass(frozen=True)
 class StoredRuns:
-    """The runs of a store, n of them.
-
-    Attributes:
-        knobs: axis to its n values, of the axes with the role knob.
-        scenarios: the same of the axes with the role scenario.
-        numbers: column to (n,) values, in their units; NaN where there is none.
-        baseline: a run of the model as written, if there is one, by its place.
-        written: option to its value there.
-        solref_rules: whether solref is absolute or tied to the timestep; empty if unknown.
-    """
+    """The runs of a store, n of them."""
 
     ids: list[str]
-    knobs: Mapping[str, Sequence[Setting]]
-    scenarios: Mapping[str, Sequence[Setting]]
+    knobs: Mapping[str, Sequence[Setting]]  # axis to its n values, of the axes with the role knob
+    scenarios: Mapping[str, Sequence[Setting]]  # the same of the axes with the role scenario
     seeds: Sequence[int]
     labels: list[str]
-    numbers: Mapping[str, Floats]
+    numbers: Mapping[str, Floats]  # column to (n,) values, in their units; NaN where there is none
+    # Whether solref is absolute or tied to the timestep; empty if unknown.
     solref_rules: tuple[str, ...] = ()
-    baseline: int | None = None
-    written: Mapping[str, Setting] | None = None
+    baseline: int | None = None  # a run of the model as written, if there is one, by its place
+    written: Mapping[str, Setting] | None = None  # option to its value there
 
 
 def read_runs(store: Store, names: Iterable[str]) -> StoredRuns:
@@ -135,22 +127,14 @@ class ResolvedCriteria:
 
 @dataclass(frozen=True)
 class Evaluated:
-    """One configuration.
-
-    Attributes:
-        rows: indices of its runs in `StoredRuns`.
-        cases: in how many scenarios and seeds it was run.
-        estimate: uncertainty of the reference of its error, in the error's unit; 0 without one.
-        impacts: largest number of impacts in any of its runs.
-        exceeded: metrics that exceed their tolerance.
-    """
+    """One configuration."""
 
     summary: Configuration
-    rows: list[int]
-    cases: int
-    estimate: float
-    impacts: float
-    exceeded: tuple[str, ...]
+    rows: list[int]  # indices of its runs in `StoredRuns`
+    cases: int  # in how many scenarios and seeds it was run
+    estimate: float  # uncertainty of the reference of its error, in the error's unit; 0 without one
+    impacts: float  # largest number of impacts in any of its runs
+    exceeded: tuple[str, ...]  # metrics that exceed their tolerance
 
     @property
     def values(self) -> dict[str, Setting]:

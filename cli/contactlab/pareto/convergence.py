@@ -22,17 +22,11 @@ FLAT_SPAN = 4.0
 
 
 class TimestepErrors(NamedTuple):
-    """The errors of one method at n timesteps, the finest first.
+    """The errors of one method at n timesteps, the finest first."""
 
-    Attributes:
-        timestep: (n,) distinct [s].
-        error: (n,) positive.
-        uncertainty: (n,) of the reference, in the error's unit; 0 without one.
-    """
-
-    timestep: Floats
-    error: Floats
-    uncertainty: Floats
+    timestep: Floats  # (n,) distinct [s]
+    error: Floats  # (n,) positive
+    uncertainty: Floats  # (n,) of the reference, in the error's unit; 0 without one
 
 
 def order(steps: TimestepErrors, floor: float = 0.0) -> Order:

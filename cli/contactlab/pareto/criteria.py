@@ -22,22 +22,18 @@ _NONE: Mapping[str, float] = MappingProxyType({})
 
 @dataclass(frozen=True)
 class Criteria:
-    """What makes a configuration accurate enough.
+    """What makes a configuration accurate enough."""
 
-    Attributes:
-        error: the column that stands for accuracy; None for what the tolerances name.
-        tolerances: metric to largest magnitude, over those of the sweep.
-    """
-
+    # The column that stands for accuracy; None for what the tolerances name.
     error: str | None = None
+    # Metric to largest magnitude, over those of the sweep.
     tolerances: Mapping[str, float] = field(default_factory=lambda: _NONE)
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:
     """Return the store that a text names; None if it names a sweep, whose store is the target.
 
-    Raises:
-        SweepFileError: there is a target for what is a store already.
+    A target for what is a store already is a SweepFileError.
     """
     address = parse_address(source)
     is_folder = isinstance(address, Path) and address.is_dir()
@@ -50,11 +46,7 @@ def find_store(source: str, target: Address | None = None) -> Address | None:
 
 
 def tolerances_of(store: Store, criteria: Criteria) -> dict[str, float]:
-    """Return every tolerance: the sweep's, overridden by those of the criteria.
-
-    Raises:
-        SweepFileError: one names no number of the store.
-    """
+    """Return the sweep's tolerances and the criteria's; a SweepFileError if one is of no number."""
     sweep = Sweep.model_validate(store.manifest.sweep.resolved)
     tolerances = {**sweep.tolerances, **criteria.tolerances}
     for name in tolerances:
@@ -67,9 +59,8 @@ def error_measure(
 ) -> ErrorMeasure:
     """Return the error of the criteria, or the first with a tolerance, or the first measured.
 
-    Raises:
-        SweepFileError: the store has no such column.
-        StoreError: no run has a value of it, or of any error, though not every run failed.
+    Raises a SweepFileError if the store has no such column; a StoreError if no run has a value of
+    it, or of any error, though not every run failed.
     """
     if criteria.error is not None:
         _check_number(store, criteria.error)

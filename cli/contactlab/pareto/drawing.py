@@ -19,8 +19,7 @@ _SCALE = 2.0
 def check_figure(path: Path) -> None:
     """Check that a figure can be drawn, before anything is run for it.
 
-    Raises:
-        OutputError: the suffix is not known, the libraries or the folder are missing.
+    Raises an OutputError if the suffix is not known, the libraries or the folder are missing.
     """
     if path.suffix not in SUFFIXES:
         raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
@@ -34,11 +33,7 @@ def check_figure(path: Path) -> None:
 
 
 def save_figure(chart: "alt.TopLevelMixin", path: Path) -> None:
-    """Write a chart as a .png or .svg file.
-
-    Raises:
-        OutputError: it cannot be written.
-    """
+    """Write a chart as a .png or .svg file; an OutputError if it cannot be written."""
     try:
         chart.save(path, scale_factor=_SCALE)
     except OSError as error:
@@ -48,8 +43,7 @@ def save_figure(chart: "alt.TopLevelMixin", path: Path) -> None:
 def draw(report: TradeoffReport, path: Path) -> None:
     """Draw a report as a .png or .svg file: log error over log time, one line per method.
 
-    Raises:
-        OutputError: as `check_figure`, or it cannot be written.
+    Raises an OutputError as `check_figure` does, or if it cannot be written.
     """
     check_figure(path)
     from contactlab.pareto.tradeoff_chart import specification  # noqa: PLC0415 - needs the extra

@@ -37,20 +37,13 @@ class ChartFrame(NamedTuple):
 
 @dataclass(frozen=True)
 class ChartData:
-    """The rows of the figure's layers.
-
-    Attributes:
-        methods: names of the methods with a colour, with their letters; the best first.
-        points: one per configuration, of idle knobs with the recommendation's value alone.
-        front: the feasible Pareto front, cheapest first.
-        floors: one per coloured method with a floor.
-    """
+    """The rows of the figure's layers."""
 
     frame: ChartFrame
-    methods: list[str]
-    points: list[Row]
-    front: list[Row]
-    floors: list[Row]
+    methods: list[str]  # names of the methods with a colour, with their letters; the best first
+    points: list[Row]  # one per configuration, of idle knobs with the recommendation's value alone
+    front: list[Row]  # the feasible Pareto front, cheapest first
+    floors: list[Row]  # one per coloured method with a floor
 
 
 def chart_data(report: TradeoffReport, places: Collection[int] | None = None) -> ChartData:

@@ -30,31 +30,22 @@ def _ignore(*_: object) -> None:
 
 @dataclass(frozen=True)
 class Session:
-    """Where and how a study runs its sweeps.
+    """Where and how a study runs its sweeps."""
 
-    Attributes:
-        folder: receives the stores of the study, each under its own name, and its reports.
-        workers: worker processes; 0 runs everything in this process.
-        begin: called when a sweep begins, with the number of its runs and of those already stored.
-        progress: called with runs as they finish.
-        notify: called with a line of text, where there is something to tell before the report.
-        allow_code: whether policies may run, which are code.
-        stop: set, from another thread or a signal handler, to end the study early.
-    """
-
-    folder: Path
-    workers: int = 0
+    folder: Path  # receives the stores of the study, each under its own name, and its reports
+    workers: int = 0  # worker processes; 0 runs everything in this process
+    # Called when a sweep begins, with the number of its runs and of those already stored.
     begin: Callable[[int, int], None] = _ignore
-    progress: Callable[[Sequence[Finished]], None] = _ignore
+    progress: Callable[[Sequence[Finished]], None] = _ignore  # called with runs as they finish
+    # Called with a line of text, where there is something to tell before the report.
     notify: Callable[[str], None] = _ignore
-    stop: Stop | None = None
-    allow_code: bool = False
+    stop: Stop | None = None  # set, from another thread or a signal handler, to end the study early
+    allow_code: bool = False  # whether policies may run, which are code
 
     def claim(self, results: str, reference: str) -> None:
         """Take the folder's one place for such results, of a model, a scene or a sweep as named.
 
-        Raises:
-            OutputError: the place has the results of another one, or cannot be written.
+        Raises an OutputError if the place has the results of another one, or cannot be written.
         """
         path = Path(reference).expanduser()
         source = str(path.resolve()) if path.exists() else reference
@@ -72,9 +63,7 @@ class Session:
     def run(self, sweep: SweepRequest) -> Store:
         """Run a sweep and open its store.
 
-        Raises:
-            OutputError: the store cannot be written.
-            StoppedError: `stop` was set; the store can be resumed.
+        Raises an OutputError if it cannot be written; a StoppedError if `stop` was set: resume it.
         """
         sweep = replace(sweep, allow_code=self.allow_code)
         run_sweep(sweep, self.begin, self.progress, self.stop)
@@ -107,11 +96,7 @@ class Session:
             return self.run(replace(request, fresh=True))
 
     def write(self, files: Mapping[str, str]) -> None:
-        """Write text files into the session's folder, by name.
-
-        Raises:
-            OutputError: the folder or a file cannot be written.
-        """
+        """Write text files into the session's folder, by name; an OutputError if one cannot be."""
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -132,10 +117,8 @@ def read_settings(
     """Return values by axis of options `--set`, and the sweep that these make.
 
     The options give one value to each of some axes of a scene, and may set these keys of a sweep.
-
-    Raises:
-        SweepFileError: an option is wrong, or gives more than one value; all that are, are named.
-        SceneError: there is no such scene.
+    Raises a SweepFileError if an option is wrong, or gives more than one value (all that do are
+    named); a SceneError if there is no such scene.
     """
     read = read_sweep({"version": 1, "scene": reference}, scenes.vocabulary, Overrides(assign))
     given = read.sweep.model_dump(exclude_defaults=True).keys()

@@ -22,33 +22,23 @@ FOLDER = "stability"
 
 @dataclass(frozen=True)
 class StabilityRequest:
-    """Which cases to run.
+    """Which cases to run."""
 
-    Attributes:
-        names: cases of the catalogue; model files, folders of scenes or menagerie:ROBOT, for
-            generic checks of these; every case of the catalogue if empty.
-        drive: what drives models; None for what their scene says, and for an exercise of a model
-            without one.
-        assign: settings of models, `NAME=VALUE` each, as those of a sweep.
-    """
-
+    # Cases of the catalogue; model files, folders of scenes or menagerie:ROBOT, for generic checks
+    # of these; every case of the catalogue if empty.
     names: Sequence[str] = ()
+    # What drives models; None for what their scene says, or an exercise of one without.
     drive: Drive | None = None
-    assign: Sequence[str] = ()
+    assign: Sequence[str] = ()  # settings of models, `NAME=VALUE` each, as those of a sweep
 
 
 class StabilityCase(NamedTuple):
-    """One hard case: a sweep file, or the text of a generic one, with expectations.
-
-    Attributes:
-        folder: where relative paths of its scene start.
-        origin: what was named: a case, a model, a folder or a robot.
-    """
+    """One hard case: a sweep file, or the text of a generic one, with expectations."""
 
     name: str
     source: Path | str
-    folder: Path
-    origin: str
+    folder: Path  # where relative paths of its scene start
+    origin: str  # what was named: a case, a model, a folder or a robot
 
     @property
     def is_generic(self) -> bool:
@@ -59,13 +49,10 @@ class StabilityCase(NamedTuple):
 def run(request: StabilityRequest, session: Session) -> StabilityReport:
     """Run hard cases, each into a store of its own; one that was interrupted is resumed.
 
-    The session is notified of each case that is done. Cases of which this engine can do nothing
-    are left out of the report.
-
-    Raises:
-        SweepFileError: there is no such case, or a setting is wrong, or not of a model.
-        OutputError: the session's folder cannot be written.
-        StoppedError: the session was stopped.
+    The session is notified of each case that is done. Cases of which this engine can do nothing are
+    left out of the report. Raises a SweepFileError if there is no such case, or a setting is wrong,
+    or not of a model; an OutputError if the session's folder cannot be written; a StoppedError if
+    the session was stopped.
     """
     cases = find_cases(request.names)
     own = [*request.assign, *(["a drive"] if request.drive else [])]

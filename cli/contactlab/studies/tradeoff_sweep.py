@@ -33,22 +33,16 @@ from contactlab.studies.session import Session
 
 @dataclass(frozen=True)
 class TradeoffRequest:
-    """Which configurations to evaluate, and by what.
+    """Which configurations to evaluate, and by what."""
 
-    Attributes:
-        source: a store, a sweep file, the name of a shipped sweep; or a model file or
-            menagerie:ROBOT, for the sweep that `init` writes for it.
-        criteria: which error stands for accuracy, and tolerances over the sweep's.
-        store: where the store of a sweep goes; if None, under its name in the session's folder.
-        drive: what drives the runs of a sweep, whatever it and its scene say.
-        model: folder to write the model with the recommendation into.
-    """
-
+    # A store, a sweep file, the name of a shipped sweep; or a model file or menagerie:ROBOT, for
+    # the sweep that `init` writes for it.
     source: str
-    criteria: Criteria
+    criteria: Criteria  # which error stands for accuracy, and tolerances over the sweep's
+    # Where the store of a sweep goes; if None, under its name in the session's folder.
     store: Address | None = None
-    drive: Drive | None = None
-    model: Path | None = None
+    drive: Drive | None = None  # what drives the runs of a sweep, whatever it and its scene say
+    model: Path | None = None  # folder to write the model with the recommendation into
 
 
 def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
@@ -56,12 +50,9 @@ def run(request: TradeoffRequest, session: Session) -> TradeoffReport:
 
     A sweep is run with errors and times measured, and with the scene as written beside, even if its
     file does not ask for them. The session is notified of what looks wrong in it. What is
-    recommended is written into the store's copy of the model; what cannot be is noted.
-
-    Raises:
-        SweepFileError: the sweep holds mistakes, or the criteria name what it does not measure.
-        StoreError: the store has no error to evaluate.
-        StoppedError: the session was stopped.
+    recommended is written into the store's copy of the model; what cannot be is noted. Raises a
+    SweepFileError if the sweep holds mistakes, or the criteria name what it does not measure; a
+    StoreError if the store has no error to evaluate; a StoppedError if the session was stopped.
     """
     stored = find_store(request.source, request.store)
     if stored is not None:

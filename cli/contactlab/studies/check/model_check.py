@@ -72,12 +72,10 @@ class CheckRequest:
 def run(request: CheckRequest, session: Session) -> CheckReport:
     """Check a model; write `check.json`, `check.md` and `reference.json` beside the stores.
 
-    Raises:
-        SceneError: there is no such model or keyframe, or it does not compile.
-        SweepFileError: a setting, or the name of a check or a limit, is wrong.
-        PolicyError: what is accepted is not a finding of any check.
-        OutputError: the session's folder cannot be written.
-        StoppedError: the session was stopped.
+    Raises a SceneError if there is no such model or keyframe, or it does not compile; a
+    SweepFileError if a setting, or the name of a check or a limit, is wrong; a PolicyError if what
+    is accepted is not a finding of any check; an OutputError if the session's folder cannot be
+    written; a StoppedError if the session was stopped.
     """
     checks: dict[CheckName, Check] = {name: _CHECKS[name] for name in _chosen(request.only)}
     # Raises an error for what no check can find, before anything is run.
@@ -118,9 +116,8 @@ def run(request: CheckRequest, session: Session) -> CheckReport:
 def open_model(request: CheckRequest, session: Session) -> CheckedModel:
     """Open a model for its checks; what the request leaves open depends on it, or on its scene.
 
-    Raises:
-        SceneError: there is no such scene, or it does not compile.
-        SweepFileError: a setting is wrong; all that are, are named.
+    Raises a SceneError if there is no such scene, or it does not compile; a SweepFileError if a
+    setting is wrong (all are named).
     """
     scenes, reference = SceneLoader(Path()), request.model
     scene = scenes.open(reference)

@@ -44,17 +44,12 @@ _Found = tuple[Values, tuple[str, ...]]
 
 @dataclass
 class _Search:
-    """A search for changes that help, each on top of those that were found.
-
-    Attributes:
-        model: as it is.
-        results: of each check, with the changes that were found.
-        found: these changes, and the findings that each mends.
-    """
+    """A search for changes that help, each on top of those that were found."""
 
     checks: Mapping[CheckName, Check]
-    model: CheckedModel
-    results: dict[CheckName, CheckResult]
+    model: CheckedModel  # as it is
+    results: dict[CheckName, CheckResult]  # of each check, with these changes
+    # The changes that were found, and the findings that each mends.
     found: list[_Found] = field(default_factory=list[_Found])
     notes: list[str] = field(default_factory=list[str])
     trials: int = 0

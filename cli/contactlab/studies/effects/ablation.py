@@ -113,13 +113,10 @@ _CHEAPER = 0.95
 def run(request: EffectsRequest, session: Session) -> EffectsReport:
     """Change one effect at a time, search for the smallest set, and verify it.
 
-    The report is written to `effects.json` beside the stores.
-
-    Raises:
-        SweepFileError: the sweep or a setting is wrong; all mistakes are named.
-        SceneError: there is no such scene, or it does not compile.
-        OutputError: the session's folder cannot be written.
-        StoppedError: the session was stopped.
+    The report is written to `effects.json` beside the stores. Raises a SweepFileError if the sweep
+    or a setting is wrong (all are named); a SceneError if there is no such scene, or it
+    does not compile; an OutputError if the session's folder cannot be written; a StoppedError if
+    the session was stopped.
     """
     setup = request.setup
     session.claim("effects", request.source)

@@ -95,19 +95,13 @@ _PAIRS = 6
 
 @dataclass
 class ConfigurationRunner:
-    """Runs configurations, each set in a store of its own.
+    """Runs configurations, each set in a store of its own."""
 
-    Attributes:
-        setup: the base configuration, scenarios and seeds.
-        rounds: of a timing pass; None for no timing.
-        stores: names of the stores written.
-    """
-
-    setup: AblationSetup
+    setup: AblationSetup  # the base configuration, scenarios and seeds
     toggles: Mapping[str, Toggle]
     session: Session
-    rounds: int | None
-    stores: list[str] = field(default_factory=list[str])
+    rounds: int | None  # of a timing pass; None for no timing
+    stores: list[str] = field(default_factory=list[str])  # names of the stores written
 
     def run(
         self,

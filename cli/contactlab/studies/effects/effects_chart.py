@@ -27,11 +27,7 @@ _COLOURS = {
 
 
 def draw(report: EffectsReport, path: Path) -> None:
-    """Draw a report as two columns of bars, one row an effect, into a .png or .svg file.
-
-    Raises:
-        OutputError: the file cannot be written.
-    """
+    """Draw a report as two columns of bars, a row an effect, as `save_figure` writes it."""
     save_figure(specification(report), path)
 
 

@@ -19,21 +19,15 @@ _SWEEPS = {".yaml", ".yml"}
 
 @dataclass(frozen=True)
 class EffectsRequest:
-    """Which scene's effects to change, and around which configuration.
+    """Which scene's effects to change, and around which configuration."""
 
-    Attributes:
-        source: a sweep file; else a scene, a model file or whatever a sweep may name as its scene.
-        assign: settings of the base configuration, `NAME=VALUE` each.
-        seeds: how many seeds to change effects with.
-        rounds: how often configurations are timed; None leaves costs out.
-        drive: what drives the runs; None for what sweep or scene say, and for an exercise of a
-            model without either.
-    """
-
+    # A sweep file; else a scene, a model file or whatever a sweep may name as its scene.
     source: str
-    assign: Sequence[str] = ()
-    seeds: int = 6
-    rounds: int | None = 3
+    assign: Sequence[str] = ()  # settings of the base configuration, `NAME=VALUE` each
+    seeds: int = 6  # how many seeds to change effects with
+    rounds: int | None = 3  # how often configurations are timed; None leaves costs out
+    # What drives the runs; None for what sweep or scene say, and for an exercise of a model without
+    # either.
     drive: Drive | None = None
 
     @cached_property
@@ -41,11 +35,8 @@ class EffectsRequest:
         """The scene and its base configuration, read once.
 
         Of a sweep, axes of the role scenario are kept, and knobs of one value; other knobs stay as
-        the scene has them, unless `assign` sets them.
-
-        Raises:
-            SweepFileError: the sweep or a setting is wrong; all mistakes are named.
-            SceneError: there is no such scene.
+        the scene has them, unless `assign` sets them. Raises a SweepFileError if the sweep or a
+        setting is wrong (all are named); a SceneError if there is no such scene.
         """
         path = Path(self.source)
         is_sweep = path.suffix in _SWEEPS
@@ -78,29 +69,19 @@ class EffectsRequest:
 
 @dataclass(frozen=True)
 class AblationSetup:
-    """A scene, and the configuration around which its effects are changed.
+    """A scene, and the configuration around which its effects are changed."""
 
-    Attributes:
-        scenes: opens the scene.
-        reference: what a sweep file says after `scene:`.
-        base: canonical values of the base configuration.
-        scenarios: values of the axes of role scenario; one empty one if there is none.
-        fresh_scenarios: other such values, to verify with.
-        seeds: to change effects with.
-        duration: simulated time [s], or None for the scene's own.
-        tolerances: metric to largest change; empty if neither sweep nor scene has any.
-        thresholds: of labels, over the scene's.
-    """
-
-    scenes: SceneLoader
-    reference: str
-    base: Values
+    scenes: SceneLoader  # opens the scene
+    reference: str  # what a sweep file says after `scene:`
+    base: Values  # canonical values of the base configuration
+    # Values of the axes of role scenario; one empty one if there is none.
     scenarios: tuple[Values, ...]
-    fresh_scenarios: tuple[Values, ...]
-    seeds: tuple[int, ...]
-    duration: float | None
+    fresh_scenarios: tuple[Values, ...]  # other such values, to verify with
+    seeds: tuple[int, ...]  # to change effects with
+    duration: float | None  # simulated time [s], or None for the scene's own
+    # Metric to largest change; empty if neither sweep nor scene has any.
     tolerances: Mapping[str, float]
-    thresholds: Mapping[str, float]
+    thresholds: Mapping[str, float]  # of labels, over the scene's
 
     @property
     def scene(self) -> Scene:

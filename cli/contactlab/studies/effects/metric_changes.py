@@ -37,14 +37,11 @@ def judged_metrics(changed: Collection[str] = ()) -> list[str]:
 
 @dataclass(frozen=True)
 class ConfigurationDifference:
-    """The difference between matched pairs of runs of two configurations.
+    """The difference between matched pairs of runs of two configurations."""
 
-    Attributes:
-        changes: the change of every metric, in the scenario where it is largest; largest first.
-        labels: changes of labels to any that the base does not have with some seed, by runs.
-    """
-
+    # The change of every metric, in the scenario where it is largest; largest first.
     changes: tuple[MetricChange, ...]
+    # Changes of labels to any that the base does not have with some seed, by runs.
     labels: Mapping[str, int]
 
     @property
