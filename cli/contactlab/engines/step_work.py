@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.mechanism import AT_JOINT
-from contactlab.scene.run_setup import is_conservative
+from contactlab.scene.run_setup import is_conservative, is_passive
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -75,12 +75,14 @@ class Books:
         acts = forces["qfrc_constraint"].any(axis=1)
         given = np.concatenate(([0.0], np.cumsum(self.work[run, :, CONSTRAINTS])))
         held, free = _largest_rise(given, acts | True), _largest_rise(given, ~acts)
-        steps = np.array([held[0], 0])
-        inputs = starts.inputs(run, model.opt.timestep, steps)
-        stored, _ = self._stored(model, states[held[0]], inputs[0])
-        _, at_start = self._stored(model, states[0], inputs[1]) if acts[0] else (0, 0)
-        # Where nothing is constrained, nothing is stored.
-        more = not acts[free[0]] and _rise(given, free) > _rise(given, held) - stored
+        inputs = starts.inputs(run, model.opt.timestep, np.array([held[0], 0]))
+        # Where nothing is constrained, nothing is stored; who is driven may store at any time.
+        stored, at_start, most = 0.0, 0.0, _rise(given, free) * (not acts[free[0]])
+        if _rise(given, held) > max(most, 0):
+            stored, _ = self._stored(model, states[held[0]], inputs[0])
+        if acts[0] and is_passive(model):
+            _, at_start = self._stored(model, states[0], inputs[1])
+        more = most >= _rise(given, held) - stored
         self.given[run] = *(free if more else held), 0 if more else stored, at_start
 
     def _stored(self, model: mujoco.MjModel, state: Floats, inputs: Floats) -> tuple[float, float]:

@@ -152,9 +152,11 @@ class InitialStates(NamedTuple):
 
 def apply_inputs(model: mujoco.MjModel, data: mujoco.MjData, inputs: Floats) -> None:
     """Write one row of `InitialStates.inputs` into a state."""
-    ctrl, applied, mocap = np.split(inputs, [model.nu, model.nu + 6 * model.nbody])
-    data.ctrl[:], data.xfrc_applied.flat[:] = ctrl, applied
-    data.mocap_pos.flat[:], data.mocap_quat.flat[:] = np.split(mocap, [3 * model.nmocap])
+    pushes, poses = model.nu, model.nu + 6 * model.nbody
+    data.ctrl[:], data.xfrc_applied.flat[:] = inputs[:pushes], inputs[pushes:poses]
+    if model.nmocap:
+        turns = poses + 3 * model.nmocap
+        data.mocap_pos.flat[:], data.mocap_quat.flat[:] = inputs[poses:turns], inputs[turns:]
 
 
 _ARRAYS = ("qpos", "qvel", "ctrl", "applied", "act", "mocap")

@@ -43,7 +43,7 @@ def make_setup(
     values = [run.values for run in runs]
     windows = [holding.window(run.initial) for run in runs] if holding else []
     oracle = manifest.oracle if manifest else None
-    passive = all(map(_is_passive, models)) and not _is_pushed(manifest, runs)
+    passive = all(map(is_passive, models)) and not _is_pushed(manifest, runs)
     return Setup(
         settings={name: [each[name] for each in values] for name in values[0]},
         elliptic=np.array([model.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC for model in models]),
@@ -79,7 +79,8 @@ def _gravity(model: mujoco.MjModel) -> Floats:
     return np.zeros(3) if off else np.array(model.opt.gravity)
 
 
-def _is_passive(model: mujoco.MjModel) -> bool:
+def is_passive(model: mujoco.MjModel) -> bool:
+    """Return whether nothing drives a model: no actuator, plug-in, wind or surface that moves."""
     driven = model.nu or model.nplugin or model.opt.wind.any() or model.body_gravcomp.any()
     return not driven and not getattr(model, "geom_surfacevel", np.zeros(1)).any()
 
@@ -87,7 +88,7 @@ def _is_passive(model: mujoco.MjModel) -> bool:
 def is_conservative(model: mujoco.MjModel) -> bool:
     """Return whether a model has nothing but gravity, springs and contacts, as far as is known."""
     opt = model.opt
-    acts = not _is_passive(model) or model.nflex or model.neq or opt.density or opt.viscosity
+    acts = not is_passive(model) or model.nflex or model.neq or opt.density or opt.viscosity
     limits = model.jnt_limited.any() or model.tendon_limited.any()
     drag = (model.dof_damping, model.dof_frictionloss, model.tendon_damping)
     brakes = any(each.any() for each in (*drag, model.tendon_frictionloss))
