@@ -130,17 +130,16 @@ class Recorder:
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
         """Record runs of N steps, so many together."""
         self._books = Books(models, steps, rows)
-        self._passages = Passages(models[0], len(models), steps, rows)
-        self.fields = {**self._books.forces, **self._passages.poses}
+        self._passages = Passages(models[0], len(models))
+        self.fields = self._books.forces
 
     def enter(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
         """Take in a run that was recorded in a row; see `Books.enter`."""
-        velocity = 1 + model.nq
         with np.errstate(all="ignore"):
             self._books.enter(run, row, model, starts, states)
-            self._passages.enter(run, row, model, states[:, velocity : velocity + model.nv])
+            self._passages.enter(run, model, starts, states)
 
     def told(self, rollout: Rollout) -> Rollout:
         """Return a rollout with what was told of its runs."""

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats, Passage
 from contactlab.scene.contact_pairs import half_extent, may_touch, reaches
+from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _SLOW = 0.5
 """Share of the half thickness of two geoms that a step must move them by to carry one through."""
@@ -33,12 +34,11 @@ class Passages:
     """What passed through what in runs of one structure, by the poses of their bodies.
 
     Attributes:
-        poses: what a batch is to record of some runs: arrays (rows, N, ...) by field of MjData.
         found: what passed through what in each run, in the order of steps.
     """
 
-    def __init__(self, model: mujoco.MjModel, runs: int, steps: int, rows: int) -> None:
-        """Look for passages in n runs of N steps; their geoms are those of one model."""
+    def __init__(self, model: mujoco.MjModel, runs: int) -> None:
+        """Look for passages in n runs; their geoms are those of one model."""
         off = model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_CONTACT)
         half = _half_extents(model)
         self._thinnest = np.inf if off else half.min(initial=np.inf)
@@ -47,24 +47,20 @@ class Passages:
         self._least = _SLOW * (half[:, None] + half)
         self._least[np.tril_indices(len(half))] = np.inf
         self._touch: dict[tuple[int, int], bool] = {}
-        shapes = {"xpos": (model.nbody, 3), "xquat": (model.nbody, 4)}
-        if model.nflex:
-            shapes["flexvert_xpos"] = (model.nflexvert, 3)
-        shapes = shapes if np.isfinite(self._thinnest) else {}
-        self.poses = {name: np.empty((rows, steps, *shape)) for name, shape in shapes.items()}
         self.found = [tuple[Passage, ...]()] * runs
 
-    def enter(self, run: int, row: int, model: mujoco.MjModel, velocity: Floats) -> None:
-        """Look at a run that was just recorded, with its own model and (N + 1, nv) velocities."""
-        if not self.poses:
+    def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
+        """Look at a run that was just recorded, with its own model and (N + 1, nstate) states."""
+        if not np.isfinite(self._thinnest):
             return
+        positions, velocities = 1 + model.nq, 1 + model.nq + model.nv
         # Farther than this no point can move in a step: a bound that is found quickly.
-        farthest = np.abs(velocity).max(axis=0) @ self._lengths * model.opt.timestep
-        if model.nflex or farthest > _SLOW * self._thinnest:
-            position, rotation, *vertices = (rows[row] for rows in self.poses.values())
+        fastest = np.abs(states[:, positions:velocities]).max(axis=0)
+        if model.nflex or fastest @ self._lengths * model.opt.timestep > _SLOW * self._thinnest:
+            acting = starts.inputs(run, model.opt.timestep, np.arange(len(states) - 1))
+            position, rotation, vertices = _poses(model, states[:-1, 1:positions], acting)
             found = [*self._passages(model, position, rotation)]
-            for each in vertices:
-                found += _through_flexes(model, position, rotation, each)
+            found += _through_flexes(model, position, rotation, vertices)
             self.found[run] = tuple(sorted(found, key=lambda each: each.step))
 
     def _passages(
@@ -101,6 +97,22 @@ class Passages:
         if pair not in self._touch:
             self._touch[pair] = may_touch(model, *pair)
         return self._touch[pair]
+
+
+def _poses(model: mujoco.MjModel, path: Floats, acting: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return (N, nbody, 3) and (N, nbody, 4) poses, and (N, nflexvert, 3) vertices of flexes."""
+    data, steps = mujoco.MjData(model), len(path)
+    position, rotation = np.empty((steps, model.nbody, 3)), np.empty((steps, model.nbody, 4))
+    vertices = np.empty((steps, model.nflexvert, 3))
+    for step, data.qpos[:] in enumerate(path):
+        if model.nmocap:
+            apply_inputs(model, data, acting[step])
+        mujoco.mj_kinematics(model, data)
+        position[step], rotation[step] = data.xpos, data.xquat
+        if model.nflex:
+            mujoco.mj_flex(model, data)
+            vertices[step] = data.flexvert_xpos
+    return position, rotation, vertices
 
 
 def _through_flexes(
