@@ -40,10 +40,8 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     """Return a Python with another version of MuJoCo; None if this one has the right version.
 
     The request is a version, or the path of a Python that has one. An environment is made when it
-    is needed for the first time, after a notification, and kept in the user's cache.
-
-    Raises:
-        EngineError: there is no such version, or it cannot be installed.
+    is needed for the first time, after a notification, and kept in the user's cache. Raises an
+    EngineError if there is no such version, or it cannot be installed.
     """
     if request == engine().version:
         return None

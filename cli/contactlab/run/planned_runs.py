@@ -63,21 +63,18 @@ class RunIndex:
     """The distinct runs of a plan, in its order; of equal runs, the first counts.
 
     It has 9 bytes of each run, so that a plan of any size fits into memory.
-
-    Attributes:
-        firsts: for each shape of rows, in order of appearance, the values of its first row.
     """
 
     def __init__(self, plan: Plan, scene: Scene) -> None:
         """Compute every run's id, a few microseconds each.
 
-        Raises:
-            SceneError: the model's timestep is not positive, and the sweep sets no other; or the
-                times of a run's control or hold are inconsistent.
-            SweepFileError: a run would record more than 1 GiB.
+        Raises a SceneError if the model's timestep is not positive, and the sweep sets no other; or
+        the times of a run's control or hold are inconsistent; a SweepFileError if a run would
+        record more than 1 GiB.
         """
         self._plan = plan
         self._rows = RowResolver(scene, plan.sweep.duration)
+        # For each shape of rows, in order of appearance, the values of its first row.
         self.firsts: dict[RowGroup, Mapping[str, object]] = {}
         ids = bytearray()
         check = _Check(scene)
@@ -223,10 +220,8 @@ def _max_models(base: CompiledScene) -> int:
 def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
     """Return the scene of a store's sweep, with its drive, from the store's own files.
 
-    The folder is the store's copy of the scene.
-
-    Raises:
-        SceneError: it does not compile with this engine, or a file is not what it was.
+    The folder is the store's copy of the scene. Raises a SceneError if it does not compile with
+    this engine, or a file is not what it was.
     """
     source = stored_scene(folder, identity.scene_model, identity.scene)
     scene = Scene(source, ENGINES, read_control_table)

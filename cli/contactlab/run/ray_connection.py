@@ -36,10 +36,7 @@ def ray_cluster(address: str | None, workers: int | None) -> Generator[Executor]
 
     It is the one at HOST:PORT, or for `auto` the one that runs on this machine; so many jobs may be
     on it at once. Without an address one is started here, with so many CPUs or one for each core.
-
-    Raises:
-        ClusterError: it cannot be reached.
-        OutputError: Ray is not installed.
+    Raises a ClusterError if it cannot be reached; an OutputError if Ray is not installed.
     """
     for name, value in _ENVIRONMENT.items():
         os.environ.setdefault(name, value)

@@ -36,20 +36,16 @@ from contactlab.store.finished_store import Store
 
 @dataclass(frozen=True)
 class ReplayResult:
-    """A replay, compared with the stored run, of which it should equal every state bit for bit.
-
-    Attributes:
-        step: first step after which the states differ; None if they are equal, if there is no
-            trace, or if the trace is equal although its hash is not.
-        difference: largest difference of a coordinate there [m, rad, m/s or rad/s].
-    """
+    """A replay, compared with the stored run, of which it should equal every state bit for bit."""
 
     run_id: str
     equal: bool
     stored_hash: str | None
     hash: str
+    # First step after which the states differ; None if they are equal, if there is no trace, or if
+    # the trace is equal although its hash is not.
     step: int | None
-    difference: float | None
+    difference: float | None  # largest difference of a coordinate there [m, rad, m/s or rad/s]
     stored_engine: str
 
 
@@ -81,10 +77,9 @@ def prepare_replay(store: Store, run: str) -> PreparedReplay:
 def stored_run(store: Store, run: str) -> tuple[EvidenceRecord, Scene, ResolvedRun]:
     """Return a stored run, its scene and its settings, made from the store's own files.
 
-    Raises:
-        StoreError: there is no such run, or its settings do not give its id.
-        EngineError: the engine that computed it is not here.
-        PluginError: it cannot be prepared, and a plug-in that it was run with is not loaded.
+    Raises a StoreError if there is no such run, or its settings do not give its id; an EngineError
+    if the engine that computed it is not here; a PluginError if it cannot be prepared, and a
+    plug-in that it was run with is not loaded.
     """
     record = store.record(run)
     loaded = {each.name for each in loaded_plugins()}

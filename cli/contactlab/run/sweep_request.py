@@ -27,15 +27,7 @@ from contactlab.store.table_layout import RESERVED_COLUMNS
 
 @dataclass(frozen=True)
 class SweepRequest:
-    """A sweep to run, from the text of its file and the options that changed it.
-
-    Attributes:
-        workers: worker processes; 0 to run everything in this process.
-        fresh: whether to replace an existing store.
-        left_out: why runs that only newer engines support are left out of the plan.
-        cluster: what runs the jobs, if not worker processes of this machine.
-        allow_code: whether a policy may run, which is code.
-    """
+    """A sweep to run, from the text of its file and the options that changed it."""
 
     plan: Plan
     scene: Scene
@@ -43,13 +35,14 @@ class SweepRequest:
     source: str
     overrides: tuple[str, ...]
     store: Address
-    workers: int
-    fresh: bool = False
+    workers: int  # worker processes; 0 to run everything in this process
+    fresh: bool = False  # whether to replace an existing store
+    # Why runs that only newer engines support are left out of the plan.
     left_out: tuple[str, ...] = ()
-    cluster: Executor | None = None
+    cluster: Executor | None = None  # what runs the jobs, if not worker processes of this machine
     retry_failed: bool = False
     repair: bool = False
-    allow_code: bool = False
+    allow_code: bool = False  # whether a policy may run, which is code
 
 
 def read_request(  # noqa: PLR0913 - one argument an option
@@ -70,10 +63,8 @@ def read_request(  # noqa: PLR0913 - one argument an option
     """Read a sweep: a file by its path or its text, or its content as data.
 
     Relative paths of scenes start in the folder. `drive` and `bare` are as in `SceneLoader`. With
-    `partly`, runs that only newer engines support are left out instead of refused.
-
-    Raises:
-        SweepFileError: the file or the overrides have mistakes; all are listed.
+    `partly`, runs that only newer engines support are left out instead of refused. Raises a
+    SweepFileError if the file or the overrides have mistakes; all are listed.
     """
     options = overrides or Overrides()
     scenes = SceneLoader(folder, drive, bare=bare)
@@ -128,19 +119,13 @@ def _reason(row: Mapping[str, object]) -> str | None:
 
 @dataclass
 class SceneLoader:
-    """Opens the scene that a sweep names, once.
+    """Opens the scene that a sweep names, once."""
 
-    Attributes:
-        folder: where relative paths of scenes, and of files of drives, start: beside the sweep.
-        drive: what drives runs, whatever sweep or scene say; of an option.
-        drive_folder: where the files of `drive` start.
-        bare: what drives a model without a manifest, if nothing else is said.
-    """
-
+    # Where relative paths of scenes, and of files of drives, start: beside the sweep.
     folder: Path | None
-    drive: Drive | None = None
-    drive_folder: Path = Path()
-    bare: Drive = "hold"
+    drive: Drive | None = None  # what drives runs, whatever sweep or scene say; of an option
+    drive_folder: Path = Path()  # where the files of `drive` start
+    bare: Drive = "hold"  # what drives a model without a manifest, if nothing else is said
     _opened: dict[str, Scene] = field(default_factory=dict[str, Scene])
     _driven: dict[str, Scene] = field(default_factory=dict[str, Scene])
 

@@ -60,11 +60,9 @@ def run_sweep(
 ) -> StoreManifest:
     """Run what is not stored yet and publish the store.
 
-    Raises:
-        SweepFileError: the sweep has no runs, or cannot be run.
-        OutputError: the store cannot be written.
-        StoreError: the store is of another sweep.
-        StoppedError: `stop` was set; the same call goes on where it stopped.
+    Raises a SweepFileError if the sweep has no runs, or cannot be run; an OutputError if the store
+    cannot be written; a StoreError if the store is of another sweep; a StoppedError if `stop` was
+    set; the same call goes on where it stopped.
     """
     drive = request.scene.drive
     policy = allowed_policy(drive, allowed=request.allow_code)
@@ -231,10 +229,8 @@ def run_all_jobs(
     """Yield the results of every job, once for each run.
 
     The runs of a job that crashed are run again one by one. The culprit is the run that then times
-    out, or that crashes twice by itself: once may be chance, as when others need the memory.
-
-    Raises:
-        StoppedError: `stop` was set; jobs that crashed are left for the next time.
+    out, or that crashes twice by itself: once may be chance, as when others need the memory. Raises
+    a StoppedError if `stop` was set; jobs that crashed are left for the next time.
     """
     recorder: Worker | None = None
     for crashes in range(_MOST_CRASHES + 1):

@@ -47,26 +47,20 @@ Purpose = Literal["record", "errors", "work", "times"]
 
 @dataclass(frozen=True)
 class Task:
-    """What all jobs of a sweep share; sent to a worker once.
-
-    Attributes:
-        expected: conditions, each with what is expected of the runs that it selects.
-        scene_folder: the store's copy of the scene, on the machine that runs the sweep.
-        provenance: versions and machine that write the records.
-        plugins: what workers load before their first job.
-        policy: the code that acts in the runs, which the user allows; None without.
-        purpose: what is done with the runs: they are recorded, compared with a reference, or their
-            work is counted; times are taken by the process of the sweep itself.
-    """
+    """What all jobs of a sweep share; sent to a worker once."""
 
     sweep: Sweep
+    # Conditions, each with what is expected of the runs that it selects.
     expected: tuple[tuple[Match, Expectation], ...]
     identity: SweepIdentity
     store: Address
-    scene_folder: Path
-    provenance: Provenance
-    plugins: tuple[Plugin, ...] = ()
+    scene_folder: Path  # the store's copy of the scene, on the machine that runs the sweep
+    provenance: Provenance  # versions and machine that write the records
+    plugins: tuple[Plugin, ...] = ()  # what workers load before their first job
+    # The code that acts in the runs, which the user allows; None without.
     policy: LocatedDrive | None = None
+    # What is done with the runs: they are recorded, compared with a reference, or their work is
+    # counted; times are taken by the process of the sweep itself.
     purpose: Purpose = "record"
 
 

@@ -111,8 +111,7 @@ class _AbandonedError(Exception):
 class Worker:
     """Runs jobs of one sweep, keeping models and memory between them.
 
-    Raises:
-        PluginError: a plug-in of the sweep is not here.
+    Raises a PluginError if a plug-in of the sweep is not here.
     """
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:

@@ -60,13 +60,9 @@ def worker_count(requested: int | None) -> int:
 
 @dataclass(frozen=True)
 class LocalPool:
-    """Worker processes of this machine.
+    """Worker processes of this machine."""
 
-    Attributes:
-        workers: processes; 0 runs everything in this one, without protection from crashes.
-    """
-
-    workers: int
+    workers: int  # processes; 0 runs everything in this one, without protection from crashes
 
     def run(self, task: Task, jobs: Iterable[Job], stop: Stop) -> Iterator[Result]:
         """Yield the results of jobs as they come; see `Executor`."""
@@ -123,20 +119,14 @@ class WorkerPool:
 
 @dataclass
 class WorkerHandle:
-    """A worker process, whose pipe takes jobs and brings results.
-
-    Attributes:
-        marker: the file where the worker writes a traceback when a run times out.
-        job: the job that it is on; None while it waits for one.
-        halted: how often in a row it was seen halted, as by SIGSTOP.
-    """
+    """A worker process, whose pipe takes jobs and brings results."""
 
     process: BaseProcess
     pipe: Connection
-    marker: Path
-    job: Job | None = None
+    marker: Path  # the file where the worker writes a traceback when a run times out
+    job: Job | None = None  # the job that it is on; None while it waits for one
     stop_requested: bool = False
-    halted: int = 0
+    halted: int = 0  # how often in a row it was seen halted, as by SIGSTOP
 
 
 def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, job: Job) -> None:

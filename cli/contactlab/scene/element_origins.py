@@ -19,16 +19,12 @@ Origin = tuple[Path, int]
 
 @dataclass(frozen=True)
 class Origins:
-    """Where elements come from.
+    """Where elements come from."""
 
-    Attributes:
-        search: finds the files, in a copy of them.
-        by_line: of the elements on each line of what was laid out.
-        last: of the main file's last element of each tag, in what was laid out.
-    """
-
-    search: FileSearch
+    search: FileSearch  # finds the files, in a copy of them
+    # Of the elements on each line of what was laid out.
     by_line: dict[int, Origin] = field(default_factory=dict[int, Origin])
+    # Of the main file's last element of each tag, in what was laid out.
     last: dict[str, Origin] = field(default_factory=dict[str, Origin])
 
     @classmethod

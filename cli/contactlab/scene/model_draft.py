@@ -37,21 +37,17 @@ from contactlab.scene.scene_source import MODEL_SUFFIXES, SceneSource
 
 @dataclass(frozen=True)
 class ModelEdits:
-    """Changes of a model.
+    """Changes of a model."""
 
-    Attributes:
-        settings: canonical values of axes that concern the model: options, flags, effects, contact
-            parameters, model fields.
-        masked: geoms that take no part in collisions.
-        excluded: pairs of bodies that do not collide with each other.
-        sensors: names of sensors that are left out; one without a name is `sensor[3]`.
-        hull_vertices: most vertices of the convex hulls of meshes, by their names.
-    """
-
+    # Canonical values of axes that concern the model: options, flags, effects, contact parameters,
+    # model fields.
     settings: Mapping[str, object] = field(default_factory=dict[str, object])
-    masked: tuple[str, ...] = ()
+    masked: tuple[str, ...] = ()  # geoms that take no part in collisions
+    # Pairs of bodies that do not collide with each other.
     excluded: tuple[tuple[str, str], ...] = ()
+    # Names of sensors that are left out; one without a name is `sensor[3]`.
     sensors: tuple[str, ...] = ()
+    # Most vertices of the convex hulls of meshes, by their names.
     hull_vertices: Mapping[str, int] = field(default_factory=dict[str, int])
 
     @property
@@ -161,25 +157,16 @@ _ATTRIBUTES = {
 
 @dataclass(frozen=True)
 class Draft:
-    """Changes of a model's files, each at the element that an object comes from.
+    """Changes of a model's files, each at the element that an object comes from."""
 
-    Attributes:
-        main: the main file, in a copy.
-        before: what is in each file.
-        origins: where the elements come from.
-        now: the model as the files make it.
-        values: attributes to set.
-        removed: elements to remove.
-        added: lines to add at the main file's end.
-    """
-
-    main: Path
-    before: Mapping[Path, bytes]
-    origins: Origins
-    now: CompiledFiles
+    main: Path  # the main file, in a copy
+    before: Mapping[Path, bytes]  # what is in each file
+    origins: Origins  # where the elements come from
+    now: CompiledFiles  # the model as the files make it
+    # Attributes to set.
     values: dict[Origin, dict[str, str]] = field(default_factory=lambda: defaultdict(dict))
-    removed: set[Origin] = field(default_factory=set[Origin])
-    added: list[str] = field(default_factory=list[str])
+    removed: set[Origin] = field(default_factory=set[Origin])  # elements to remove
+    added: list[str] = field(default_factory=list[str])  # lines to add at the main file's end
 
     @classmethod
     def of(cls, scene: Scene, source: SceneSource) -> "Draft":

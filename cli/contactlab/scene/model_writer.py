@@ -32,19 +32,12 @@ from contactlab.scene.scene_source import SceneSource, stored_scene
 
 @dataclass(frozen=True)
 class WrittenModel:
-    """A model whose files were written with changes.
+    """A model whose files were written with changes."""
 
-    Attributes:
-        source: the scene that has the written model.
-        folder: of the files as they were, where the paths of the patch and of the changes start.
-        patch: turns them into the written ones, by `patch -p0`; empty for a URDF.
-        changes: by files and lines.
-    """
-
-    source: SceneSource
-    folder: Path
-    patch: bytes
-    changes: tuple[Change, ...]
+    source: SceneSource  # the scene that has the written model
+    folder: Path  # of the files as they were, where the paths of the patch and of the changes start
+    patch: bytes  # turns them into the written ones, by `patch -p0`; empty for a URDF
+    changes: tuple[Change, ...]  # by files and lines
 
     @property
     def path(self) -> Path:
@@ -66,11 +59,9 @@ def write_model(scene: Scene, edits: ModelEdits, folder: Path, name: str = "") -
     """Write a scene's files into a folder, the model with changes, if it then is what is meant.
 
     The main file keeps its name unless another is given, and the patch, which lies beside it, has
-    the same; a URDF becomes MJCF.
-
-    Raises:
-        SceneError: something cannot be written, or makes another model than is meant.
-        OutputError: the folder cannot be written, or is that of the scene itself.
+    the same; a URDF becomes MJCF. Raises a SceneError if something cannot be written, or makes
+    another model than is meant; an OutputError if the folder cannot be written, or is that of the
+    scene itself.
     """
     source = scene.source
     if folder.resolve() == source.content.root.resolve():

@@ -27,10 +27,7 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     """Yield a temporary path beside the target, which replaces the target on success.
 
     No other process, nor a link that one left, has its name. Where it is durable, it is synced to
-    the disk.
-
-    Raises:
-        OutputError: the file cannot be written; nothing is left behind.
+    the disk. Raises an OutputError if the file cannot be written; nothing is left behind.
     """
     temporary = target.with_name(f"{target.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
     try:

@@ -28,13 +28,10 @@ from contactlab.store.verify_store import verify
 def write_baseline(source: Address, target: Path, pinned: str | None = None) -> Store:
     """Copy a store without its traces, replacing an earlier baseline.
 
-    Records stay complete: they name their traces with size and hash. The columns' descriptions
-    are left out too. The target is replaced in one step; if a digest is pinned, only a baseline
-    that has it.
-
-    Raises:
-        StoreError: the store is not sound.
-        OutputError: the target is no baseline, or another one, or cannot be written.
+    Records stay complete: they name their traces with size and hash. The columns' descriptions are
+    left out too. The target is replaced in one step; if a digest is pinned, only a baseline that
+    has it. Raises a StoreError if the store is not sound; an OutputError if the target is no
+    baseline, or another one, or cannot be written.
     """
     if problems := verify(source, thorough=False):
         raise StoreError(f"{source} is not sound: {problems[0]} (see `contactlab verify {source}`)")

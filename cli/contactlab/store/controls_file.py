@@ -70,10 +70,8 @@ def has_controls(backend: Backend, sha256: str) -> bool:
 def read_control_table(path: Path) -> Columns:
     """Return the columns of a table by name, each (T,).
 
-    A column of vectors, as arrays of .npz files are, becomes `NAME[0]`, `NAME[1]`, ...
-
-    Raises:
-        SceneError: it cannot be read, or has cells that are no numbers, or columns of two lengths.
+    A column of vectors, as arrays of .npz files are, becomes `NAME[0]`, `NAME[1]`, ... Raises a
+    SceneError if it cannot be read, or has cells that are no numbers, or columns of two lengths.
     """
     read = _READERS.get(path.suffix.lower())
     if read is None:

@@ -52,12 +52,9 @@ class Runs:
 
     Whatever reads Arrow reads it as it is: polars, DuckDB and pandas take it by the Arrow
     PyCapsule interface.
-
-    Attributes:
-        arrow: the table; units and descriptions are in the metadata of its fields.
     """
 
-    arrow: pa.Table
+    arrow: pa.Table  # the table; units and descriptions are in the metadata of its fields
 
     def to_pandas(self) -> Any:  # noqa: ANN401 - pandas is not a dependency
         """Return a pandas DataFrame; an OutputError says that pandas is not installed."""
@@ -87,26 +84,19 @@ class Runs:
 
 @dataclass(frozen=True, repr=False)
 class Store:
-    """A finished store.
+    """A finished store."""
 
-    Attributes:
-        path: local folder with everything but, in object storage, the traces.
-        manifest: what it holds.
-    """
-
-    path: Path
-    manifest: StoreManifest
+    path: Path  # local folder with everything but, in object storage, the traces
+    manifest: StoreManifest  # what it holds
     address: Address
 
     @classmethod
     def open(cls, address: str | Address) -> "Store":
         """Open a store; all but its traces is fetched from object storage.
 
-        The table is as it was written: it has the hash and the counts that the manifest states.
-        The address is a folder, or one in object storage: `s3://bucket/prefix`.
-
-        Raises:
-            StoreError: there is none, it is unfinished, damaged or of another version.
+        The table is as it was written: it has the hash and the counts that the manifest states. The
+        address is a folder, or one in object storage: `s3://bucket/prefix`. Raises a StoreError if
+        there is none, it is unfinished, damaged or of another version.
         """
         store = cls.unchecked(address)
         table = stored_file(store.path, TABLE)
@@ -207,8 +197,7 @@ class Store:
     def record(self, run: str) -> EvidenceRecord:
         """Return the record of a run, given its id or a unique prefix of it.
 
-        Raises:
-            StoreError: no run or more than one has this id.
+        Raises a StoreError if no run or more than one has this id.
         """
         ids = self.columns.run_ids
         matches = np.flatnonzero(_matches(ids, "starts_with", run))
@@ -237,8 +226,8 @@ class Store:
     def trace(self, run: EvidenceRecord | str) -> StoredTrace:
         """Return the stored trace of a run, given its record, its id, or a unique prefix of it.
 
-        Raises:
-            StoreError: there is no such run, its trace was not kept, or the trace is damaged.
+        Raises a StoreError if there is no such run, its trace was not kept, or the trace is
+        damaged.
         """
         record = self.record(run) if isinstance(run, str) else run
         if record.trace is None:

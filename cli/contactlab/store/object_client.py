@@ -171,9 +171,8 @@ class ObjectClient:
     def _plain_errors(self, address: ObjectAddress, *, missing_ok: bool = False) -> Generator[None]:
         """Turn the library's errors into one that the user can act on.
 
-        Raises:
-            FileNotFoundError: an object that may be missing, and not the whole bucket, is.
-            AlreadyExistsError: a condition of a write does not hold; likewise PreconditionError.
+        Raises a FileNotFoundError if an object that may be missing, and not the whole bucket, is;
+        an AlreadyExistsError if a condition of a write does not hold; likewise PreconditionError.
         """
         try:
             yield

@@ -86,10 +86,8 @@ def mend_journal(
 
     The check of a row, given whether it has a checksum, raises a ValueError if it does not belong
     there. To repair, damaged lines are dropped too. Errors name the journal by the shown path.
-
-    Raises:
-        StoreError: a line is damaged, and it is not the last, which a kill leaves torn.
-        OutputError: the journal cannot be rewritten.
+    Raises a StoreError if a line is damaged, and it is not the last, which a kill leaves torn; an
+    OutputError if the journal cannot be rewritten.
     """
     path = folder / JOURNAL
     if not path.is_file():
@@ -175,19 +173,13 @@ class _RowHead(BaseModel):
 
 @dataclass(frozen=True)
 class ResumedRows:
-    """Checks the rows of a sweep that its store holds already.
-
-    Attributes:
-        is_planned: whether a run of this id is at this place of the plan.
-        retry_failed: whether failed runs are removed.
-        repair: whether runs whose evidence contradicts itself are removed.
-    """
+    """Checks the rows of a sweep that its store holds already."""
 
     backend: Backend
     identity: SweepIdentity
-    is_planned: IsPlanned
-    retry_failed: bool
-    repair: bool
+    is_planned: IsPlanned  # whether a run of this id is at this place of the plan
+    retry_failed: bool  # whether failed runs are removed
+    repair: bool  # whether runs whose evidence contradicts itself are removed
 
     def check(self, row: Row, is_sealed: bool) -> None:
         """Check that a row is of this sweep, all of it if unsealed; a ValueError says why not."""

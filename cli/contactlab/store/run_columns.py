@@ -22,15 +22,10 @@ _MAX_CATEGORIES = 64
 
 
 class NumberColumn(NamedTuple):
-    """A column of numbers.
+    """A column of numbers."""
 
-    Attributes:
-        values: (n,) NaN where there is none.
-        valid: (n,) whether there is one; a valid value may be NaN too.
-    """
-
-    values: NDArray[np.float64]
-    valid: NDArray[np.bool_]
+    values: NDArray[np.float64]  # (n,) NaN where there is none
+    valid: NDArray[np.bool_]  # (n,) whether there is one; a valid value may be NaN too
 
     def at(self, rows: NDArray[np.intp]) -> "NumberColumn":
         """Return the numbers of some rows."""
@@ -38,16 +33,12 @@ class NumberColumn(NamedTuple):
 
 
 class StringColumn(NamedTuple):
-    """A dictionary-encoded column of strings, or of lists of strings.
+    """A dictionary-encoded column of strings, or of lists of strings."""
 
-    Attributes:
-        codes: (n,) index of a run's string in `categories`, -1 for none; of lists a bit mask,
-            whose bit i says whether category i is in the list.
-        categories: the strings that occur.
-    """
-
+    # (n,) index of a run's string in `categories`, -1 for none; of lists a bit mask, whose bit i
+    # says whether category i is in the list.
     codes: NDArray[np.int64]
-    categories: tuple[str, ...]
+    categories: tuple[str, ...]  # the strings that occur
 
 
 class RunColumns:

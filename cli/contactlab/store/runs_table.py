@@ -45,9 +45,7 @@ def write_table(
 
     The table is replaced in one step. It has its own columns, of axes, metrics, settings and
     effects, beside the fixed ones. The fields that all runs share are in the file's metadata.
-
-    Raises:
-        StoreError: a row has another column, or a value of another type.
+    Raises a StoreError if a row has another column, or a value of another type.
     """
     schema = table_schema(own)
     described = {field.name: texts_of(field.metadata) for field in schema}

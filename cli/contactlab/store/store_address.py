@@ -14,17 +14,11 @@ _URL = re.compile(r"(?P<scheme>[a-z][a-z0-9+.-]*)://(?P<rest>.*)", re.DOTALL)
 
 @dataclass(frozen=True)
 class ObjectAddress:
-    """A store in object storage, or an object in it.
+    """A store in object storage, or an object in it."""
 
-    Attributes:
-        scheme: s3, gs or az.
-        bucket: the bucket; for az, the container.
-        prefix: key prefix in the bucket, without leading or trailing slashes; not empty.
-    """
-
-    scheme: str
-    bucket: str
-    prefix: str
+    scheme: str  # s3, gs or az
+    bucket: str  # the bucket; for az, the container
+    prefix: str  # key prefix in the bucket, without leading or trailing slashes; not empty
 
     @property
     def name(self) -> str:
@@ -44,8 +38,7 @@ Address = Path | ObjectAddress
 def parse_address(text: str | Address) -> Address:
     """Return the address of a store: `s3://bucket/prefix`, `gs://...`, `az://...`, or a path.
 
-    Raises:
-        OutputError: it is a URL, but not of a store, or it holds credentials.
+    Raises an OutputError if it is a URL, but not of a store, or it holds credentials.
     """
     if not isinstance(text, str):
         return text

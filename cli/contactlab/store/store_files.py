@@ -52,9 +52,8 @@ def read_stored(folder: Path, name: str, most: int = MOST_DOCUMENT) -> bytes | N
 def stored_file(folder: Path, name: str, most: int = MOST_BYTES) -> Path | None:
     """Return the path of a store's file of at most so many bytes; None if there is none.
 
-    Raises:
-        StoreError: the name leads out of the store, the file or a folder on the way is something
-            else, or it is too large.
+    Raises a StoreError if the name leads out of the store, the file or a folder on the way is
+    something else, or it is too large.
     """
     return None if stored_size(folder, name, most) is None else folder / name
 

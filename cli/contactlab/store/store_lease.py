@@ -37,24 +37,16 @@ _LOG = logging.getLogger(__name__)
 
 
 class LockHolder(BaseModel):
-    """The process that holds a store's lock, as the lock object names it.
-
-    Attributes:
-        id: random; a new one each time the lock is taken.
-        machine: identifies machine, boot and process namespace.
-        started: start time of the process, in ticks since boot; tells it from a later process
-            with the same id.
-        beat: grows with each renewal.
-    """
+    """The process that holds a store's lock, as the lock object names it."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    id: str
+    id: str  # random; a new one each time the lock is taken
     host: str
-    machine: str
+    machine: str  # identifies machine, boot and process namespace
     pid: int
-    started: int
-    beat: int = 0
+    started: int  # of the process, in ticks since boot; tells it from a later one of the same id
+    beat: int = 0  # grows with each renewal
     released: bool = False
 
     @classmethod

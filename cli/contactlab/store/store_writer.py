@@ -64,17 +64,13 @@ class CopyableFiles(Protocol):
 
 
 class StoreWriter:
-    """A store that runs are added to; made by `open_writer`.
-
-    Attributes:
-        path: local folder of its journal, table and scene; the store itself if that is local.
-        done: ids of the runs that it held when it was opened.
-        unsealed: how many of them an older version wrote, without checksums.
-    """
+    """A store that runs are added to; made by `open_writer`."""
 
     def __init__(self, session: WriteSession, identity: SweepIdentity, mended: Mended) -> None:
+        # Local folder of its journal, table and scene; the store itself if that is local.
         self.path = session.folder
         self.identity = identity
+        # Ids of the runs that it held when it was opened, and how many of them lack checksums.
         self.done, self.unsealed = mended.runs, mended.unsealed
         self.started = time_now()
         self._session = session
@@ -168,11 +164,9 @@ def open_writer(  # noqa: PLR0913 - one argument an option of the command
     """Yield a writer for a new or interrupted store, or the manifest of a finished one.
 
     An existing store can be removed, and its failed or damaged runs be run again. Other files are
-    given by the name of their folder beside the scene's.
-
-    Raises:
-        OutputError: the place cannot be written, holds something else, or is in use.
-        StoreError: it holds a store of another sweep, or a damaged one.
+    given by the name of their folder beside the scene's. Raises an OutputError if the place cannot
+    be written, holds something else, or is in use; a StoreError if it holds a store of another
+    sweep, or a damaged one.
     """
     backend = backend_at(address, OutputError)
     rows = ResumedRows(backend, identity, is_planned, retry_failed, repair)

@@ -17,21 +17,15 @@ _TRUTH = pa.bool_()
 
 @dataclass(frozen=True)
 class Column:
-    """One column of the table.
-
-    Attributes:
-        unit: its unit, `1` for counts and ratios, empty for text.
-        better: lower, higher or none for a measured value; empty otherwise.
-        resolution: magnitude below which a measured value counts as 0, in its unit.
-        second_pass: whether it is measured in the second pass, which a sweep may leave out.
-    """
+    """One column of the table."""
 
     name: str
     type: pa.DataType
-    unit: str
+    unit: str  # its unit, `1` for counts and ratios, empty for text
     description: str
-    better: str = ""
-    resolution: float = 0.0
+    better: str = ""  # lower, higher or none for a measured value; empty otherwise
+    resolution: float = 0.0  # magnitude below which a measured value counts as 0, in its unit
+    # Whether it is measured in the second pass, which a sweep may leave out.
     second_pass: bool = False
 
 

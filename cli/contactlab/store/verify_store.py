@@ -34,12 +34,9 @@ _MOST_NAMED = 3
 def verify(address: Address, *, thorough: bool = True) -> list[str]:
     """Return the defects of a store, the first thousand of them; none if it is sound.
 
-    A thorough look recomputes what can be from every record and trace; another one shows that
-    files have their hashes, counts are right, and traces are there. Memory does not grow with the
-    number of runs but for their ids.
-
-    Raises:
-        StoreError: it cannot be opened at all.
+    A thorough look recomputes what can be from every record and trace; another one shows that files
+    have their hashes, counts are right, and traces are there. Memory does not grow with the number
+    of runs but for their ids. Raises a StoreError if it cannot be opened at all.
     """
     problems = _problems(Store.unchecked(address), thorough=thorough)
     return list(islice(problems, MOST_PROBLEMS))

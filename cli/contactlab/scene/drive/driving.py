@@ -55,8 +55,7 @@ class Driving:
     ) -> None:
         """Find what drives the runs of a model, as written, whose initial states a rule makes.
 
-        Raises:
-            SceneError: the drive's file does not suit the model.
+        Raises a SceneError if the drive's file does not suit the model.
         """
         self._model, self._drive, self._rule, self._recorded = model, drive, rule, None
         if isinstance(drive, FileDrive) and table is not None:
@@ -78,8 +77,8 @@ class Driving:
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the initial states of runs, driven.
 
-        Raises:
-            SceneError: a run is too long for the drive's file, or its steps too long for the noise.
+        Raises a SceneError if a run is too long for the drive's file, or its steps too long for the
+        noise.
         """
         starts = initial_states(self._rule, [run.start for run in runs])
         fields, signals, held = starts._asdict(), list(starts.signals), self._held

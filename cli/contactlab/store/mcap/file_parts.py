@@ -59,20 +59,13 @@ _SUMMARY = (
 
 @dataclass(frozen=True)
 class FileStart:
-    """The start of a file, up to its metadata, which the runs of one scene share, or with it.
-
-    Attributes:
-        crc: CRC-32 of its bytes.
-        topics: topics of the channels 1, 2, ...
-        schemas: how many there are.
-        summary: the records by which the summary repeats it, by their kind.
-    """
+    """The start of a file, up to its metadata, which the runs of one scene share, or with it."""
 
     data: bytes
-    crc: int
-    topics: tuple[str, ...]
-    schemas: int
-    summary: Mapping[Opcode, bytes]
+    crc: int  # CRC-32 of its bytes
+    topics: tuple[str, ...]  # topics of the channels 1, 2, ...
+    schemas: int  # how many there are
+    summary: Mapping[Opcode, bytes]  # the records by which the summary repeats it, by their kind
 
 
 def file_start(
@@ -102,19 +95,12 @@ def with_metadata(start: FileStart, name: str, entries: Mapping[str, str]) -> Fi
 
 @dataclass(frozen=True)
 class MessageStream:
-    """The messages of a whole run, interleaved.
+    """The messages of a whole run, interleaved."""
 
-    Attributes:
-        data: (bytes,) Message records, ordered by state row, then by channel.
-        offsets: (rows, channels) where each record starts.
-        sizes: (rows, channels) its length; 0 where a channel has no message.
-        times: (rows,) log time [ns].
-    """
-
-    data: NDArray[np.uint8]
-    offsets: NDArray[np.int64]
-    sizes: NDArray[np.int64]
-    times: Times
+    data: NDArray[np.uint8]  # (bytes,) Message records, ordered by state row, then by channel
+    offsets: NDArray[np.int64]  # (rows, channels) where each record starts
+    sizes: NDArray[np.int64]  # (rows, channels) its length; 0 where a channel has no message
+    times: Times  # (rows,) log time [ns]
 
     def cuts(self) -> list[int]:
         """Return the rows at which chunks start, and the number of rows.

@@ -36,17 +36,11 @@ _MOST_CHUNK = 64 << 20
 
 @dataclass(frozen=True)
 class RawRecord:
-    """A record as it is in the file.
+    """A record as it is in the file."""
 
-    Attributes:
-        offset: where it starts, in the file or the chunk.
-        opcode: its kind.
-        data: its bytes, opcode and length included.
-    """
-
-    offset: int
-    opcode: int
-    data: bytes
+    offset: int  # where it starts, in the file or the chunk
+    opcode: int  # its kind
+    data: bytes  # its bytes, opcode and length included
 
     @property
     def body(self) -> bytes:
@@ -61,32 +55,24 @@ class RawRecord:
 
 @dataclass(frozen=True)
 class ChunkRecords:
-    """A chunk with its messages and the message indexes that follow it.
-
-    Attributes:
-        intact: whether its content matches its checksum.
-        messages: (log time, channel, offset in the content) of each message, in file order.
-        others: the other records of its content.
-    """
+    """A chunk with its messages and the message indexes that follow it."""
 
     raw: RawRecord
     chunk: Chunk
-    intact: bool
+    intact: bool  # whether its content matches its checksum
+    # (log time, channel, offset in the content) of each message, in file order.
     messages: Sequence[tuple[int, int, int]]
-    others: Sequence[RawRecord]
+    others: Sequence[RawRecord]  # the other records of its content
     indexes: list[RawRecord] = field(default_factory=list[RawRecord])
 
 
 @dataclass(frozen=True)
 class FileRecords:
-    """All records of a file.
-
-    Attributes:
-        data: other records of the data section but message indexes, also those within chunks
-            other than messages.
-    """
+    """All records of a file."""
 
     chunks: Sequence[ChunkRecords]
+    # Other records of the data section but message indexes, also those within chunks other than
+    # messages.
     data: Sequence[RawRecord]
     summary: Sequence[RawRecord]
 

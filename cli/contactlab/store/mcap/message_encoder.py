@@ -87,18 +87,12 @@ PAIR_ARRAYS = {
 
 @dataclass(frozen=True)
 class MessageGroup:
-    """Message records of one channel and one length, still to be filled.
+    """Message records of one channel and one length, still to be filled."""
 
-    Attributes:
-        channel: the channel's id.
-        rows: (m,) state row of each record, ascending; at most one record a channel and row.
-        layout: layout of a record.
-        fill: writes the values into (m,) records that hold the layout's template.
-    """
-
-    channel: int
-    rows: Rows
-    layout: MessageLayout
+    channel: int  # the channel's id
+    rows: Rows  # (m,) state row of each record, ascending; at most one record a channel and row
+    layout: MessageLayout  # layout of a record
+    # Writes the values into (m,) records that hold the layout's template.
     fill: Callable[[Items], None]
 
 

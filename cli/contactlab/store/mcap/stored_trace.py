@@ -18,33 +18,21 @@ _Number = TypeVar("_Number", bound=np.generic)
 
 @dataclass(frozen=True)
 class StoredPair:
-    """One pair's contacts, in the M steps in which it touched.
-
-    Attributes:
-        name: the pair's name.
-        steps: (M,) index of each such step, ascending.
-        contacts: (M,) number of contact points stored.
-        found: (M,) number of contacts of the pair; more than `contacts` if they exceed the slots.
-        mode: (M,) NO_CONTACT, STICK or SLIDE.
-        normal: (M,) net normal force [N].
-        tangential: (M,) magnitude of the net tangential force [N].
-        usage: (M,) fraction of the friction limit in use.
-        slip: (M,) magnitude of the force-weighted tangential velocity [m/s].
-        distance: (M,) least signed distance [m].
-        points: (K, 23) the contact points of all steps, concatenated; each a contact slot as in
-            `PairTrace`, rounded to single precision.
-    """
+    """One pair's contacts, in the M steps in which it touched."""
 
     name: str
-    steps: Integers
-    contacts: Integers
+    steps: Integers  # (M,) index of each such step, ascending
+    contacts: Integers  # (M,) number of contact points stored
+    # (M,) number of contacts of the pair; more than `contacts` if they exceed the slots.
     found: Integers
-    mode: NDArray[np.int8]
-    normal: Floats
-    tangential: Floats
-    usage: Floats
-    slip: Floats
-    distance: Floats
+    mode: NDArray[np.int8]  # (M,) NO_CONTACT, STICK or SLIDE
+    normal: Floats  # (M,) net normal force [N]
+    tangential: Floats  # (M,) magnitude of the net tangential force [N]
+    usage: Floats  # (M,) fraction of the friction limit in use
+    slip: Floats  # (M,) magnitude of the force-weighted tangential velocity [m/s]
+    distance: Floats  # (M,) least signed distance [m]
+    # (K, 23) the contact points of all steps, concatenated; each a contact slot as in `PairTrace`,
+    # rounded to single precision.
     points: Floats
 
     units: ClassVar[Mapping[str, str]] = {
@@ -75,11 +63,6 @@ class StoredTrace:
     """One run of N steps; arrays and their time alignment are those of a run of `Trace`.
 
     Everything but individual contact points is bit for bit as recorded.
-
-    Attributes:
-        record_json: the EvidenceRecord.
-        metadata: the run's identity.
-        model_xml: the MJCF as simulated.
     """
 
     time: Floats
@@ -94,9 +77,9 @@ class StoredTrace:
     momentum: Floats | None
     angular_momentum: Floats | None
     pairs: tuple[StoredPair, ...]
-    record_json: bytes
-    metadata: Mapping[str, str]
-    model_xml: bytes
+    record_json: bytes  # the EvidenceRecord
+    metadata: Mapping[str, str]  # the run's identity
+    model_xml: bytes  # the MJCF as simulated
 
     units: ClassVar[Mapping[str, str]] = {
         "time": "s",

@@ -86,15 +86,10 @@ def _check_schemas(summary: Summary) -> None:
 
 @dataclass(frozen=True)
 class ChannelMessages:
-    """The Message records of one channel, scattered over a buffer.
+    """The Message records of one channel, scattered over a buffer."""
 
-    Attributes:
-        data: (bytes,) the content of all chunks.
-        offsets: (M,) where each record starts, in time order.
-    """
-
-    data: NDArray[np.uint8]
-    offsets: NDArray[np.int64]
+    data: NDArray[np.uint8]  # (bytes,) the content of all chunks
+    offsets: NDArray[np.int64]  # (M,) where each record starts, in time order
 
     @property
     def sizes(self) -> NDArray[np.int64]:

@@ -59,17 +59,11 @@ _MAX_LOG_TIME = 2.0**63
 
 @dataclass(frozen=True)
 class TraceExtras:
-    """Content of a trace file in addition to the arrays.
+    """Content of a trace file in addition to the arrays."""
 
-    Attributes:
-        record_json: the EvidenceRecord, a JSON object; the one message of `/evidence`.
-        metadata: the run's identity, as the metadata record `contactlab.run`.
-        model_xml: the MJCF as simulated, as the attachment `model.xml`.
-    """
-
-    record_json: bytes
-    metadata: Mapping[str, str]
-    model_xml: bytes
+    record_json: bytes  # the EvidenceRecord, a JSON object; the one message of `/evidence`
+    metadata: Mapping[str, str]  # the run's identity, as the metadata record `contactlab.run`
+    model_xml: bytes  # the MJCF as simulated, as the attachment `model.xml`
 
 
 def encode_trace(
@@ -132,18 +126,12 @@ def _groups(
 
 @dataclass(frozen=True)
 class AddedChannel:
-    """A channel of Protobuf messages to be added to a trace.
-
-    Attributes:
-        schema_name: full name of the message type; channels of one type share its schema.
-        descriptors: serialized FileDescriptorSet that defines the type.
-        messages: (state row, serialized message), rows ascending.
-    """
+    """A channel of Protobuf messages to be added to a trace."""
 
     topic: str
-    schema_name: str
-    descriptors: bytes
-    messages: Sequence[tuple[int, bytes]]
+    schema_name: str  # full name of the message type; channels of one type share its schema
+    descriptors: bytes  # serialized FileDescriptorSet that defines the type
+    messages: Sequence[tuple[int, bytes]]  # (state row, serialized message), rows ascending
 
 
 def copy_trace(source: Path, target: Path, added: Sequence[AddedChannel]) -> None:
