@@ -61,6 +61,16 @@ def test_it_comes_first_with_the_options_that_it_has(beside: Store) -> None:
     assert (marked["timestep"], marked["place"]) == (2e-3, 0)
 
 
+def test_what_others_leave_to_the_scene_too_stays_left_to_it(written: Callable[..., Store]) -> None:
+    """Rows that are included name some knobs; those without a cone are of one method."""
+    rows = "include: [{timestep: 4.0e-3}, {timestep: 8.0e-3}, {timestep: 8.0e-3, cone: elliptic}]\n"
+    head, tail = SWEEP[: SWEEP.index("axes:")], SWEEP[SWEEP.index("baseline:") :]
+    report = analyse(written(f"{head}{rows}{tail}"))
+    assert report.baseline is not None
+    assert report.baseline.configuration == {"timestep": 2e-3, "cone": None}
+    assert sum(each.configuration["cone"] is None for each in report.configurations) == 3
+
+
 def test_it_is_found_among_the_sweeps_own_runs(written: Callable[..., Store]) -> None:
     """A run that equals one of the product is run once: the product's is the baseline."""
     text = (SWEEP % "1.0e-3, 2.0e-3").replace("effects: {midphase: false}\n", "")

@@ -164,7 +164,9 @@ def evaluate(runs: StoredRuns, criteria: ResolvedCriteria) -> list[Evaluated]:
     for key, rows in members.items():
         values, own = dict(zip(runs.knobs, key, strict=True)), len({cases[row] for row in rows})
         if key == now and runs.written:
-            values |= {name: runs.written.get(name) for name in values if values[name] is None}
+            # What others leave to the scene as well is the same there.
+            empty = [name for name, each in runs.knobs.items() if each.count(None) == len(rows)]
+            values |= {name: runs.written.get(name) for name in empty if values[name] is None}
         found.append(_evaluate_one(runs, values, rows, criteria, own, every))
     return found
 
