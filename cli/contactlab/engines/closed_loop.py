@@ -90,9 +90,12 @@ def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) ->
     cost, warnings, errors, controls = zip(*flown, strict=True)
     rollout = recorded(arrays, np.array(cost), np.array(warnings), errors, controls)
     acted = {run: each for run, each in enumerate(controls) if each is not None}
-    for run, own in acted.items():
-        starts = runs.starts.acted_on([own] * count)
-        recorder.enter(run, run, runs.models[run], starts, arrays.state[run])
+    if acted:
+        # Nothing is asked of those that failed: what acted elsewhere stands in.
+        some, *_ = acted.values()
+        starts = runs.starts.acted_on([acted.get(run, some) for run in range(count)])
+        for run in acted:
+            recorder.enter(run, run, runs.models[run], starts, arrays.state[run])
     return recorder.told(rollout)
 
 
