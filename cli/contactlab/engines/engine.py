@@ -24,8 +24,7 @@ from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.scene import Scene
 
-_ISLANDS = 20
-"""Contact islands of which MuJoCo keeps solver statistics: mjNISLAND."""
+_ISLANDS = 20  # Contact islands of which MuJoCo keeps solver statistics: mjNISLAND
 
 Watch = Callable[[], None]
 """Called before a run, or a block of its steps, to start its time limit."""

@@ -18,10 +18,8 @@ from contactlab.contact.trace_arrays import Floats, Passage
 from contactlab.scene.contact_pairs import half_extent, may_touch, reaches
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
-_SLOW = 0.5
-"""Share of the half thickness of two geoms that a step must move them by to carry one through."""
-_MOST_STEPS = 4
-"""Steps that a fast geom takes to pass through another, at most."""
+_SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
+_MOST_STEPS = 4  # Steps that a fast geom takes to pass through another, at most
 _MOST_PAIRS, _MOST_RAYS = 200, 500
 _PLANE, _HFIELD = int(mujoco.mjtGeom.mjGEOM_PLANE), int(mujoco.mjtGeom.mjGEOM_HFIELD)
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)

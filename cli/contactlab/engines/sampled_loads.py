@@ -12,11 +12,9 @@ from contactlab.engines.mujoco_batch import STATE
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.scene.mechanism import equality_reach
 
-_STEPS_OF_SAMPLE = 250
-"""Steps for each sample, which takes as long as three or four of them."""
+_STEPS_OF_SAMPLE = 250  # Steps for each sample, which takes as long as three or four of them
 _FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
-_HELD = 0.9
-"""Share of its friction loss below which what brakes should stay where it is."""
+_HELD = 0.9  # Share of its friction loss below which what brakes should stay where it is
 _KIND, _EQUALITY = mujoco.mjtConstraint, mujoco.mjtEq
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 # Where eq_data has the factor by which a weld weighs its rotation.

@@ -41,8 +41,7 @@ _BUT_CONTACTS = sum(
     int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{each}"))
     for each in ("ACTUATION", "EQUALITY", "FRICTIONLOSS", "GRAVITY", "LIMIT", "SPRING")
 )
-_RELAXING = 200
-"""Steps in which what only loads press together parts."""
+_RELAXING = 200  # Steps in which what only loads press together parts
 _NATIVE_CCD = int(getattr(mujoco.mjtDisableBit, "mjDSBL_NATIVECCD", 0))
 _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 

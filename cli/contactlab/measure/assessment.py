@@ -23,8 +23,7 @@ Failures = dict[int, list[str]]
 _TRACED = {"tunneling", "energy_injection", "constraint_gain", "penetration_growth", "chatter"}
 _OF_CONTROL = ("mode_switches", "contact_losses")
 """Thresholds of chatter, which controls that change may be the cause of, where the step is not."""
-_CLEAR = 0.5
-"""Share of these that a copy must keep below to be free of it."""
+_CLEAR = 0.5  # Share of these that a copy must keep below to be free of it
 _NUMERICAL = "numerical, since a copy at a quarter of the step is free of it"
 _MODELLED = "modelled, or not resolved by a quarter of the step either"
 

@@ -11,18 +11,10 @@ from contactlab.measure.context import Context, cached, first_step
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 _PEAK = Threshold(
-    "constraint_violation",
-    0.5,
-    "1",
-    "Largest metric constraint_violation. Public robots reach 0.2 under noise; stops that are "
-    "pushed through reach 0.9 to 3.",
+    "constraint_violation", 0.5, "1", "Public robots reach 0.2; stops pushed through, 0.9 to 3."
 )
 _AT_REST = Threshold(
-    "constraint_violation_rest",
-    0.1,
-    "1",
-    "Largest metric constraint_violation_rest. Public robots stay below 0.03; loops that open, "
-    "welds that sag and gears that slip reach 0.25 and more.",
+    "constraint_violation_rest", 0.1, "1", "Public robots stay below 0.03; open loops reach 0.25."
 )
 
 

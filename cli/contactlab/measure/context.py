@@ -14,8 +14,7 @@ from contactlab.measure.net_contact import NetContact, net_contact
 
 Cached = TypeVar("Cached")
 
-_ROUNDING = 1e-6
-"""Share of a step by which a time may miss a whole number of steps."""
+_ROUNDING = 1e-6  # Share of a step by which a time may miss a whole number of steps
 
 
 @dataclass(frozen=True)

@@ -19,10 +19,8 @@ from contactlab.schema.coverage import Coverage, End, PairUse
 
 TURNING = 0.1
 """Least angular velocity [rad/s] of a contact that rolls or spins; soft ones rock more slowly."""
-_LEAST_LOAD = 1e-4
-"""Share of the model's weight below which an equality bears no load worth speaking of."""
-_AT_LIMIT = 1e-9
-"""Share of its range by which a force at its limit may miss it by rounding."""
+_LEAST_LOAD = 1e-4  # Share of the model's weight below which an equality bears next to nothing
+_AT_LIMIT = 1e-9  # Share of its range by which a force at its limit may miss it by rounding
 _RANGE = ("low", "high", "margin")
 _ENDS: tuple[tuple[End, ...], ...] = ((), ("upper",), ("lower",), ("lower", "upper"))
 

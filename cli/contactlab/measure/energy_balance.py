@@ -13,25 +13,13 @@ from contactlab.measure.context import (
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 INTEGRATION_GAIN = Threshold(
-    "integration_gain",
-    0.3,
-    "1",
-    "Largest metric integration_gain. Public robots stay below 0.15, one with dry friction below "
-    "0.26; double pendulums and plates whose step is too long reach 0.7 and more.",
+    "integration_gain", 0.3, "1", "Public robots stay below 0.26; too long steps reach 0.7."
 )
 _INTEGRATION_LOSS = Threshold(
-    "integration_loss",
-    0.3,
-    "1",
-    "Largest metric integration_loss. Public robots under noise stay below 0.1, with fast rotors "
-    "below 0.25.",
+    "integration_loss", 0.3, "1", "Public robots under noise stay below 0.25."
 )
 _CONSTRAINT_GAIN = Threshold(
-    "constraint_gain",
-    0.3,
-    "1",
-    "Largest metric constraint_gain. Bounces that gain beside a motor or in wind reach 0.5 to 1; "
-    "public robots under noise mostly lose, and one gains 0.25 by a coupling of its fingers.",
+    "constraint_gain", 0.3, "1", "Public robots reach 0.25; bounces that gain, 0.5 to 1."
 )
 
 

@@ -144,7 +144,7 @@ class Threshold:
         name: its name in scenes and sweeps.
         default: its value where neither sets it; None if it then limits nothing.
         unit: its unit; `1` for counts and ratios.
-        source: what it limits, and where the default is from.
+        source: where the default is from, and what it limits if not the metric of its name.
     """
 
     name: str

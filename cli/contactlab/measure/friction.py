@@ -31,42 +31,21 @@ from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, 
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
 _CREEP_SPEED = Threshold(
-    "creep_speed",
-    None,
-    "m/s",
-    "Largest metric creep_speed; only scenes in which what sticks should stay set it.",
+    "creep_speed", None, "m/s", "Only scenes in which what sticks should stay set it."
 )
 _MODE_SWITCHES = Threshold(
-    "mode_switches",
-    5,
-    "1/s",
-    "Largest metric mode_switches; the guideline for a pad that does not chatter.",
+    "mode_switches", 5, "1/s", "The guideline for a pad that does not chatter."
 )
 _CONTACT_LOSSES = Threshold(
-    "contact_losses",
-    5,
-    "1/s",
-    "Largest metric contact_losses, as for mode_switches: contacts that hold keep their contact, "
-    "and a pad that bounces on what it holds loses it 70 times.",
+    "contact_losses", 5, "1/s", "As for mode_switches; a pad that bounces on what it holds has 70."
 )
 _FEWEST = Threshold(
-    "mode_switch_count",
-    3,
-    "1",
-    "Fewest switches that chatter has: one stop and one start are none.",
+    "mode_switch_count", 3, "1", "Fewest of chatter: one stop and one start are none."
 )
-_FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)
-"""Two tangential forces, the torsion and two rolling torques, in the order of the coefficients."""
-
-_IMPACT = 0.05
-"""Speed [m/s] from which contacts are impacts; slower ones are rest, which hops by a step."""
-
-_AS_HARD = 0.99
-"""Share of the last peak force that the next contact must have; bounces lose more."""
-
-_SPREAD = 0.25
-"""Share of the time in contact that the middle half of chatter's events spans at least."""
-
+_FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
+_IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
+_AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more
+_SPREAD = 0.25  # Least share of the time in contact that the middle half of chatter's events spans
 Events = tuple[NDArray[np.intp], NDArray[np.intp]]
 """Runs and steps of events, in order of run and time."""
 

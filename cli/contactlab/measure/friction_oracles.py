@@ -13,11 +13,8 @@ _FALLEN = np.radians(5)
 _HALF_LENGTH = 0.5
 _RADIUS = 0.01
 _STEPS = 100
-_LEFT = 0.05
-"""Share of the slip at the start that counts as rolling: well above the creep of soft contact."""
-
-_SPHERE = 3.5
-"""1 + m r^2 / I of a homogeneous sphere."""
+_LEFT = 0.05  # Share of the slip at the start that counts as rolling; soft contact creeps by less
+_SPHERE = 3.5  # 1 + m r^2 / I of a homogeneous sphere
 
 
 @oracle("m", ("speed", "friction", "timestep", "integrator"), relative=True)

@@ -32,38 +32,19 @@ from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
 
 _EXPLOITED = Threshold(
-    "exploited",
-    3e-3,
-    "m",
-    "Largest metric hold_penetration of a grasp that holds by its contact; the guideline calls "
-    "one over 3 mm exploited.",
+    "exploited", 3e-3, "m", "On hold_penetration; the guideline calls deeper grasps exploited."
 )
 _BROKEN = Threshold(
-    "broken",
-    5e-3,
-    "m",
-    "Largest metric hold_penetration of a grasp that means anything; the guideline calls one "
-    "over 5 mm broken.",
+    "broken", 5e-3, "m", "On hold_penetration; the guideline calls deeper grasps broken."
 )
 _HOLD_SLIP = Threshold(
-    "hold_slip",
-    2e-3,
-    "m",
-    "Largest metric hold_slip. Soft contact creeps by less, 0.01 to 1 mm in half a second; what "
-    "slides or chatters loses 8 mm and more.",
+    "hold_slip", 2e-3, "m", "Creep in soft contact is 0.01 to 1 mm in 0.5 s; slides, 8 mm and more."
 )
 _HOLD_OFFSET = Threshold(
-    "hold_offset",
-    None,
-    "m",
-    "Largest metric hold_offset; only scenes that begin with the subject in its place between "
-    "the fingers set it.",
+    "hold_offset", None, "m", "Only scenes that begin with the subject in its grip set it."
 )
 _HOLD_CONTACT = Threshold(
-    "hold_contact",
-    0.5,
-    "1",
-    "Least metric hold_contact. Sliding bodies hop, and touch in half of the steps.",
+    "hold_contact", 0.5, "1", "At least; sliding bodies hop, and touch in half of the steps."
 )
 
 

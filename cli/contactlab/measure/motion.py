@@ -26,33 +26,18 @@ from contactlab.measure.energy_balance import INTEGRATION_GAIN, integration_gain
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 _ENERGY_GAIN = Threshold(
-    "energy_gain",
-    0.01,
-    "1",
-    "Largest metric energy_gain. Measured: good settings stay below 1.01 of the energy at the "
-    "start, bad ones reach 3 to 1500.",
+    "energy_gain", 0.01, "1", "Measured: good settings gain up to 0.01, bad ones 3 to 1500."
 )
-_SPEED_RATIO = Threshold(
-    "speed_ratio", 1.05, "1", "Largest metric speed_ratio; 5 % of speed is 10 % of energy."
-)
-_DRIFT = Threshold(
-    "drift", None, "m", "Largest metric drift; only scenes whose bodies should stay set it."
-)
+_SPEED_RATIO = Threshold("speed_ratio", 1.05, "1", "5 % of speed is 10 % of energy.")
+_DRIFT = Threshold("drift", None, "m", "Only scenes whose bodies should stay set it.")
 _REST_SPEED = Threshold(
-    "rest_speed",
-    None,
-    "m/s",
-    "Largest metric rest_speed; only scenes whose bodies should come to rest set it.",
+    "rest_speed", None, "m/s", "Only scenes whose bodies should come to rest set it."
 )
 _UNSUPPORTED = Threshold(
-    "asleep_acceleration",
-    0.1,
-    "1",
-    "Share of gravity with which what sleeps would accelerate: at rest up to 0.01, in mid-air 1.",
+    "asleep_acceleration", 0.1, "1", "Share of gravity; measured: at rest up to 0.01, in mid-air 1."
 )
 _SETTLED = 1e-6
-_HAIR = 0.1
-"""Share of the thinner body's half extent that a start may be deep."""
+_HAIR = 0.1  # Share of the thinner body's half extent that a start may be deep
 _LENGTH = 1e-3
 _SPEED = 1e-3
 

@@ -30,8 +30,7 @@ _NORMAL_FORCE = FORCE.start
 _TANGENTIAL_FORCE = slice(FORCE.start + 1, FORCE.stop)
 _SLIP = slice(LINEAR_VELOCITY.start + 1, LINEAR_VELOCITY.stop)
 _FRAME = slice(NORMAL.start, TANGENT.stop)
-_FORCELESS = 1e-9
-"""Share of a run's largest normal force below which a contact's force direction is rounding."""
+_FORCELESS = 1e-9  # Share of a run's largest normal force below which directions are rounding
 
 
 @dataclass(frozen=True)

@@ -15,14 +15,9 @@ from contactlab.measure.stick_slip import spans
 PAIR_LABELS = frozenset({"unexpected_slide", "unexpected_stick", "pair_expectation"})
 _VERBS = {"stick": "stick", "slide": "slide", "apart": "be apart", "rolls": "roll"}
 _MODE_HOLD = Threshold(
-    "mode_hold",
-    0.02,
-    "s",
-    "Shortest time for which a pair's mode counts, and over which the force that is expected of "
-    "it is averaged. Measured: sliding is told from sticking to within 4 to 24 ms.",
+    "mode_hold", 0.02, "s", "Shortest that counts; sliding is told from sticking in 4 to 24 ms."
 )
-_ROUNDING = 1e-6
-"""Share of a step by which a time may miss the start of a step."""
+_ROUNDING = 1e-6  # Share of a step by which a time may miss the start of a step
 
 Mask = NDArray[np.bool_]
 Faults = Iterator[tuple[str, str, Mask]]

@@ -22,45 +22,26 @@ _PIERCED = Threshold(
     "pierced",
     None,
     "m",
-    "Largest metric penetration_max where no fixed surface is known that must not be passed. "
-    "Unless set, half the smallest extent of the pair's thinnest geom, and for more than 0.1 s "
-    "where it dips into a plane or a height field, which has no other side.",
+    "On penetration_max where no fixed surface must not be passed. Unless set, half the smallest "
+    "extent of the pair's thinnest geom, and in planes and height fields for more than 0.1 s.",
 )
 _GROWTH = Threshold(
-    "penetration_growth",
-    1e-4,
-    "m",
-    "Largest penetration that a resting pair gains from the third quarter of a run to the last: "
-    "0.1 mm, the guideline for resting penetration on flat ground.",
+    "penetration_growth", 1e-4, "m", "Depth gained in a quarter of a run; 0.1 mm on flat ground."
 )
 _STEADY = Threshold(
     "penetration_steady",
     5e-3,
     "m",
-    "Largest metric penetration_steady. The guideline is 0.1 mm on flat ground, which the "
-    "engine's default contact meets under light loads only; grasps over 5 mm count as broken. "
-    "Unless set, contacts may be as deep as the width of their solimp, but at most a quarter of "
-    "the smallest extent of the pair's thinnest geom.",
+    "Grasps over 5 mm count as broken. Unless set, contacts may be as deep as the width of their "
+    "solimp, but at most a quarter of the smallest extent of the pair's thinnest geom.",
 )
 _STANDOFF = Threshold(
-    "standoff",
-    0.6,
-    "1",
-    "Largest metric standoff. Public robots with margins reach 0.28; a box that rests on a margin "
-    "as wide as half of it has 1.",
+    "standoff", 0.6, "1", "Public robots reach 0.28; a margin of half a box's width gives 1."
 )
-_RESTING = 0.9
-"""Share of the last half in which a pair must touch to count as resting."""
-
-_LASTING = 0.5
-"""Share of the last fifth in which a pair must touch for a steady depth; sliding bodies hop, and
-touch in half of the steps."""
-
-_DRIVEN = 0.75
-"""Share of the last fifth in which a pair under a drive must be deep to count as resting."""
-
-_DIP = 0.1
-"""Longest time [s] for which a geom may dip beyond its middle into the ground, and come back."""
+_RESTING = 0.9  # Share of the last half in which a pair must touch to count as resting
+_LASTING = 0.5  # Share of the last fifth in which a steady pair must touch; sliding ones hop
+_DRIVEN = 0.75  # Share of it in which a pair under a drive must be deep to count as resting
+_DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into the ground
 
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")

@@ -11,18 +11,10 @@ STABLE = LABELS.add(Label("stable", "No other label applies.", 0))
 
 
 _CLOCK = Threshold(
-    "clock_error",
-    1e-9,
-    "1",
-    "Largest deviation of a step of simulated time from the timestep, as a share of it. Rounding "
-    "stays a thousand times below; an engine that resets does not.",
+    "clock_error", 1e-9, "1", "Share of a timestep; rounding stays a thousand times below."
 )
 _QUATERNION = Threshold(
-    "quaternion_error",
-    1e-3,
-    "1",
-    "Largest deviation of a quaternion's norm from 1. The engine normalises at every step, so "
-    "that healthy runs stay near 1e-16.",
+    "quaternion_error", 1e-3, "1", "Off unit norm; the engine normalises to 1e-16."
 )
 
 

@@ -22,16 +22,11 @@ from contactlab.measure.stick_slip import Rows, Spans, spans
 
 _IMPACTS = 5
 _WEAKEST = 0.3
-_SLOWEST = 0.05
-"""Approach speed [m/s] below which a contact is rest or a hop, not an impact."""
-_OFF_CENTRE = 0.1
-"""Share of a lever arm that may lie across the surface, in an impact that is central."""
-_CORNERS = 4
-"""Contacts between two boxes, or a box and the floor, that meet face to face."""
-
+_SLOWEST = 0.05  # Approach speed [m/s] below which a contact is rest or a hop, not an impact
+_OFF_CENTRE = 0.1  # Share of a lever arm that may lie across the surface in a central impact
+_CORNERS = 4  # Contacts between two boxes, or a box and the floor, that meet face to face
 _TRUNK = 10.0
-_BALL = 2 / 7
-"""What a hit at a solid ball's surface has to overcome sideways, as a share: 1 / (1 + 5 / 2)."""
+_BALL = 2 / 7  # 1 / (1 + 5 / 2): what a hit at a ball's surface has to overcome sideways
 
 
 @metric("1", resolution=1e-6, version=2)

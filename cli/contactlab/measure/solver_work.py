@@ -9,43 +9,22 @@ from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, 
 from contactlab.schema.compare_policy import MetricRule
 
 _RESIDUAL = Threshold(
-    "residual",
-    1e-2,
-    "1",
-    "Largest metric solver_residual. Healthy: Newton up to 2e-5, CG 2e-4, PGS 5e-4; PGS with 5 "
-    "iterations on a stack 15, a wrong Hessian 4 and more.",
+    "residual", 1e-2, "1", "Measured: Newton up to 2e-5, CG 2e-4, PGS 5e-4; stuck ones 4 and more."
 )
 _SATURATED = Threshold(
-    "saturated_share",
-    0.5,
-    "1",
-    "Share of the steps with contact in which the solver used all its iterations, if it may use "
-    "two or more. Newton warm-started takes 0 or 1 iterations in most steps, and never more than "
-    "7 on hard stacks; PGS on a stack with a weight on it used all of 20 in every step and left "
-    "residuals of 1e2.",
+    "saturated_share", 0.5, "1", "Measured: Newton takes 0 or 1 iterations a step, stuck PGS all."
 )
 _JACOBIAN = Threshold(
-    "jacobian_difference",
-    1e-6,
-    "1",
-    "Largest metric jacobian_difference; the two are the same mathematics, and agree to 1e-7 "
-    "where both converge.",
+    "jacobian_difference", 1e-6, "1", "The same mathematics, which agrees to 1e-7."
 )
 _MISSED = Threshold(
-    "missed_contact",
-    1e-4,
-    "m",
-    "Largest metric overlap_missed; collision tolerances are a hundred times finer.",
+    "missed_contact", 1e-4, "m", "On overlap_missed; collision tolerances are 100 times finer."
 )
 _PHANTOM = Threshold(
-    "phantom_contact",
-    1e-4,
-    "m",
-    "Largest metric distance_phantom; collision tolerances are a hundred times finer.",
+    "phantom_contact", 1e-4, "m", "On distance_phantom; collision tolerances are 100 times finer."
 )
 _FEWEST_ITERATIONS = 2
-_SUSTAINED = 0.99
-"""Quantile of the residual over the steps with contact: a single hard step is no failure."""
+_SUSTAINED = 0.99  # Quantile of the residual in contact: a single hard step is no failure
 
 
 @metric("1", "lower", kind="work", rule=MetricRule(rel=0.05, abs=0.05))

@@ -10,8 +10,8 @@ PRESSED = Threshold(
     "weights_borne",
     10.0,
     "1",
-    "Largest metric weights_borne of a pair that presses half as hard when nothing but contact "
-    "has acted for a while. Towers and motors reach thousands, and relax; wedges reach ten.",
+    "Of a pair that presses half as hard when nothing but contact has acted for a while. Towers "
+    "and motors reach thousands, and relax; wedges reach ten.",
 )
 _ALONE = 0.5
 

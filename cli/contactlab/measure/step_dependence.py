@@ -26,23 +26,14 @@ _SHAKING = Threshold(
     "unresolved_motion",
     1e-3,
     "1",
-    "Largest metric unresolved_motion, if the refined copy shakes too, by a sixteenth of it, or "
-    "moves less than a third as fast. Servos and velocity loops too stiff for their step reach "
-    "2.4e-3 to 1.5; public robots 0.03, with copies as fast to 5 %.",
+    "If the refined copy shakes too, by a sixteenth of it, or moves less than a third as fast. "
+    "Servos too stiff for their step reach 2.4e-3 to 1.5; public robots 0.03, as do their copies.",
 )
 _REST_RATIO = Threshold(
-    "rest_ratio",
-    8.0,
-    "1",
-    "Largest ratio of the speeds at the end, of run and refined copy, at least 1/16 rad/s or body "
-    "sizes a second. Public robots reach 1.5; servos and bounces that gain 20 and more.",
+    "rest_ratio", 8.0, "1", "Speed at the end over that of the refined copy; robots reach 1.5."
 )
 _TRAVEL = Threshold(
-    "step_travel",
-    1.0,
-    "1",
-    "Mean body sizes that a body may end away from its start where in the refined copy it ends "
-    "within a tenth. A tower that collapses by its step moves 15, and 0.07 when refined.",
+    "step_travel", 1.0, "1", "Body sizes moved; a tower that collapses by its step moves 15."
 )
 # Change per step over speed from which a period has fewer than about 21 steps.
 _UNRESOLVED = 0.3

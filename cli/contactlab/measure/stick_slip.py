@@ -23,12 +23,8 @@ from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats, Pa
 
 ENTER_USAGE, ENTER_SLIP = 0.999, 5e-3
 LEAVE_USAGE, LEAVE_SLIP = 0.98, 2.5e-3
-HELD_USAGE = 0.9
-"""Share of the friction bound below which a sticking pair holds, and is no slow slide."""
-
-LONGEST_GAP = 0.1
-"""Longest gap between contacts [s] that holds the mode."""
-
+HELD_USAGE = 0.9  # Share of the friction bound below which a sticking pair holds
+LONGEST_GAP = 0.1  # Longest gap between contacts [s] that holds the mode
 Modes = NDArray[np.int8]
 Rows = NDArray[np.intp]
 
