@@ -40,28 +40,22 @@ class AppliedLabel(NamedTuple):
 
 @dataclass(frozen=True)
 class Assessment:
-    """What was measured of n runs.
+    """What was measured of n runs."""
 
-    Attributes:
-        metrics: every metric by name, (n,) each; NaN where it does not apply.
-        labels: for each run the labels that apply, worst first; `stable` if none does.
-        series: net quantities of each monitored pair over time.
-        suspect: (n,) whether a second pass is due: for a label, or a sign that none judges.
-        coverage: what each run exercised; None where the setup does not ask.
-    """
-
-    metrics: dict[str, Floats]
+    metrics: dict[str, Floats]  # every metric by name, (n,) each; NaN where it does not apply
+    # For each run the labels that apply, worst first; `stable` if none does.
     labels: tuple[tuple[AppliedLabel, ...], ...]
-    series: tuple[PairSeries, ...]
+    series: tuple[PairSeries, ...]  # net quantities of each monitored pair over time
+    # (n,) whether a second pass is due: for a label, or a sign that none judges.
     suspect: NDArray[np.bool_]
+    # What each run exercised; None where the setup does not ask.
     coverage: tuple[Coverage, ...] | None = None
 
 
 def assess(trace: Trace, setup: Setup, checks: SelfChecks | None = None) -> Assessment:
     """Measure and label the runs of a trace, with what a second pass found if there was one.
 
-    Raises:
-        SceneError: the setup names an oracle or a threshold that does not exist.
+    A SceneError if the setup names an oracle or a threshold that does not exist.
     """
     context = context_of(trace, setup, checks)
     failures: Failures = {}
@@ -98,10 +92,7 @@ def _labels(runs: MeasuredRuns, failures: Failures) -> tuple[tuple[AppliedLabel,
 
 
 def _with_causes(context: Context, run: int, labels: list[AppliedLabel]) -> Iterator[AppliedLabel]:
-    """Yield labels of a run with whether they are numerical: the refined copy is free of them.
-
-    What is not, and may be the doing of a drive that keeps changing controls, is no finding.
-    """
+    """Yield labels of a run with whether they are numerical; what a drive may do is no finding."""
     checks = context.checks
     if not checks or not checks.compared[run] or _TRACED.isdisjoint(each[0] for each in labels):
         yield from labels

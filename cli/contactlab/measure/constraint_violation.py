@@ -20,21 +20,14 @@ _AT_REST = Threshold(
 
 @dataclass(frozen=True)
 class _Violation:
-    """How far one constraint of n runs was violated, in `unit`.
-
-    Attributes:
-        scale: what that is large or small against.
-        peak: (n,) the largest; of limits, beyond that of the start.
-        rest: (n,) the median of the last quarter, likewise.
-        course: (n, N) over time; None for equalities, which are sampled.
-    """
+    """How far one constraint of n runs was violated, in `unit`."""
 
     name: str
     unit: str
-    scale: float
-    peak: Floats
-    rest: Floats
-    course: Floats | None = None
+    scale: float  # what that is large or small against
+    peak: Floats  # (n,) the largest; of limits, beyond that of the start
+    rest: Floats  # (n,) the median of the last quarter, likewise
+    course: Floats | None = None  # (n, N) over time; None for equalities, which are sampled
 
 
 @cached

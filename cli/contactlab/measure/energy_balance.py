@@ -3,13 +3,7 @@
 import numpy as np
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
-from contactlab.measure.context import (
-    Context,
-    cached,
-    energy,
-    first_step,
-    peak_kinetic,
-)
+from contactlab.measure.context import Context, cached, energy, first_step, peak_kinetic
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 
 INTEGRATION_GAIN = Threshold(
@@ -25,10 +19,7 @@ _CONSTRAINT_GAIN = Threshold(
 
 @cached
 def _scale(context: Context) -> Floats:
-    """Return (n,) the energy [J] that others are a share of.
-
-    The largest kinetic energy, at least what lifts all that moves by 1 mm or gives it 1 cm/s.
-    """
+    """Return (n,) peak kinetic energy [J], at least what lifts all by 1 mm or gives it 1 cm/s."""
     fall = np.linalg.norm(context.setup.gravity, axis=1)
     least = context.setup.moving_mass * (fall * 1e-3 + 0.5e-4)
     return np.maximum(peak_kinetic(context), np.maximum(least, 1e-12))
@@ -60,21 +51,17 @@ def _unexplained(context: Context) -> Floats:
 def integration_gain(context: Context) -> Floats:
     """Most energy that the integrator added, over the largest kinetic energy.
 
-    The change of kinetic and potential energy since the start less the work of actuators,
-    constraints, dampers, fluids, gravity compensation and applied forces, each with the mean of
-    the velocities before and after a step. The largest kinetic energy counts as at least what
-    lifts all that moves by 1 mm. Where nothing but gravity, springs and contacts acts, it is what
-    changed in steps without contact. Else not defined with RK4, flexes and plug-ins.
+    The change of mechanical energy since the start less the work of all other forces, each with the
+    mean velocity over a step. The largest kinetic energy counts as at least what lifts all that
+    moves by 1 mm. Where nothing but gravity, springs and contacts acts, it is what changed in steps
+    without contact. Else not defined with RK4, flexes and plug-ins.
     """
     return _unexplained(context).max(axis=1)
 
 
 @metric("1", "lower", 1e-9, kind="detail", requires="energy")
 def integration_loss(context: Context) -> Floats:
-    """Most energy that the integrator took away, over the largest kinetic energy.
-
-    See integration_gain.
-    """
+    """Most energy that the integrator took away, over the largest kinetic; see integration_gain."""
     return -_unexplained(context).min(axis=1)
 
 
@@ -82,13 +69,11 @@ def integration_loss(context: Context) -> Floats:
 def constraint_gain(context: Context) -> Floats:
     """Most energy that constraints gave beyond what they had stored, over the largest kinetic one.
 
-    Judged in the stretch of the run in which contacts, limits and equalities gave most. What they
-    give beyond what they had stored overcomes other forces, or it comes from nowhere: it counts as
-    far as energy rose by more than actuators and all else together gave. They had stored at most
-    half of what their springs press with at rest times violation, and all that they carry times
-    violation. Not defined with RK4, where nothing but gravity, springs and
-    contacts acts, so that energy_gain judges, and where moving mocap bodies, surface velocities or
-    adhesion act through constraints.
+    In the stretch of the run in which they gave most, as far as energy rose by more than actuators
+    and all else gave. They had stored at most half of what their springs press with at rest times
+    violation, and all that they carry times violation. Not defined with RK4, where nothing but
+    gravity, springs and contacts acts, so that energy_gain judges, and where moving mocap bodies,
+    surface velocities or adhesion act through constraints.
     """
     trace = context.trace
     if trace.given is None or trace.work is None:
@@ -121,10 +106,7 @@ def energy_loss(runs: MeasuredRuns) -> Found:
 
 @label(39, (_CONSTRAINT_GAIN,), name="constraint_gain")
 def generous_constraints(runs: MeasuredRuns) -> Found:
-    """Contacts, limits or equalities gave more energy than they had stored.
-
-    They are too stiff, or damped too little, for the step.
-    """
+    """Contacts, limits or equalities, too stiff for the step, gave more than they had stored."""
     given = runs.context.trace.given
     for run, gain, limit in runs.over("constraint_gain"):
         reason = f"constraints gave {gain:.3g} of the largest kinetic energy beyond what they had"

@@ -254,10 +254,7 @@ def metric(
     """Declare a metric: what the function returns, as its docstring defines it.
 
     Arguments are those of `Metric`; unless given, the name is the function's, and the tolerance
-    that of the unit.
-
-    Raises:
-        PluginError: the name is taken, or the function has no docstring.
+    that of the unit. A PluginError if the name is taken, or the function has no docstring.
     """
 
     def declare(function: MetricFunction) -> MetricFunction:
@@ -274,14 +271,8 @@ def label(
 ) -> Callable[[LabelRule], LabelRule]:
     """Declare a label: the function finds the runs that it applies to; its docstring says why.
 
-    Args:
-        severity: see `Label`; those of the labels here are 4 apart, from 8 to 100.
-        thresholds: the limits that it reads; one may belong to several labels.
-        name: unless it is the function's.
-        voids: whether nothing that was measured of such a run means anything.
-
-    Raises:
-        PluginError: the name of the label or of a threshold is taken, or there is no docstring.
+    Arguments are those of `Label`: a threshold may belong to several labels, and the name is the
+    function's unless given. A PluginError if a name is taken, or there is no docstring.
     """
 
     def declare(rule: LabelRule) -> LabelRule:
@@ -297,8 +288,7 @@ def oracle(
 ) -> Callable[[OracleFunction], OracleFunction]:
     """Declare an oracle: the function returns what is expected and what was measured; see `Oracle`.
 
-    Raises:
-        PluginError: the name is taken, or the function has no docstring.
+    A PluginError if the name is taken, or the function has no docstring.
     """
 
     def declare(function: OracleFunction) -> OracleFunction:
@@ -318,11 +308,7 @@ def _definition(function: Callable[..., object]) -> str:
 
 
 def limits(overrides: Mapping[str, float]) -> dict[str, float]:
-    """Return the value of every threshold that has one, the overrides over the defaults.
-
-    Raises:
-        SceneError: a name is not that of a threshold.
-    """
+    """Return the value of every threshold that has one; a SceneError if there is no such name."""
     for name in overrides:
         if name not in THRESHOLDS:
             hint = did_you_mean(name, THRESHOLDS)

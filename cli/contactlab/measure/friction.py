@@ -111,28 +111,19 @@ def _creeps(context: Context) -> list[Floats]:
 
 @metric("1", "lower", 1e-6)
 def cone_violation(context: Context) -> Floats:
-    """Most that one contact's tangential force exceeds friction times normal force, as a share.
-
-    In the cone's own norm: the 2-norm if elliptic, the 1-norm if pyramidal.
-    """
+    """Share by which one contact's force exceeds its cone: 2-norm if elliptic, 1-norm if not."""
     return worst_pair(context, [net.excess for net in context.net])
 
 
 @metric("J", "lower", 1e-12)
 def complementarity(context: Context) -> Floats:
-    """Largest product of a contact's normal force and its positive distance.
-
-    Separated bodies exert no force; a contact margin lets them, and this is what it costs.
-    """
+    """Largest product of a contact's normal force and its positive distance, where margins act."""
     return worst_pair(context, [net.detached for net in context.net])
 
 
 @metric("N s", resolution=1e-9, equivalence=True)
 def normal_impulse(context: Context) -> Floats:
-    """Net normal force summed over time, of the pair with the largest.
-
-    At rest it is weight times time, whatever the contact law.
-    """
+    """Net normal force summed over time, largest of all pairs; at rest it is weight times time."""
     forces = [series.normal.sum(axis=1) for series in context.series]
     return worst_pair(context, forces) * context.trace.timestep
 
@@ -150,9 +141,9 @@ def creep(runs: MeasuredRuns) -> Found:
 def contact_losses(context: Context) -> Floats:
     """How often a sticking pair loses all contact and regains it, over simulated time; worst pair.
 
-    Counted are gaps no longer than the contact before, on both sides of which the pair uses less
-    than 0.9 of its friction bound, and after which it meets as hard as before, at 5 cm/s or
-    faster. A pad with more than 5 a second chatters.
+    Gaps no longer than the contact before, with less than 0.9 of the friction bound in use on both
+    sides, after which it meets as hard as before, at 5 cm/s or faster. A pad with more than 5 a
+    second chatters.
     """
     runs = context.trace.runs
     counts = [
@@ -163,10 +154,9 @@ def contact_losses(context: Context) -> Floats:
 
 @label(40, (_MODE_SWITCHES, _CONTACT_LOSSES, _FEWEST))
 def chatter(runs: MeasuredRuns) -> Found:
-    """A pair keeps switching between stick and slide, or keeps losing its contact while it sticks.
+    """A pair keeps switching between stick and slide, or losing its contact while it sticks.
 
-    Switches while bodies come to rest do not count. If the scene has a hold window, only that
-    window is judged.
+    Not while bodies come to rest, nor outside of the hold window of a scene that has one.
     """
     context = runs.context
     held = context.setup.hold is not None
@@ -185,8 +175,7 @@ def chatter(runs: MeasuredRuns) -> Found:
 def hold_switch_masks(context: Context) -> list[NDArray[np.bool_]]:
     """Return for each monitored pair (n, N - 1) where its mode changes within the hold window.
 
-    What is held has no reason to part from its holder, so that contact that a sticking pair loses
-    or regains counts too. Sliding pairs hop; their gaps do not.
+    Contact that a sticking pair loses or regains counts too; sliding pairs hop.
     """
     inside = hold_window(context)[:, 1:]
     pairs = zip(context.series, switch_masks(context), strict=True)

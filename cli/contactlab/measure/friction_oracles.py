@@ -21,9 +21,8 @@ _SPHERE = 3.5  # 1 + m r^2 / I of a homogeneous sphere
 def sliding_distance(context: Context) -> tuple[Floats, Floats]:
     """Distance D = v0^2 / (2 mu g) - v0 timestep / 2 that a box slides until friction stops it.
 
-    Coulomb friction under semi-implicit Euler, which applies it before it moves the box; RK4 has
-    no second term. Measured: displacement across gravity of the first pair's free body over the
-    whole run, which must be long enough for it to stop.
+    Coulomb friction under semi-implicit Euler; RK4 has no second term. Measured: displacement
+    across gravity of the first pair's free body over a run that lets it stop.
     """
     speed, fall = context.setting("speed"), gravity(context)
     early = np.where(semi_implicit(context) > 0, speed * context.setting("timestep") / 2, 0)
@@ -39,10 +38,9 @@ def sliding_distance(context: Context) -> tuple[Floats, Floats]:
 def incline(context: Context) -> tuple[Floats, Floats]:
     """Share max(1 - mu N / F, 0) of its frictionless way that a box slides down a slope.
 
-    On a slope of the angle `tilt`, F = `weight` sin(tilt) and N = `weight` cos(tilt). Without
-    friction F moves the box by F t^2 / (2 m) (Coulomb; t^2 is (h n) h (n + 1) after n
-    semi-implicit steps). Measured: displacement of the first free body along the load over that
-    way. What sticks creeps in soft contact, and that counts.
+    F = `weight` sin(tilt) and N = `weight` cos(tilt); without friction F moves it by F t^2 / (2 m)
+    (Coulomb; t^2 is (h n) h (n + 1) after n semi-implicit steps). Measured: displacement of the
+    first free body along the load over that way; creep in soft contact counts.
     """
     tilt = np.radians(context.setting("tilt"))
     weight = context.setting("weight") / context.setup.free_bodies[0].mass
@@ -53,19 +51,14 @@ def incline(context: Context) -> tuple[Floats, Floats]:
 def pushed_box(context: Context) -> tuple[Floats, Floats]:
     """Share max(1 - mu m g / F, 0) of its frictionless way that a pushed box slides.
 
-    Pushed by F = `push`. Without friction F moves the box by F t^2 / (2 m) (Coulomb; t^2 is
-    (h n) h (n + 1) after n semi-implicit steps). Measured: displacement of the first free body
-    along the load over that way. What sticks creeps in soft contact, and that counts.
+    F = `push`; without friction it moves the box as in incline, and so it is measured.
     """
     load = context.setting("push") / context.setup.free_bodies[0].mass
     return _moved_share(context, load, gravity(context))
 
 
 def _moved_share(context: Context, load: Floats, pressure: Floats) -> tuple[Floats, Floats]:
-    """Return what a load moves, with friction, of the way that it would go without.
-
-    Both loads, tangential and normal, are over mass (n,) [m/s^2].
-    """
+    """Return what a load moves, with friction, of its way without; both over mass [m/s^2]."""
     angle = np.radians(context.setting("direction"))
     moved = context.displacement(context.setup.free_bodies[0])
     along = moved[:, 0] * np.cos(angle) + moved[:, 1] * np.sin(angle)
@@ -77,10 +70,9 @@ def _moved_share(context: Context, load: Floats, pressure: Floats) -> tuple[Floa
 def ladder(context: Context) -> tuple[Floats, Floats]:
     """Whether a ladder on a rough floor falls along a smooth wall: 1 if so, 0 if it stands.
 
-    A uniform ladder whose axis has the length L = 1 m, rounded with radius r at both ends, stands
-    while tan(angle) <= 2 mu (1 + r / (L cos(angle))), the angle from the vertical (moments about
-    the foot; the wall bears mu m g at most). Measured: the angle gained over 5 degrees, at most 1.
-    The hinge is the third degree of freedom.
+    A uniform ladder of L = 1 m whose ends have radius r stands while
+    tan(angle) <= 2 mu (1 + r / (L cos(angle))), the angle from the vertical (moments about the
+    foot). Measured: the angle gained, by the third degree of freedom, over 5 degrees, at most 1.
     """
     angle, radius = np.radians(context.setting("angle")), context.setup.thickness[0]
     grip = 2 * friction(context) * (1 + radius / (_LADDER_LENGTH * np.cos(angle)))
@@ -112,12 +104,8 @@ def tip_travel(context: Context) -> tuple[Floats, Floats]:
 def rod_tip_travel(rod: Floats, mu: Floats, fall: Floats, duration: Floats) -> Floats:
     """Return (n,) how far the touching end's centre moves [m]; it stays where it stops or jams.
 
-    Args:
-        rod: (4, n) where its centre is along the floor [m], its angle over the floor [rad], and
-            the rates of both.
-        mu: (n,) friction of the end.
-        fall: (n,) gravity [m/s^2].
-        duration: (n,) [s].
+    `rod` (4, n) has where its centre is along the floor [m], its angle over the floor [rad], and
+    the rates of both; `mu` (n,) is the end's friction, `fall` gravity [m/s^2], and time is in s.
     """
     forward, step = np.sign(_slip_speed(rod)), duration / _STEPS
     drag = forward * mu
@@ -165,9 +153,8 @@ def _end(rod: Floats) -> Floats:
 def roll_down(context: Context) -> tuple[Floats, Floats]:
     """Share of its frictionless way that a homogeneous sphere rolls down a slope: 5/7.
 
-    On a slope of the angle `tilt`, if mu >= (2/7) tan(tilt), and else 1 - mu / tan(tilt).
-    Measured: displacement of the first free body down the slope over g sin(tilt) t^2 / 2, with
-    m g the scene's `weight`.
+    If mu >= (2/7) tan(tilt), and else 1 - mu / tan(tilt). Measured: displacement of the first free
+    body down the slope over g sin(tilt) t^2 / 2, with m g the scene's `weight`.
     """
     tilt = np.radians(context.setting("tilt"))
     weight = context.setting("weight") / context.setup.free_bodies[0].mass
@@ -179,8 +166,7 @@ def roll_down(context: Context) -> tuple[Floats, Floats]:
 def slide_to_roll(context: Context) -> tuple[Floats, Floats]:
     """Time until a homogeneous sphere that starts to slide at v0 without turning rolls.
 
-    It slips at v0 - (7/2) mu g t. Measured: the time at which |v| - r |w| of the first free body
-    is down to 5 % of v0; the last percents are creep.
+    It slips at v0 - (7/2) mu g t. Measured: when |v| - r |w| of the first free body is 5 % of v0.
     """
     speed = _speed(context)
     slip = speed - context.setup.thickness[0] * _spin(context)
@@ -218,11 +204,10 @@ def spin_down(context: Context) -> tuple[Floats, Floats]:
 def rolling_plate(context: Context) -> tuple[Floats, Floats]:
     """Squared velocity error of a plate pulled over the ground and of balls that roll on it: 0.
 
-    A plate of mass M that is pulled by F and carries n homogeneous balls of mass m slides with
-    f1 = mu (M + n m) g; balls that roll on it without slipping take
-    f2 = ((F - f1) / M) / (3.5 / m + n / M) each. So the plate accelerates at (F - f1 - n f2) / M
-    and a ball at f2 / m. Measured: the squared velocity error of the plate and of a ball, averaged
-    over time (and over the balls) and added.
+    A plate M that F pulls and that carries n homogeneous balls m slides with f1 = mu (M + n m) g;
+    balls that roll on it take f2 = ((F - f1) / M) / (3.5 / m + n / M) each. So it accelerates at
+    (F - f1 - n f2) / M and a ball at f2 / m. Measured: squared velocity errors of the plate and of
+    a ball, averaged over time (and over the balls) and added.
     """
     plate, *balls = context.setup.free_bodies
     mass, count = balls[0].mass, len(balls)

@@ -52,8 +52,7 @@ _HOLD_CONTACT = Threshold(
 def hold_switches(context: Context) -> Floats:
     """Changes of a pair's mode over the hold window, worst pair.
 
-    Between stick and slide as in mode_switches, and each time that a sticking pair loses or
-    regains its contact. A pad with more than 5 a second chatters.
+    As in mode_switches, and each time that a sticking pair loses or regains its contact.
     """
     counts = [mask.sum(axis=1).astype(np.float64) for mask in hold_switch_masks(context)]
     return worst_pair(context, counts) / hold_seconds(context)
@@ -61,11 +60,7 @@ def hold_switches(context: Context) -> Floats:
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True)
 def hold_penetration(context: Context) -> Floats:
-    """Penetration as in penetration_mean, over the hold window alone.
-
-    Bands for grasps: under 1 mm plausible, from 1 to 3 mm a compromise, over 3 mm exploited, over
-    5 mm broken.
-    """
+    """Penetration as in penetration_mean, and with its bands, over the hold window alone."""
     return worst_pair(context, mean_depths(context, hold_window(context)))
 
 
@@ -73,8 +68,7 @@ def hold_penetration(context: Context) -> Floats:
 def hold_slip(context: Context) -> Floats:
     """Farthest that a pair slips within the hold window, worst pair.
 
-    The length of the sum over time of its tangential velocity in the world frame, weighted by
-    normal force: jitter cancels, creep adds up.
+    Its tangential velocity, weighted by normal force, summed in the world frame: jitter cancels.
     """
     return worst_pair(context, _slips(context))
 
@@ -96,10 +90,7 @@ def _slips(context: Context) -> list[Floats]:
 
 @metric("m", resolution=1e-9)
 def hold_drop(context: Context) -> Floats:
-    """How far the subject sinks along gravity within the hold window, relative to its holder.
-
-    Negative where it rises.
-    """
+    """How far the subject sinks from its holder within the hold window; negative if it rises."""
     held, inside = context.trace.held, hold_window(context)
     if held is None:
         return context.undefined()
@@ -112,10 +103,7 @@ def hold_drop(context: Context) -> Floats:
 
 @metric("m", "lower", 1e-9)
 def hold_offset(context: Context) -> Floats:
-    """Farthest, within the hold window, that the subject is from its place in the grip.
-
-    That is where the body that holds it had it at the start of the run, in the frame of that body.
-    """
+    """Farthest that the subject is within the hold window from where its holder had it at first."""
     held, inside = context.trace.held, hold_window(context)
     if held is None:
         return context.undefined()

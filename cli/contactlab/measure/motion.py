@@ -52,10 +52,9 @@ def energy_scale(context: Context) -> Floats:
 def energy_gain(context: Context) -> Floats:
     """Largest mechanical energy over that at the start, less 1, in a passive scene.
 
-    The datum is the lowest potential energy that the run reaches; the energy at the start counts
-    as at least what lifts every free body by 1 mm. Contact must not add energy, beyond what a start
-    a hair deep, or outside of limits, has stored; the swing that semi-implicit steps give springs
-    does not count.
+    The datum is the lowest potential energy of the run; the energy at the start counts as at least
+    what lifts every free body by 1 mm, with what a start a hair deep, or outside of limits, has
+    stored. The swing that semi-implicit steps give springs does not count.
     """
     if not context.setup.passive:
         return context.undefined()
@@ -119,10 +118,7 @@ def spin_drift(context: Context) -> Floats:
 
 @metric("s", "lower", requires="energy")
 def settle_time(context: Context) -> Floats:
-    """Time after which kinetic energy stays below 1e-6 of its peak.
-
-    Not defined where the system still moves at the end.
-    """
+    """Time after which kinetic energy stays below 1e-6 of its peak, if it does at the end."""
     limit = _SETTLED * np.maximum(peak_kinetic(context), least_energy(context))
     moving = kinetic(context) > limit[:, None]
     settled = context.trace.steps - moving[:, ::-1].argmax(axis=1)
@@ -139,10 +135,9 @@ def final_speed(context: Context) -> Floats:
 
 @metric("m", "lower", 1e-12)
 def drift(context: Context) -> Floats:
-    """Distance across gravity between a free body's first and last position.
+    """Distance across gravity between a free body's first and last position, largest of all.
 
-    The body that moved most counts. For bodies at rest it is creep, which grows with time and
-    vanishes with impratio; for a stack that collapsed it is the fall.
+    For bodies at rest it is creep, which grows with time and vanishes with impratio.
     """
     below = down(context)
     return np.sqrt(worst_body(context, lambda body: _across(context.displacement(body), below)))
@@ -150,20 +145,14 @@ def drift(context: Context) -> Floats:
 
 @metric("m", "lower", 1e-12)
 def drop(context: Context) -> Floats:
-    """Distance along gravity between a free body's first and last position.
-
-    The body that sank most counts; negative where all rose.
-    """
+    """Most that a free body sinks along gravity over the run; negative where all rise."""
     below = down(context)
     return worst_body(context, lambda body: (context.displacement(body) * below).sum(axis=1))
 
 
 @metric("m/s", "lower", 1e-12)
 def rest_speed(context: Context) -> Floats:
-    """Largest speed of a free body in the last fifth of the run.
-
-    Bodies at rest still creep.
-    """
+    """Largest speed of a free body in the last fifth of the run; bodies at rest still creep."""
     last = slice(context.last_fifth.start + 1, None)
     return np.sqrt(
         worst_body(context, lambda body: speed_squared(context, body)[:, last].max(axis=1))
@@ -172,10 +161,7 @@ def rest_speed(context: Context) -> Floats:
 
 @metric("any", resolution=1e-9)
 def joint_travel(context: Context) -> Floats:
-    """Speed summed over time of the degree of freedom that moves most, there and back.
-
-    Free bodies do not count. In m for slides, in rad for hinges and ball joints.
-    """
+    """Way there and back of the degree of freedom, of no free body, that moves most [m or rad]."""
     free = {body.dof + place for body in context.setup.free_bodies for place in range(6)}
     jointed = [place for place in range(context.trace.qvel.shape[2]) if place not in free]
     if not jointed:
@@ -186,10 +172,7 @@ def joint_travel(context: Context) -> Floats:
 
 @metric("any", resolution=1e-9)
 def actuator_effort(context: Context) -> Floats:
-    """Root mean square over time of the forces of all actuators together.
-
-    In N and N m, as each actuator has it; it shows what the motion asks of them.
-    """
+    """Root mean square over time of the forces of all actuators together, each in N or N m."""
     forces = context.trace.forces
     if forces is None or not forces.shape[2]:
         return context.undefined()
@@ -209,11 +192,7 @@ def turn(context: Context) -> Floats:
 
 @label(60, (_ENERGY_GAIN, _SPEED_RATIO, INTEGRATION_GAIN))
 def energy_injection(runs: MeasuredRuns) -> Found:
-    """Energy that nothing had to give.
-
-    A passive scene gained it, or ejected a body faster than its energy allows; or, whatever acts,
-    the integrator added it.
-    """
+    """A passive scene gained energy, or ejected a body too fast; or the integrator added some."""
     for run, gain, limit in runs.over("energy_gain"):
         values = _level_energy(runs.context)[run]
         given = values[0] + _stored_at_start(runs.context)[run]
@@ -261,9 +240,8 @@ def unsettled(runs: MeasuredRuns) -> Found:
 def _level_energy(context: Context) -> Floats:
     """Return (n, N) mechanical energy [J] without the swing that a step gives it at a spring.
 
-    Semi-implicit velocities lag behind positions by half a step: the energy of an oscillator swings
-    by half its phase per step. Of a mean over two states, in which the later kinetic and the
-    earlier potential energy count three times, the part of second order does not swing either.
+    Semi-implicit velocities lag behind positions by half a step. In a mean over two states in which
+    later kinetic and earlier potential energy count three times, second order does not swing.
     """
     values = energy(context)
     if not context.setup.springs or context.trace.steps < 2:
@@ -278,9 +256,7 @@ def _level_energy(context: Context) -> Floats:
 def _stored_at_start(context: Context) -> Floats:
     """Return (n,) the energy [J] that constraints have stored at the start.
 
-    Contacts at most force times depth, and of each pair at most what lifts everything by a tenth of
-    the thinner geom's half extent: who starts deeper than a hair, or is thrown higher, has no
-    excuse.
+    Contacts at most force times depth, and what lifts all by a tenth of the thinner half extent.
     """
     most, given = _HAIR * context.setup.moving_mass * gravity(context), context.trace.given
     stored = np.zeros(context.trace.runs) if given is None else np.nan_to_num(given[:, 3])

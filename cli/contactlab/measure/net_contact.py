@@ -35,46 +35,28 @@ _FORCELESS = 1e-9  # Share of a run's largest normal force below which direction
 
 @dataclass(frozen=True)
 class NetContact:
-    """One pair's contacts, summed over its slots or reduced to the worst slot.
+    """One pair's contacts, summed over its slots or reduced to the worst slot."""
 
-    Attributes:
-        series: the net quantities over time.
-        found: (n, N) contacts that matched, recorded or not.
-        grip: (n, N) share of the bound that the contacts use, each by itself; at least the usage
-            of their sum.
-        rolling: (n, N) relative angular speed of the first contact about its tangents [rad/s].
-        spinning: (n, N) the same about its normal.
-        excess: (n,) most that the tangential force of one contact exceeds its bound, as a share.
-        detached: (n,) most that one contact's normal force times its positive distance is [J].
-        standoff: (n,) mean positive distance of contacts, weighted by normal force [m].
-    """
-
-    series: PairSeries
-    found: NDArray[np.int32]
-    grip: Floats
-    rolling: Floats
-    spinning: Floats
-    excess: Floats
-    detached: Floats
-    standoff: Floats
+    series: PairSeries  # the net quantities over time
+    found: NDArray[np.int32]  # (n, N) contacts that matched, recorded or not
+    grip: Floats  # (n, N) share of the bound that the contacts use, each by itself
+    rolling: Floats  # (n, N) relative angular speed of the first contact about its tangents [rad/s]
+    spinning: Floats  # (n, N) the same about its normal
+    excess: Floats  # (n,) most that one contact's tangential force exceeds its bound, as a share
+    detached: Floats  # (n,) most that one contact's normal force times its positive distance is [J]
+    standoff: Floats  # (n,) mean positive distance of contacts, weighted by normal force [m]
 
 
 @dataclass(frozen=True)
 class _Cone:
-    """Friction bound of one pair in one run: on the 2-norm if elliptic, else on the 1-norm.
+    """Friction bound of one pair in one run: on the 2-norm if elliptic, else on the 1-norm."""
 
-    `stretch` is the coefficient along the first tangent, `friction`, over that along the second.
-    """
-
-    friction: float
-    stretch: float
+    friction: float  # the coefficient along the first tangent
+    stretch: float  # `friction` over the coefficient along the second
     elliptic: bool
 
     def norm(self, force: Complexes, out_of_plane: Floats | None = None) -> Floats:
-        """Return what the bound holds below friction times normal force, of tangential forces [N].
-
-        Only the 2-norm counts the squared force [N^2] off the tangent plane.
-        """
+        """Return what the cone bounds of forces [N]; the 2-norm adds their square off the plane."""
         across = force.imag if self.stretch == 1 else force.imag * self.stretch
         if not self.elliptic:
             return np.abs(force.real) + np.abs(across)
@@ -84,19 +66,14 @@ class _Cone:
 
 @dataclass(frozen=True)
 class _SlotColumns:
-    """What is read of the slots of one run, (S, N) each and contiguous in time.
-
-    `force` [N] and `velocity` [m/s] are along the first and the second tangent. `frame` (3, S, N)
-    is the normal's and the first tangent's coordinates, two by two; None for a single slot, whose
-    frame is the only one. `turning` (3, N) is the first slot's angular velocity, normal first.
-    """
+    """What is read of the slots of one run, (S, N) each and contiguous in time."""
 
     normal: Floats
     distance: Floats
-    force: Complexes
-    velocity: Complexes
-    turning: Floats
-    frame: Complexes | None
+    force: Complexes  # along both tangents [N]
+    velocity: Complexes  # along both tangents [m/s]
+    turning: Floats  # (3, N) the first slot's angular velocity, normal first
+    frame: Complexes | None  # (3, S, N) normal and tangent, two by two; None for a single slot
 
 
 def net_contact(pair: PairTrace, elliptic: NDArray[np.bool_], timestep: Floats) -> NetContact:
@@ -158,8 +135,8 @@ def _by_twos(slots: Floats, field: slice) -> Complexes:
 def _sum_slots(columns: _SlotColumns, cone: _Cone) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Sum the slots of one run, in the first contact's frame or, where they differ, the world's.
 
-    Returns (N,) normal force, tangential force, the latter in the norm of the cone, mean tangential
-    velocity [m/s] weighted by normal force, and the norms of the tangential forces one by one.
+    Returns (N,) normal and tangential force, the latter in the cone's norm, mean slip velocity
+    [m/s] weighted by normal force, and the sum of the norms of single tangential forces.
     """
     normal, force = columns.normal.sum(axis=0), columns.force.sum(axis=0)
     impulse = (columns.velocity * columns.normal).sum(axis=0)

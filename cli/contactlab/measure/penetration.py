@@ -46,11 +46,7 @@ _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into t
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
-    """Largest penetration of any contact of the worst pair, at any time.
-
-    Penetration is the negative contact distance; not defined for speculative contacts, whose
-    distance is no depth.
-    """
+    """Largest negative distance of any contact at any time; not defined for speculative ones."""
     return worst_pair(context, [depth.max(axis=1) for _, depth in contact_depths(context)])
 
 
@@ -90,9 +86,8 @@ def steady_by_pair(context: Context) -> list[Floats]:
 def penetration_steady(context: Context) -> Floats:
     """Resting penetration: penetration_mean over the last fifth of the run.
 
-    Only pairs that touch in half of it count, since others bounce. What remains at rest is
-    compliance: it follows from load, mass, solref and solimp, and a smaller timestep does not
-    cure it.
+    Only pairs that touch in half of it count, since others bounce. It is compliance, which follows
+    from load, mass, solref and solimp, and which a smaller timestep does not cure.
     """
     return worst_pair(context, steady_by_pair(context))
 
@@ -101,10 +96,9 @@ def penetration_steady(context: Context) -> Floats:
 def penetration_growth(context: Context) -> Floats:
     """Rate at which resting pairs sink into each other in the last half of the run.
 
-    Median penetration of the last quarter minus that of the third quarter, over a quarter of the
-    run; worst pair. What follows a load that grows is no sinking: the earlier penetration counts
-    in proportion to the median of the hardest contact's force. Only pairs that touch in 90 % of the
-    last half count, since others bounce.
+    Median penetration of the last quarter minus that of the third, which counts in proportion to
+    the median of the hardest contact's force where loads grow, over a quarter of the run; worst of
+    the pairs that touch in 90 % of that half.
     """
     quarter = context.trace.steps // 4
     if quarter == 0:
@@ -138,9 +132,8 @@ def _gains(context: Context) -> list[Floats]:
 def standoff(context: Context) -> Floats:
     """Distance at which a pair's contacts bear, over half the extent of the thinner geom.
 
-    Positive distances, by which a margin carries bodies, averaged over all contacts with their
-    normal force as weight; worst pair. Forces below 1e-5 N for each kg that moves do not count.
-    Not defined for speculative contacts.
+    Mean positive distance, weighted by normal force; worst pair. Forces below 1e-5 N for each kg
+    that moves do not count. Not defined for speculative contacts.
     """
     least, speculative = 1e-5 * context.setup.moving_mass, context.setup.speculative
     shares = [
@@ -153,10 +146,7 @@ def standoff(context: Context) -> Floats:
 
 @metric("m", "higher", 1e-9, requires="depth")
 def distance_min(context: Context) -> Floats:
-    """Least signed distance of any contact in the model, of monitored and of other pairs.
-
-    Positive where contacts with a margin never close.
-    """
+    """Least signed distance of any contact in the model; positive where margins never close."""
     touching = context.trace.contacts > 0
     least = np.where(touching, context.trace.least_distance, np.inf).min(axis=1)
     return np.where(touching.any(axis=1), least, np.nan)
@@ -166,8 +156,7 @@ def distance_min(context: Context) -> Floats:
 def tunneling(runs: MeasuredRuns) -> Found:
     """A body passed through another.
 
-    It crossed the mid-plane of a surface that should stop it, its centre went through a geom within
-    a few steps, or two bodies overlapped beyond the middle of the thinner one.
+    By its centre across a surface or through a geom, or by overlap beyond the thinner one's middle.
     """
     passed = [
         (run, Finding(f"{each.mover} passed through {each.wall}", each.step))
@@ -237,10 +226,7 @@ def _pierced(runs: MeasuredRuns) -> Found:
 
 
 def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
-    """Return whether what is beyond its middle in the ground was only hit hard, and comes back.
-
-    Its refined copy then gets there too, or the step is what let it in.
-    """
+    """Return whether what dips beyond its middle into the ground comes back, as its copy does."""
     trace, checks, depth = context.trace, context.checks, contact_depths(context)[index][1][run]
     soon = (deep.stop - deep.start) * trace.timestep[run] <= _DIP
     left = deep.stop < trace.steps and depth[deep.stop] == 0
@@ -252,11 +238,7 @@ def _dips(context: Context, index: int, run: int, deep: slice) -> bool:
 
 
 def _crossed(context: Context) -> Found:
-    """Find the first step in which the centre of what a barrier stops passes it.
-
-    It passes where its signed height over the mid-plane changes sign within the barrier's reach;
-    between two states it moves in a straight line.
-    """
+    """Find the first step in which the centre of what a barrier stops passes its mid-plane."""
     for barrier in context.setup.barriers:
         place = context.position(barrier.body)
         if barrier.centre.any():

@@ -34,10 +34,8 @@ _BALL = 2 / 7  # 1 / (1 + 5 / 2): what a hit at a ball's surface has to overcome
 def restitution_measured(context: Context) -> Floats:
     """Normal speed after an impact over that before, of a free body on a fixed surface.
 
-    Both speeds are those of the free flight next to the contact. Mean over those of the first five
-    impacts that are at least 0.3 times as fast as the first; impacts slower than 5 cm/s are rest.
-    Only central impacts count, whose force passes the body's centre: a box that slides hops from
-    corner to corner.
+    In the free flight next to the contact. Mean over those of the first five impacts that are
+    central, at 5 cm/s or faster, and at least 0.3 times as fast as the first.
     """
     runs = context.trace.runs
     total, count = np.zeros(runs), np.zeros(runs)
@@ -49,10 +47,7 @@ def restitution_measured(context: Context) -> Floats:
 
 
 def _bounces(context: Context, barrier: Barrier) -> tuple[Rows, Floats]:
-    """Return run and restitution of the impacts that count, in order of run and time.
-
-    They are among the first five, and not much weaker than the first.
-    """
+    """Return run and restitution of the impacts that count, in order of run and time."""
     touches, rank = _first_touches(context, barrier)
     approach, rebound = _speeds(context, barrier, touches)
     first = np.zeros(context.trace.runs)
@@ -76,9 +71,8 @@ def _first_touches(context: Context, barrier: Barrier) -> tuple[Spans, Rows]:
 def _speeds(context: Context, barrier: Barrier, touches: Spans) -> tuple[Floats, Floats]:
     """Return the speeds [m/s] at touch before and after each contact, NaN where it is no bounce.
 
-    Both are those of the free flight beside the contact, carried to the height of touch:
-    ``v^2 + 2 g s`` is constant on a flight, with s the gap. Of a speculative contact that height
-    is unknown; there, the speed is that of the sample itself.
+    Carried from free flight to the height of touch: ``v^2 + 2 g s`` is constant, with s the gap. Of
+    a speculative contact that height is unknown, and the speed is that of the sample.
     """
     speculative = context.setup.speculative
     known = 1.0 if speculative is None else ~speculative[touches.run]
@@ -129,9 +123,8 @@ def restitution_of_solref(context: Context) -> Floats:
 def restitution(context: Context) -> tuple[Floats, Floats]:
     """Restitution e = exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)), zeta the damping ratio of solref.
 
-    The oscillator of MuJoCo's contact with constant impedance, whose force only pushes. Holds for
-    impacts that are fast beside g / w and for w timestep <= 0.1, w the contact's rate. Measured:
-    the metric restitution_measured.
+    The oscillator of MuJoCo's contact with constant impedance, whose force only pushes; for impacts
+    fast beside g / w and w timestep <= 0.1, w its rate. Measured: restitution_measured.
     """
     return restitution_of_solref(context), restitution_measured(context)
 
@@ -140,9 +133,8 @@ def restitution(context: Context) -> tuple[Floats, Floats]:
 def pair_restitution(context: Context) -> tuple[Floats, Floats]:
     """Restitution of two free bodies, e = exp(-2 zeta acos(zeta) / sqrt(1 - zeta^2)).
 
-    zeta is the damping ratio of solref; for bodies of any mass, since solref is a rate and not a
-    stiffness. Measured: relative velocity of the first two free bodies in the last state along
-    that in the first, over it, which must lie on the line of centres.
+    zeta is the damping ratio of solref, a rate, for bodies of any mass. Measured: relative velocity
+    of the first two free bodies in the last state over that in the first, along the centres.
     """
     one, other = (context.velocity(body) for body in context.setup.free_bodies[:2])
     approach, parting = (one[:, state] - other[:, state] for state in (0, -1))
@@ -154,10 +146,9 @@ def pair_restitution(context: Context) -> tuple[Floats, Floats]:
 def impact_depth(context: Context) -> tuple[Floats, Floats]:
     """Depth of an impact, (v / w) exp(-zeta acos(zeta) / sqrt(1 - zeta^2)).
 
-    That is where an oscillator of rate w and damping ratio zeta that is hit at speed v turns
-    back: 0.368 v tc at critical damping. Holds for impacts that are fast beside g / w. Not
-    defined for speculative contacts. Measured: the largest penetration of any monitored pair. Both
-    are in units of the distance that the body moves in one step.
+    Where an oscillator of rate w and damping ratio zeta hit at speed v, fast beside g / w, turns
+    back: 0.368 v tc at critical damping. Not defined for speculative contacts. Measured: the
+    largest penetration of any pair. Both are over the distance that the body moves in a step.
     """
     solref, speed = context.setting("solref"), context.setting("speed")
     rate = np.sqrt(stiffness_damping(solref)[0])
@@ -173,10 +164,9 @@ def impact_depth(context: Context) -> tuple[Floats, Floats]:
 def separation_speed(context: Context) -> tuple[Floats, Floats]:
     """Speed v = w r exp(-zeta acos(zeta) / sqrt(1 - zeta^2)) at which overlapping bodies part.
 
-    Two free bodies overlap by r at rest: the contact's oscillator until its force ends, with rate
-    w and damping ratio zeta; K and B of N equal contacts are N / (1 + (N - 1) d) times one's.
-    Holds for constant impedance d without friction or gravity. Measured: relative speed of the
-    first two free bodies in the last state.
+    The contact's oscillator, of rate w and damping ratio zeta, from overlap r at rest; K and B of N
+    equal contacts are N / (1 + (N - 1) d) times one's, for constant impedance d without friction or
+    gravity. Measured: relative speed of the first two free bodies in the last state.
     """
     solref = context.setting("solref")
     stiffness, _ = stiffness_damping(solref)
@@ -193,10 +183,9 @@ def separation_speed(context: Context) -> tuple[Floats, Floats]:
 def oblique_impact(context: Context) -> tuple[Floats, Floats]:
     """Velocity of a point mass after an impact with friction (Newton, Coulomb).
 
-    A point mass that meets a floor at velocity (v_t, -v_n) gets the impulses J_n = (1 + e) m v_n
-    and J_t = min(mu J_n, m v_t) against v_t, with e from the damping ratio of solref. Measured:
-    distance of the last velocity from that of the law, over the speed at the start. The first
-    three degrees of freedom are slides along x, y and the normal z; there is no gravity.
+    At velocity (v_t, -v_n) it gets J_n = (1 + e) m v_n and J_t = min(mu J_n, m v_t) against v_t,
+    with e from the damping ratio of solref. Measured: distance of the last velocity from that law,
+    over the speed at the start. The first slides are along x, y and the normal z, without gravity.
     """
     before, after = context.trace.qvel[:, 0, :3], context.trace.qvel[:, -1, :3]
     push = -(1 + restitution_of_solref(context)) * before[:, 2]
@@ -231,8 +220,8 @@ def throw(context: Context) -> tuple[Floats, Floats]:
 def swing_transfer(context: Context) -> tuple[Floats, Floats]:
     """Angle to which the last pendulum of a cradle swings: that from which the first came.
 
-    Equal balls hit one after the other hand on all of their momentum and energy. Measured: the
-    last hinge's angle where it first comes to rest after it has left by over a degree.
+    Equal balls hand on all momentum and energy. Measured: the last hinge's angle where it first
+    comes to rest after it has left by over a degree.
     """
     swing = -context.trace.qpos[:, :, -1]
     out = swing > swing[:, :1] + np.radians(1)
@@ -250,9 +239,8 @@ def swing_transfer(context: Context) -> tuple[Floats, Floats]:
 def rest_penetration(context: Context) -> tuple[Floats, Floats]:
     """Depth r at which g (1 - d(r)) dwidth^2 / (K d(r)^2) = r.
 
-    K and d are from solref and solimp: one contact that carries a body on a fixed floor, whatever
-    its mass. Holds for frictionless contacts and elliptic cones. Measured: the penetration of the
-    first pair in the last step.
+    One contact, with K and d of solref and solimp, carries a body of any mass; frictionless or with
+    an elliptic cone. Measured: the penetration of the first pair in the last step.
     """
     mass = context.setup.free_bodies[0].mass
     solref, solimp = context.setting("solref"), context.setting("solimp")
@@ -264,10 +252,9 @@ def rest_penetration(context: Context) -> tuple[Floats, Floats]:
 def stack_sag(context: Context) -> tuple[Floats, Floats]:
     """Depth by which the top of a stack of boxes sinks under its weight.
 
-    Sum over the layers of the depth r at which F A (1 - d(r)) dwidth^2 / (K d(r)^2) = r, with F a
-    quarter of the weight above, A = 1/m1 + 1/m2 (1/m on the floor) and K, d from solref and
-    solimp. Free bodies and pairs are listed from the floor up. Measured: the sum over the pairs of
-    their mean penetration in the last fifth of the run.
+    Sum over the layers, from the floor up, of r with F A (1 - d(r)) dwidth^2 / (K d(r)^2) = r, F a
+    quarter of the weight above, A = 1/m1 + 1/m2 (1/m on the floor), K and d from solref and solimp.
+    Measured: the sum of the pairs' mean penetrations in the last fifth of the run.
     """
     mass = np.stack([body.mass for body in context.setup.free_bodies], axis=1)
     carried = mass[:, ::-1].cumsum(axis=1)[:, ::-1] * gravity(context)[:, None]
@@ -283,10 +270,9 @@ def stack_sag(context: Context) -> tuple[Floats, Floats]:
 def foot_depth(context: Context) -> tuple[Floats, Floats]:
     """Depth r at which F A (1 - d(r)) dwidth^2 / (K d(r)^2) = r, of a foot under its robot.
 
-    F is a quarter of the weight of a foot m and a trunk M = 10 kg above it,
-    A = (1/m + 2/(m + M))/3 the foot's inverse mass averaged over directions, as the engine takes
-    it, and K, d are from the requested solref and solimp: a time constant below two timesteps is
-    lengthened by the engine, and missed here. Measured: the metric penetration_steady.
+    F is a quarter of the weight of a foot m and a trunk M = 10 kg, A = (1/m + 2/(m + M))/3 the
+    foot's inverse mass, averaged over directions as in the engine, and K, d are from solref, not
+    lengthened to two timesteps, and solimp. Measured: the metric penetration_steady.
     """
     foot = context.setting("mass")
     robot = foot + _TRUNK

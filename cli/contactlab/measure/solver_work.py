@@ -47,11 +47,7 @@ def solver_iterations(context: Context) -> Floats:
 
 @metric("1", "lower", kind="work")
 def saturated_share(context: Context) -> Floats:
-    """Share of the steps in which an island used as many iterations as the solver may.
-
-    Alone it is no failure: an easy scene with one iteration allowed reaches the limit and
-    converges.
-    """
+    """Share of the steps in which an island used all its iterations, which alone is no failure."""
     return saturated(context).mean(axis=1)
 
 
@@ -84,11 +80,7 @@ def ungraded_contacts(context: Context) -> Floats:
 
 @label(80, (_SATURATED, _RESIDUAL))
 def solver_nonconvergence(runs: MeasuredRuns) -> Found:
-    """The constraint solver used all its iterations without converging.
-
-    It did so in most steps with contact or, where a second pass measured the residual, with a
-    residual above the limit.
-    """
+    """The solver used all its iterations in most steps with contact, or left a large residual."""
     context, limits, allowed = runs.context, runs.limits, runs.context.setup.iterations
     hit, touching = saturated(context), context.trace.contacts > 0
     used = "the solver used all its {} iterations in {:.0%} of the steps".format
@@ -162,27 +154,21 @@ def solver_residual(context: Context) -> Floats:
 
 @metric("1", "lower", 1e-12, kind="check")
 def jacobian_difference(context: Context) -> Floats:
-    """Largest relative difference of accelerations from a dense and a sparse constraint Jacobian.
-
-    At sampled states, from a cold start, with and without constraints.
-    """
+    """Largest relative difference of accelerations from dense and sparse Jacobians, as sampled."""
     return context.undefined() if context.checks is None else context.checks.jacobian.max(axis=1)
 
 
 @metric("m", "lower", 1e-9, kind="check")
 def overlap_missed(context: Context) -> Floats:
-    """Deepest overlap of a monitored pair that has no contact, by mj_geomDistance.
-
-    At sampled states.
-    """
+    """Deepest overlap of a monitored pair without contact at sampled states (mj_geomDistance)."""
     return context.undefined() if context.checks is None else context.checks.overlap.max(axis=1)
 
 
 @metric("m", "lower", 1e-9, kind="check")
 def distance_phantom(context: Context) -> Floats:
-    """Largest distance of a monitored pair beyond what its contact reports, by mj_geomDistance.
+    """Largest distance beyond what a contact reports at sampled states (mj_geomDistance).
 
-    At sampled states. Not defined for speculative contacts.
+    Not defined for speculative contacts.
     """
     return context.undefined() if context.checks is None else context.checks.apart.max(axis=1)
 
@@ -196,11 +182,7 @@ def repeats(context: Context) -> Floats:
 
 @label(84, (_RESIDUAL, _JACOBIAN))
 def solver_inconsistent(runs: MeasuredRuns) -> Found:
-    """The engine contradicts itself.
-
-    The solver stopped early with a wrong answer, a sparse Jacobian changes the answer, or the
-    same run gives another trajectory.
-    """
+    """The solver stopped early and wrong, or a sparse Jacobian or a second run differs."""
     context, checks = runs.context, runs.context.checks
     if checks is None:
         return
