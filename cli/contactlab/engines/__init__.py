@@ -41,11 +41,7 @@ ENGINES.add(ImpulseEngine())
 
 
 def find_engine(name: str) -> SimulationEngine:
-    """Return the engine of this name.
-
-    Raises:
-        EngineError: there is none here.
-    """
+    """Return the engine of this name; an EngineError if there is none here."""
     if name not in ENGINES:
         raise EngineError(
             f"no engine '{name}'{did_you_mean(name, ENGINES)}; if a plug-in adds it, load that"

@@ -63,15 +63,15 @@ class _PolicyFailureError(Exception):
 
 Fields = Mapping[Any, np.ndarray]
 """What is recorded of each run, by field of MjData: (n, N, ...)."""
+# What one run leaves: its share of CPU time [s], counts of warnings, its error, its controls.
 _Flown = tuple[float, np.ndarray, str | None, RecordedControls | None]
-"""What one run leaves: its share of CPU time [s], counts of warnings, its error, its controls."""
 
 
 def fly(runs: PreparedRuns, buffers: Buffers, watch: Watch, proceed: Proceed) -> Rollout:
     """Simulate runs in closed loop, as `SimulationEngine.roll_out` says.
 
-    They advance together: the cost of each is its share, by its steps and samples of what they
-    take, of the time of all. If the sweep should stop, the first run alone goes on to its end.
+    The cost of each is its share, by its steps and samples of what they take, of the time of all.
+    If the sweep should stop, the first run alone goes on to its end.
     """
     count = len(runs.prepared)
     arrays = buffers.arrays(runs.models[0], count, runs.steps)
@@ -363,8 +363,7 @@ def _own_sensors(model: mujoco.MjModel) -> int:
 def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None:
     """Return a drive if it is a policy, once its code was loaded to show its mistakes.
 
-    Raises:
-        SceneError: it is one, but code is not allowed; or it cannot be loaded.
+    A SceneError if it is one, but code is not allowed, or cannot be loaded.
     """
     if not isinstance(drive.drive, PolicyDrive):
         return None
@@ -378,11 +377,7 @@ def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None
 
 
 def load_policy(located: LocatedDrive) -> PolicyClass:
-    """Return the class of a policy, from its file.
-
-    Raises:
-        SceneError: the file is not what it was, cannot be run, or has no such class.
-    """
+    """Return the class of a policy; a SceneError if its file changed, fails or lacks it."""
     drive, file = located.drive, located.files[0]
     assert isinstance(drive, PolicyDrive)
     located.check()

@@ -86,8 +86,7 @@ def roll_out(
 ) -> Rollout:
     """Step every run by itself on this thread, as `SimulationEngine.roll_out` says.
 
-    So its CPU time is its own. Bit for bit equal to a loop over `mj_step` for each run. The models
-    are of one layout; automatic reset must be off.
+    Bit for bit equal to a loop over `mj_step`. The models are of one layout, without autoreset.
     """
     count = len(models)
     batch = start_batch(models, starts)
@@ -121,10 +120,9 @@ def roll_out(
 
 
 class Recorder:
-    """What batches record of runs beside states, by field of MjData, and what it tells.
+    """What batches record of runs beside states, and what it tells.
 
-    Attributes:
-        fields: arrays (rows, N, ...) for as many runs as are recorded together.
+    `fields` has arrays (rows, N, ...) by field of MjData, for runs that are recorded together.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
@@ -163,11 +161,7 @@ def recorded(
     errors: Sequence[str | None],
     controls: Sequence[RecordedControls | None] = (),
 ) -> Rollout:
-    """Return the first n runs that were recorded.
-
-    Of each: `cost` (n,) its CPU time [s], `warnings` (n, kinds) how often each kind was raised,
-    `errors` why it failed, and `controls` what its policy did.
-    """
+    """Return the first n runs that were recorded: cost (n,) [s], counts of warnings (n, kinds)."""
     count = len(cost)
     for run in range(count):
         if errors[run]:

@@ -48,17 +48,13 @@ _BODY = int(mujoco.mjtObj.mjOBJ_BODY)
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
 _ASLEEP, _AWAKE = 0, 1
 _LAST_STAGE = int(mujoco.mjtStage.mjSTAGE_ACC)
-# What changes sign when a contact is seen from its other geom: normal, tangent, third components.
+# What changes sign when a contact is seen from its other geom: normal, tangent, third components,
+# since the third axis stays, and the force is the opposite one.
 _FLIPPED = [11, 12, 13, 14, 15, 16, FORCE.stop - 1, TORQUE.stop - 1, 19, 22]
 
 
 class StepLoop:
-    """Runs of one layout, stepped one by one.
-
-    Attributes:
-        state: (n, nstate) all that decides what follows, as `mjSTATE_INTEGRATION` has it.
-        warning: (n, kinds, 2) what was last warned of, and how often.
-    """
+    """Runs of one layout, stepped one by one; `state` (n, nstate) decides what follows."""
 
     def __init__(
         self, model: mujoco.MjModel, nsim: int, nthread: int = 1, persistent: bool = False
@@ -70,6 +66,7 @@ class StepLoop:
         self._persistent = persistent
         self._errors = [""] * nsim
         self.state = np.zeros((nsim, mujoco.mj_stateSize(model, _INTEGRATION)))
+        # What was last warned of, and how often.
         self.warning = np.zeros((nsim, _WARNINGS, 2), np.int32)
 
     def set_models(self, models: Sequence[mujoco.MjModel]) -> None:
@@ -107,8 +104,7 @@ class StepLoop:
     ) -> dict[Any, np.ndarray]:
         """Make steps and record after each; a run that warns stops, and its last row is repeated.
 
-        Raises:
-            SimulationError: MuJoCo raised an error; those runs keep the state they had.
+        A SimulationError if MuJoCo raised an error; those runs keep the state they had.
         """
         runs = list(range(len(self._models)) if ids is None else ids)
         arrays = out or {item: self._array(item, len(runs), nstep) for item in record}
@@ -181,11 +177,7 @@ def _record(
 
 
 class ContactSlots:
-    """Fills user sensors of one run, as MuJoCo's sensor callback.
-
-    MuJoCo calls it within a step, at the state before it, with the forces that act during it; with
-    RK4, at its first stage.
-    """
+    """Fills user sensors of one run, as MuJoCo's sensor callback: with the forces of a step."""
 
     def __init__(self, sensors: Sequence[int]) -> None:
         self._sensors = sensors
@@ -224,11 +216,7 @@ class ContactSlots:
 def _fill_pair(
     model: mujoco.MjModel, data: mujoco.MjData, sensor: int, measured: Floats, slots: Floats
 ) -> None:
-    """Fill a pair's slots with its first contacts.
-
-    A contact whose geoms are in the other order has its normal and tangent flipped, not its third
-    axis, and the opposite force: components along two axes stay, along the third they change sign.
-    """
+    """Fill a pair's slots with its first contacts, flipped where their geoms are the other way."""
     sides = np.asarray(data.contact.geom)
     if model.sensor_objtype[sensor] == _BODY:
         # A flex has no geom, and no body.

@@ -148,9 +148,7 @@ def _faces(model: mujoco.MjModel, flex: int) -> NDArray[np.int32]:
 def _first_crossing(seen: Floats, corners: Floats) -> int | None:
     """Return the first step in which a point crosses a triangle; None if it never does.
 
-    Args:
-        seen: (N, F, 3) the point, from the centre of each triangle [m].
-        corners: (N, F, 3, 3) of the triangles, from their centres [m].
+    The point `seen` (N, F, 3) and `corners` (N, F, 3, 3) are from the triangles' centres [m].
     """
     normal = np.cross(corners[:, :, 1] - corners[:, :, 0], corners[:, :, 2] - corners[:, :, 0])
     height = (seen * normal).sum(axis=2)
@@ -199,10 +197,7 @@ def _centre(model: mujoco.MjModel, position: Floats, rotation: Floats, geom: int
 def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
     """Return the first step after which a point has passed through a geom; None if it never does.
 
-    Args:
-        path: (N, 3) of the point, in the frame of the geom [m].
-        least: steps shorter than this carry it nowhere [m].
-        wall: the geom.
+    The path (N, 3) [m] is in the frame of the geom; steps shorter than `least` [m] do not count.
     """
     squares = (np.diff(path, axis=0) ** 2).sum(axis=1)
     fast = squares > least**2
@@ -220,11 +215,7 @@ def _first_passage(path: Floats, least: float, wall: "_Wall") -> int | None:
 
 
 class _Wall:
-    """A geom in its own frame, and the size of what may pass through it.
-
-    Attributes:
-        bound: how far it reaches from its centre [m].
-    """
+    """A geom in its own frame, its reach `bound` [m], and the size of what may pass through."""
 
     def __init__(self, model: mujoco.MjModel, geom: int, size: float) -> None:
         self._model, self._geom, self._size = model, geom, size

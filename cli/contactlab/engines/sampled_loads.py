@@ -81,10 +81,9 @@ class _Sampler:
     def sample(
         self, model: mujoco.MjModel, start: InitialStates, states: Floats
     ) -> tuple[Floats, Floats, Floats]:
-        """Return what equalities bore and gave way by, and how fast what should be held creeps.
+        """Return largest forces of equalities (neq,), and their largest and late violations.
 
-        (neq,) the largest force of each equality [N or N m], (neq, 2) its violation [m or rad], the
-        largest and the median in the last quarter, and (nv + ntendon,) the median speed there of
+        The latter (neq, 2) are medians in the last quarter, as are the speeds (nv + ntendon,) of
         what friction loss brakes with less than it could.
         """
         data, steps = self._data, sampled_steps(len(states) - 1)
@@ -113,11 +112,7 @@ class _Sampler:
         return loads, gaps, np.abs(np.median(creep[late], axis=0))
 
     def _gaps(self, model: mujoco.MjModel, rows: np.ndarray, which: np.ndarray) -> Floats:
-        """Return by how much each row of an equality is violated, as a part of its whole.
-
-        A weld's rotation moves the far end of the smaller body; a flex is as long as its edges are
-        in the root mean square.
-        """
+        """Return each row's part of an equality's violation; welds move the smaller's far end."""
         kind, gaps = model.eq_type[which], self._data.efc_pos[rows].copy()
         part = np.arange(len(rows)) - np.searchsorted(which, which)
         turned = (kind == int(_EQUALITY.mjEQ_WELD)) & (part >= 3)

@@ -154,8 +154,7 @@ def _travel(model: mujoco.MjModel, path: Floats) -> Floats:
 def _residual(model: mujoco.MjModel, again: dict[int | str, Floats]) -> Floats:
     """Return (N,) how far forward and inverse dynamics disagree, as a share of the forces.
 
-    Forces that accelerate nothing count as such. NaN with noslip, which changes forces after the
-    solver on purpose.
+    NaN with noslip, which changes forces after the solver on purpose.
     """
     gap = again["solver_fwdinv"][:, 1]
     if model.opt.noslip_iterations:

@@ -27,15 +27,11 @@ _FORCES_OF_OTHERS = ("qfrc_smooth", "qfrc_bias", "qfrc_spring", "qfrc_damper", "
 
 
 class Books:
-    """The work in n runs of N steps, entered run by run.
+    """The work in n runs of N steps, entered run by run: `work` and `given` as `Trace` says.
 
     Where nothing but gravity, springs and contacts acts, energy alone says what happened; and RK4
-    keeps no forces but those of its last stage. Such runs have no books.
-
-    Attributes:
-        forces: what a batch is to record of some runs: arrays (rows, N, ...) by field of MjData.
-        work: (n, N, 3) [J] as `Trace.work` says; None where it is not known.
-        given: (n, 4) as `Trace.given` says; None likewise.
+    keeps no forces but those of its last stage. Such runs have None. A batch records `forces`:
+    arrays (rows, N, ...) by field of MjData.
     """
 
     def __init__(self, models: Sequence[mujoco.MjModel], steps: int, rows: int) -> None:
@@ -50,14 +46,9 @@ class Books:
     def enter(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
-        """Enter a run that was just recorded.
+        """Enter a run whose forces were just recorded in a row; `starts` are those of all runs.
 
-        Args:
-            run: its place, here and in `starts`.
-            row: where its forces were recorded.
-            model: its own.
-            starts: of all runs.
-            states: (N + 1, nstate) its time, qpos, qvel, act.
+        Its states (N + 1, nstate) are time, qpos, qvel and act.
         """
         if self.work is None or self.given is None or self._data is None:
             return
@@ -88,10 +79,9 @@ class Books:
     def _stored(self, model: mujoco.MjModel, state: Floats, inputs: Floats) -> tuple[float, float]:
         """Return the most energy that constraints, and all but contacts, can have stored [J].
 
-        At rest a constraint is a spring, which carries other forces beside. The spring does not
-        soften with violation: it has stored at most half of its force times the violation, and what
-        it carries does at most that force times the violation (MuJoCo's documentation, Computation
-        > Constraint model).
+        At rest a constraint is a spring that does not soften: it has stored at most half of its
+        force times violation, and what it carries beside at most that force times violation
+        (MuJoCo's documentation, Computation > Constraint model).
         """
         data = self._data
         assert data is not None
@@ -133,10 +123,7 @@ def _conveys(model: mujoco.MjModel) -> bool:
 
 
 def _couples_branches(model: mujoco.MjModel) -> bool:
-    """Return whether velocity feedback may act between branches of a tree.
-
-    The integrators implicitfast and discrete leave out what it does from one to the other.
-    """
+    """Return whether velocity feedback between branches is left out, as implicitfast does."""
     if model.opt.integrator not in {_FAST, _DISCRETE}:
         return False
     feeds = model.actuator_biasprm[:, 2] != 0
@@ -176,10 +163,7 @@ def _change(force: Floats) -> Floats:
 
 
 def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> Floats:
-    """Return (N,) the work that velocity feedback does more with the speeds after a step.
-
-    MuJoCo takes none of an actuator whose force is at its limit.
-    """
+    """Return (N,) work that velocity feedback within force limits does by speeds after a step."""
     change = _change(speed)
     low, high = model.actuator_forcerange.T
     free = ~model.actuator_forcelimited.astype(bool) | ((force > low) & (force < high))
@@ -188,10 +172,7 @@ def _implicit_feedback(model: mujoco.MjModel, speed: Floats, force: Floats) -> F
 
 
 def _largest_rise(given: Floats, starts: NDArray[np.bool_]) -> tuple[int, int]:
-    """Return the first and the last step of the stretch in which most was given.
-
-    It begins with one of the (N,) steps that it may start with; given (N + 1) counts from step 0.
-    """
+    """Return the first, one of `starts` (N,), and the last step in which most was given (N + 1)."""
     least = np.minimum.accumulate(np.where(starts, given[:-1], np.inf))
     last = int((given[1:] - least).argmax())
     return int(np.where(starts[: last + 1], given[: last + 1], np.inf).argmin()), last

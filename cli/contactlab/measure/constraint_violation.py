@@ -88,10 +88,9 @@ def _of_limit(context: Context, part: Part, places: Floats) -> _Violation | None
 def constraint_violation(context: Context) -> Floats:
     """Largest violation of a limit or an equality, over what it is large or small against.
 
-    For a limit that is its range, at least the reach of the body or an eighth of a turn, and at
-    most a quarter; what it was violated by at the start does not count. For an equality, at a few
-    sampled states, it is the reach of the smaller body that it connects, the length of a tendon,
-    or as for limits.
+    For a limit, beyond what it was at the start: its range, at least the body's reach or an eighth
+    of a turn, at most a quarter. For an equality, at sampled states: the reach of the smaller body
+    that it connects, the length of a tendon, or as for limits.
     """
     shares = [each.peak / each.scale for each in _violations(context)]
     return np.fmax.reduce(shares) if shares else context.undefined()
@@ -101,8 +100,7 @@ def constraint_violation(context: Context) -> Floats:
 def constraint_violation_rest(context: Context) -> Floats:
     """Median violation of a limit or an equality in the last quarter; see constraint_violation.
 
-    Likewise for friction loss how far it lets creep, in the time of the run, what it could hold:
-    over the body's reach, or a quarter turn.
+    Likewise how far friction loss lets creep what it could hold, over reach or a quarter turn.
     """
     shares = [each.rest / each.scale for each in _violations(context)]
     return np.fmax.reduce(shares) if shares else context.undefined()

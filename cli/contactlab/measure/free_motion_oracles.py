@@ -17,9 +17,8 @@ _DUPLICATIONS = 30
 def free_fall(context: Context) -> tuple[Floats, Floats]:
     """Distance of a falling body from where gravity alone takes it: 0.
 
-    After N steps of length h it is at x0 + v0 h N + g h^2 N (N + 1) / 2 by semi-implicit
-    integrators, and at x0 + v0 h N + g (h N)^2 / 2 by RK4: both sums are exact. Measured: the
-    largest distance of the first free body from there at any step.
+    After N steps of length h that is x0 + v0 h N + g h^2 N (N + 1) / 2 by semi-implicit steps, and
+    x0 + v0 h N + g (h N)^2 / 2 by RK4: exact. Measured: largest distance of the first free body.
     """
     trace, body = context.trace, context.setup.free_bodies[0]
     steps = np.arange(trace.steps + 1)
@@ -32,11 +31,9 @@ def free_fall(context: Context) -> tuple[Floats, Floats]:
 
 @oracle("1", ("timestep",), relative=False)
 def conserved_energy(context: Context) -> tuple[Floats, Floats]:
-    """Change of the mechanical energy of free motion: 0.
+    """Change of the mechanical energy of free motion, without contact: 0.
 
-    Measured: largest change either way, as a share of the energy at the start that could become
-    motion, as for energy_gain. Not for scenes with contact, whose springs hold energy that is not
-    counted.
+    Measured: largest change either way over the energy at the start that could become motion.
     """
     values = energy(context)
     change = np.abs(values - values[:, :1]).max(axis=1)
@@ -47,9 +44,8 @@ def conserved_energy(context: Context) -> tuple[Floats, Floats]:
 def braking_angle(context: Context) -> tuple[Floats, Floats]:
     """Angle w I / c by which a hinge of inertia I with damping c turns until it stands.
 
-    w is its speed at the start: I w + c q is constant, which every implicit and every Runge-Kutta
-    step keeps to the last digit. I is twice the kinetic energy at the start over w^2. Measured:
-    change of the first joint's angle over the whole run.
+    I w + c q is constant, which every implicit and every Runge-Kutta step keeps to the last digit;
+    I is twice the kinetic energy at the start over w^2. Measured: turn of the first joint.
     """
     speed = context.trace.qvel[:, 0, 0]
     inertia = 2 * kinetic(context)[:, 0] / speed**2
@@ -62,9 +58,8 @@ def braking_angle(context: Context) -> tuple[Floats, Floats]:
 def precession(context: Context) -> tuple[Floats, Floats]:
     """Rate at which a symmetric top precesses: that of its axis in the first state.
 
-    A top that starts in steady precession keeps its rate. The scene's start must have it: the slow
-    root W of I1 cos(tilt) W^2 - I3 spin W + m g l = 0, with moments about the pivot. Measured:
-    azimuth of the axis, z of the body on the model's first joint, over the whole run and time.
+    The start must be steady: the slow root W of I1 cos(tilt) W^2 - I3 spin W + m g l = 0, with
+    moments about the pivot. Measured: azimuth of z of the first joint's body over time.
     """
     # Of a ball joint and of a free joint that comes first, w starts where the quaternion does.
     first = context.setup.quaternions[0]
@@ -82,10 +77,9 @@ def precession(context: Context) -> tuple[Floats, Floats]:
 def flip_time(context: Context) -> tuple[Floats, Floats]:
     """First time at which a free body, spun about its middle axis, turns over.
 
-    The elliptic integral of Euler's equations without torque, from the angular velocity and the
-    angular momentum at the start. The body's axes are its principal ones, the middle moment about
-    y, and the start turns about all three. Measured: first change of sign of the first free
-    body's wy.
+    The elliptic integral of Euler's equations without torque, from angular velocity and momentum at
+    the start. The body's axes are its principal ones, the middle moment about y, and the start
+    turns about all three. Measured: first change of sign of the first free body's wy.
     """
     if context.trace.angular_momentum is None or not context.setup.free_bodies:
         return context.undefined(), context.undefined()
@@ -101,11 +95,8 @@ def middle_axis_flip(inertia: Floats, turning: Floats) -> Floats:
     """Return (n,) the time [s] at which the rotation about the middle axis changes sign.
 
     Euler's equations keep ``w1^2 + b1 w2^2`` and ``w3^2 + b3 w2^2``, with axis 2 the middle one,
-    so that dt = dw2 / (c sqrt(p q)), with p and q those squares: Carlson's integral R_F.
-
-    Args:
-        inertia: (n, 3) principal moments [kg m^2], the second between the others.
-        turning: (n, 3) angular velocity at the start [rad/s], along the principal axes.
+    so that dt = dw2 / (c sqrt(p q)), with p and q those squares: Carlson's integral R_F. `inertia`
+    (n, 3) are principal moments [kg m^2], and `turning` (n, 3) [rad/s] is along their axes.
     """
     first, middle, third = inertia.T
     rate = np.abs(third - first) / middle

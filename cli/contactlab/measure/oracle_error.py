@@ -30,10 +30,9 @@ def oracle_measured(context: Context) -> Floats:
 
 @metric("any", "lower", 1e-9, equivalence=True)
 def oracle_error(context: Context) -> Floats:
-    """Error against the scene's closed form.
+    """Error against the scene's closed form, as a share or in its unit as the oracle defines.
 
-    As a share of the expected value or in its unit, as the oracle defines. It includes the
-    modelling error of soft contact, which no timestep removes, and the discretisation error.
+    It is the modelling error of soft contact, which no timestep removes, and discretisation.
     """
     return _result(context).error
 
@@ -42,15 +41,12 @@ def oracle_error(context: Context) -> Floats:
 def oracle_miss(runs: MeasuredRuns) -> Found:
     """The error against the scene's closed form exceeds the limit, or nothing could be measured."""
     setup, last = runs.context.setup, runs.context.trace.steps - 1
-    expected, measured, error = (
-        runs.metrics[f"oracle_{each}"] for each in ("expected", "measured", "error")
-    )
+    names = "oracle_expected", "oracle_measured", "oracle_error"
+    expected, measured, error = (runs.metrics[name] for name in names)
     unmet = np.isfinite(expected) & np.isnan(measured) & np.isfinite(setup.oracle_tolerance)
     for run in runs_where(unmet | (error > setup.oracle_tolerance)):
-        found = (
-            f"expected {expected[run]:.4g}, measured {measured[run]:.4g}, error {error[run]:.3g}"
-        )
-        reason = f"{setup.oracle}: {found} (limit {setup.oracle_tolerance:g})"
+        found = f"{setup.oracle}: expected {expected[run]:.4g}, measured {measured[run]:.4g}"
+        reason = f"{found}, error {error[run]:.3g} (limit {setup.oracle_tolerance:g})"
         yield run, Finding(reason, last)
 
 

@@ -34,8 +34,7 @@ def invalid(runs: MeasuredRuns) -> Found:
 def diverged(runs: MeasuredRuns) -> Found:
     """The simulation failed numerically.
 
-    A warning of the engine, a number that is not finite, a clock that does not advance by one
-    timestep per step, a quaternion off unit norm, or fewer steps than requested.
+    By a warning, a number that is not finite, a wrong clock or quaternion, or an early end.
     """
     signs: dict[int, list[Finding]] = {}
     for check in (_warnings, _cut_short, _not_finite, _clock, _quaternions):

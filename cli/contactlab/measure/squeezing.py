@@ -35,10 +35,7 @@ def weights_borne(context: Context) -> Floats:
 
 @label(50, (PRESSED,))
 def squeezed(runs: MeasuredRuns) -> Found:
-    """Bodies at rest press each other with many times their weight, since they overlap.
-
-    Nothing else presses them: they do not relax without weight, actuators and springs.
-    """
+    """Bodies at rest press each other with many times their weight, by nothing but overlap."""
     context, checks = runs.context, runs.context.checks
     if checks is None:
         return
@@ -46,10 +43,6 @@ def squeezed(runs: MeasuredRuns) -> Found:
         weights, borne = context.setup.weights, [each[run] for each in _borne(context)]
         alone = checks.squeeze[run] / weights >= _ALONE * np.array(borne)
         for pair in runs_where(alone & (np.array(borne) > limit)):
-            reason = (
-                f"{context.series[pair].name} is squeezed by {borne[pair]:.3g} times the weight"
-            )
-            yield (
-                run,
-                Finding(f"{reason} of the lighter (limit {limit:g})", context.last_fifth.start),
-            )
+            amount = f"{borne[pair]:.3g} times the weight of the lighter (limit {limit:g})"
+            reason = f"{context.series[pair].name} is squeezed by {amount}"
+            yield run, Finding(reason, context.last_fifth.start)

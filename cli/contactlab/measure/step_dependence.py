@@ -100,8 +100,8 @@ def unresolved_motion(context: Context) -> Floats:
 def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
-    Something shakes from step to step, or is pressed hard at rest; a model with actuators does not
-    come to rest under constant controls; or a body that was at rest in contact moved far.
+    It shakes from step to step, is pressed hard at rest, does not come to rest under constant
+    controls, or has a body that was at rest in contact and moved far.
     """
     trace, ranges = context.trace, context.trace.control_ranges
     size = context.setup.mechanism.size if context.setup.mechanism else np.inf

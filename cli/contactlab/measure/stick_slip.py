@@ -56,12 +56,8 @@ def modes(
 ) -> Modes:
     """Return the mode (n, N) of a pair by the rule of this module.
 
-    Args:
-        bearing: (n, N) whether the pair carries a normal force.
-        usage: (n, N) share of the friction bound that the net force uses.
-        grip: (n, N) share of the bound that the contacts use, each by itself.
-        slip: (n, N) slip speed [m/s].
-        timestep: (n,) step length [s].
+    (n, N) each: whether it carries a normal force, the share of the friction bound that the net
+    force uses and that the contacts use by themselves, and slip [m/s]; and timesteps (n,) [s].
     """
     events = _events(bearing, usage, grip, slip)
     _mark_long_gaps(events, bearing, np.floor(LONGEST_GAP / timestep + 1e-6))
