@@ -131,8 +131,7 @@ def with_reference_numerics(run: ResolvedRun, integrator: str, timestep: float) 
 # At equal timesteps RK4 is closest to the limit, by many orders of magnitude where the motion is
 # smooth; being explicit it may be unstable, and then the other one is used.
 _INTEGRATORS = ("RK4", "implicitfast")
-_FALL = 1e-3
-"""Height [m] of the fall whose energy is the least scale of energy drifts."""
+_FALL = 1e-3  # height [m] of the fall whose energy is the least scale of energy drifts
 
 Rows = NDArray[np.intp] | slice
 

@@ -164,8 +164,7 @@ def _best(evaluated: Sequence[Evaluated], name: str) -> float | None:
     return min((value for value in worst if value is not None), default=None)
 
 
-_NOISY = 0.05
-"""Spread of the rounds of a timing pass from which a note says so."""
+_NOISY = 0.05  # spread of the rounds of a timing pass from which a note says so
 
 
 def _measurement_notes(report: TradeoffReport) -> Iterator[str]:

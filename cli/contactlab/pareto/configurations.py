@@ -21,11 +21,9 @@ from contactlab.schema.tradeoff_report import (
 from contactlab.schema.vocabulary import Role
 from contactlab.store.finished_store import Store
 
-_Z = 1.959963984540054
-"""97.5 % quantile of the normal distribution."""
+_Z = 1.959963984540054  # 97.5 % quantile of the normal distribution
 
-_UNCHANGED = 1.01
-"""Ratio of errors within which a knob counts as idle."""
+_UNCHANGED = 1.01  # ratio of errors within which a knob counts as idle
 
 _STABLE = "stable"
 

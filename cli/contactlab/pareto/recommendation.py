@@ -30,11 +30,9 @@ def pareto_front(time: Floats, error: Floats) -> list[int]:
 EQUALLY_FAST = 1.05
 """Ratio of times within which two timing passes of one build agree, on an idle machine."""
 
-MORE_ACCURATE = 1.05
-"""Ratio of errors from which a configuration counts as more accurate."""
+MORE_ACCURATE = 1.05  # ratio of errors from which a configuration counts as more accurate
 
-SAFE_MARGIN = 1.25
-"""Margin of every tolerance that the robust recommendation keeps."""
+SAFE_MARGIN = 1.25  # margin of every tolerance that the robust recommendation keeps
 
 
 def equally_fast(

@@ -17,8 +17,7 @@ _INTEGRATOR = "integrator"
 RECOMMENDED = "recommended"
 ROBUST = "margin 1.25"
 NOW = "now"
-_PADDING = 1.6
-"""Factor by which the axes extend beyond the outermost points."""
+_PADDING = 1.6  # factor by which the axes extend beyond the outermost points
 
 _MOST_EXCESS = 30.0
 """Errors above so many tolerances are drawn at the edge, to leave room for the others."""

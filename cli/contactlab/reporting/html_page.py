@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from importlib import resources
 from itertools import islice
-from typing import NamedTuple
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from contactlab.pareto.criteria import RECORDED
 from contactlab.pareto.recommendation import (
     blocker_texts,
     next_step_text,
@@ -32,7 +32,6 @@ from contactlab.store.verify_store import trace_warning
 _PACKAGE = __name__.rpartition(".")[0]
 _MOST_UNEXPECTED = 50
 _MOST_CELLS = 400
-_MOST_CONFIGURATIONS = 24
 _MOST_RATIOS = 5
 _SCRIPTS = ("data", "state", "elements", "heatmap", "evaluation", "run", "main")
 
@@ -58,9 +57,11 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     report = data.tradeoff
     wanted = report.recommendation.configuration if report and report.recommendation else None
     outcomes = report.configurations if report else ()
+    changes = knob_changes(data.axes, data.labels, data.quantities)
     text = environment.get_template("page.html").render(
         number=number_text,
         with_unit=number_with_unit,
+        heading=with_unit,
         setting=setting_text,
         settings=settings_text,
         data=data,
@@ -68,9 +69,10 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         blockers=blocker_texts(report) if report else [],
         titles={axis.name: axis.title for axis in data.axes},
         worst=next((each.worst for each in outcomes if each.configuration == wanted), {}),
-        front=front_table(data),
-        map=map_table(data),
-        changes=change_table(data, knob_changes(data.axes, data.labels, data.quantities)),
+        cheapest=sorted(outcomes, key=lambda each: (not each.feasible, each.time or 0.0)),
+        map=map_rows(data),
+        changes=changes,
+        ratios=ratio_names(data, changes),
         expectations=expectations(data.store.manifest),
         unexpected=unexpected_runs(data.store),
         bar=static_svg(label_bar(data.labels), "All runs by label"),
@@ -91,14 +93,6 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
 
 def _read(name: str) -> str:
     return resources.files(_PACKAGE).joinpath(name).read_text(encoding="utf-8")
-
-
-class TextTable(NamedTuple):
-    """A table; `more` rows are left out."""
-
-    header: tuple[str, ...]
-    rows: list[tuple[str, ...]]
-    more: int = 0
 
 
 def expectations(manifest: StoreManifest) -> list[tuple[str, str, str]]:
@@ -132,73 +126,26 @@ def unexpected_runs(store: Store) -> list[tuple[str, str, str]]:
     return list(islice(unmet, _MOST_UNEXPECTED))
 
 
-def map_table(data: ReportData) -> TextTable | None:
-    """Return the default map as a table of label counts; None where it has too many cells."""
+def map_rows(data: ReportData) -> list[tuple[str, list[str]]]:
+    """Return the rows of the default map from the top, as label counts; none of too many cells."""
     axes, labels = data.map_axes, data.labels
     if axes is None or axes.size > _MOST_CELLS:
-        return None
-    counts = label_counts(axes, labels)
-    corner = f"{axes.y.title} \\ {axes.x.title}" if axes.y else axes.x.title
+        return []
+    ticks = axes.y.ticks if axes.y else ("all",)
     rows = [
-        (
-            axes.y.ticks[row] if axes.y else "all",
-            *(
-                ", ".join(f"{n} {name}" for name, n in zip(labels.names, cell, strict=True) if n)
-                or "no run"
-                for cell in counts[row].tolist()
-            ),
-        )
-        for row in range(counts.shape[0] - 1, -1, -1)
+        [", ".join(f"{n} {labels.names[code]}" for code, n in enumerate(cell) if n) for cell in row]
+        for row in label_counts(axes, labels).tolist()
     ]
-    return TextTable((corner, *axes.x.ticks), rows)
+    return list(zip(ticks, rows, strict=True))[::-1]
 
 
-def front_table(data: ReportData) -> TextTable | None:
-    """Return the first configurations, the feasible before others and the cheapest first."""
+def ratio_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
+    """Return five quantities that changes have ratios of: time, error, and what is summarized."""
     report = data.tradeoff
-    if report is None:
-        return None
-    ordered = sorted(report.configurations, key=lambda each: (not each.feasible, each.time or 0.0))
-    error = with_unit(report.error.name, report.error.unit)
-    header = (*report.varying, error, "CPU s per s", "feasible")
-    rows = [
-        (
-            *(setting_text(each.configuration[name]) for name in report.varying),
-            number_text(each.error),
-            number_text(each.time),
-            "yes" if each.feasible else "no: " + "; ".join(each.reasons),
-        )
-        for each in ordered[:_MOST_CONFIGURATIONS]
-    ]
-    return TextTable(header, rows, max(0, len(ordered) - _MOST_CONFIGURATIONS))
-
-
-def change_table(data: ReportData, changes: Sequence[KnobChange]) -> TextTable | None:
-    """Return what changing one knob does to five of: time, error, tolerated and summary's metrics.
-
-    None without changes.
-    """
-    if not changes:
-        return None
-    if report := data.tradeoff:
-        wanted = [report.time.name, report.error.name, *report.tolerances, *summary_metrics()]
-    else:
-        wanted = ["cost_cpu_per_sim_s", *summary_metrics()]
+    first = (report.time.name, report.error.name, *report.tolerances) if report else (RECORDED,)
     known = {name for each in changes for name, ratio in each.ratios.items() if ratio is not None}
-    names = [name for name in dict.fromkeys(wanted) if name in known][:_MOST_RATIOS]
-    header = ("knob", "from", "to", "pairs", "runs that fail", *(f"{name} x" for name in names))
-    rows = [
-        (
-            each.axis,
-            each.before,
-            each.after,
-            f"{each.pairs:,}",
-            f"{each.failed[0]:.0%} → {each.failed[1]:.0%}",
-            *(number_text(each.ratios[name]) for name in names),
-        )
-        for each in changes
-    ]
-    return TextTable(header, rows)
+    wanted = dict.fromkeys((*first, *summary_metrics()))
+    return [name for name in wanted if name in known][:_MOST_RATIOS]
 
 
 def number_text(value: float | None) -> str:

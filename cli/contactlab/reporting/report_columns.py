@@ -23,8 +23,7 @@ Codes = NDArray[np.int64]
 SEED = "seed"
 STABLE = STABLE_LABEL.name
 _UNITLESS = {"", "1", "any"}
-_MOST_VALUES = 40
-"""An axis with more values than this is drawn in bins."""
+_MOST_VALUES = 40  # an axis with more values than this is drawn in bins
 _BINS = 20
 _LOG_SPAN = 50.0
 """Bins are logarithmic where the largest value is more than so many times the least."""
@@ -35,17 +34,12 @@ class GridAxis:
     """One axis of n runs."""
 
     name: str
-    unit: str
-    """Its unit; `1` or empty for none."""
+    unit: str  # its unit; `1` or empty for none
     role: Role
-    ticks: tuple[str, ...]
-    """Its values, or bins of them, as text, in order."""
-    codes: Codes
-    """(n,) index into `ticks` of each run's value."""
-    numbers: Floats | None
-    """(n,) the values themselves where `ticks` are bins; else None."""
-    tick_values: Floats
-    """(ticks,) the values as numbers, NaN for text; the middles of bins."""
+    ticks: tuple[str, ...]  # its values, or bins of them, as text, in order
+    codes: Codes  # (n,) index into `ticks` of each run's value
+    numbers: Floats | None  # (n,) the values themselves where `ticks` are bins; else None
+    tick_values: Floats  # (ticks,) the values as numbers, NaN for text; the middles of bins
 
     @property
     def title(self) -> str:
@@ -76,17 +70,12 @@ class Quantity:
 class RunLabels:
     """The labels of n runs."""
 
-    names: tuple[str, ...]
-    """Worst labels that occur, the worst first and `stable` last."""
-    letters: tuple[str, ...]
-    """One letter for each, all different; empty for `stable`."""
+    names: tuple[str, ...]  # worst labels that occur, the worst first and `stable` last
+    letters: tuple[str, ...]  # one letter for each, all different; empty for `stable`
     colours: tuple[str, ...]
-    codes: Codes
-    """(n,) index into `names` of each run's worst label."""
-    masks: Codes
-    """(n,) all labels of a run as bits: bit i for `every[i]`."""
-    every: tuple[str, ...]
-    """Labels that occur at all, also beside a worse one."""
+    codes: Codes  # (n,) index into `names` of each run's worst label
+    masks: Codes  # (n,) all labels of a run as bits: bit i for `every[i]`
+    every: tuple[str, ...]  # labels that occur at all, also beside a worse one
 
     @cached_property
     def counts(self) -> tuple[int, ...]:

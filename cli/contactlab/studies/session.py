@@ -18,10 +18,8 @@ from contactlab.store.atomic_files import atomic_write, write_error
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import read_stored
 
-CLAIMS = "sources.json"
-"""Whose results a folder of studies has."""
-Values = Mapping[str, object]
-"""Canonical values by axis."""
+CLAIMS = "sources.json"  # whose results a folder of studies has
+Values = Mapping[str, object]  # canonical values by axis
 
 
 def _ignore(*_: object) -> None:

@@ -148,11 +148,9 @@ def convergence_order(coarse: StoredTrace, middle: StoredTrace, fine: StoredTrac
 
 
 SECONDS = 5.0
-SPEED = 2.5
-"""Speed of every joint at the start [rad/s]: that of a brisk motion of a robot."""
+SPEED = 2.5  # speed of every joint at the start [rad/s]: that of a brisk motion of a robot
 
-BEST = "RK4"
-"""The integrator of the highest order."""
+BEST = "RK4"  # the integrator of the highest order
 
 _OFF = ("contact", "limit", "frictionloss", "equality", "actuation", "damper")
 _MEDIUM = ("density", "viscosity")

@@ -37,8 +37,7 @@ _MOVES_FREELY = {"timestep", "integrator", "gravity"}
 """Settings on which free motion depends, where contacts are off."""
 
 _ROUNDS = 5
-MODEL = "remedies/model"
-"""Where the model is written with all changes."""
+MODEL = "remedies/model"  # where the model is written with all changes
 _Found = tuple[Values, tuple[str, ...]]
 
 

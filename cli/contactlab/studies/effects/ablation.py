@@ -106,8 +106,7 @@ def merged(*names: Collection[str]) -> Changed:
 
 REPORT = "effects.json"
 FRESH_SEEDS = 10
-_CHEAPER = 0.95
-"""An effect is added only if the ratio of times is at most this."""
+_CHEAPER = 0.95  # an effect is added only if the ratio of times is at most this
 
 
 def run(request: EffectsRequest, session: Session) -> EffectsReport:

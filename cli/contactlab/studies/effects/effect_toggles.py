@@ -15,8 +15,7 @@ from contactlab.studies.configuration_runs import ConfigurationRows, Row, run_co
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
 
-States = Mapping[str, EffectState]
-"""The state of every effect in a run, by name."""
+States = Mapping[str, EffectState]  # the state of every effect in a run, by name
 
 
 class Toggle(NamedTuple):
@@ -89,8 +88,7 @@ def _motion(store: Store, run: str, model: mujoco.MjModel) -> Row:
     return {MOTION: qpos[:: max(1, len(qpos) // _MOST_STATES)] / ranges}
 
 
-_PAIRS = 6
-"""Matched pairs that are timed; their range contains the median in 97 of 100 cases."""
+_PAIRS = 6  # matched pairs that are timed; their range contains the median in 97 of 100 cases
 
 
 @dataclass
