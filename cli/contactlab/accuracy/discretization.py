@@ -69,10 +69,7 @@ def reference_steps(
     models: Mapping[str, ResolvedRun],
     scene: Scene,
 ) -> float:
-    """Return how many force evaluations it takes to compare runs with their references.
-
-    `models` are those of the references, by the ids of the runs.
-    """
+    """Return how many force evaluations it takes to compare runs with references, of `models`."""
     return sum(
         _steps([runs[run_id] for run_id in family], models[family[0]], refine)
         for family in families(models, scene)
@@ -229,10 +226,7 @@ def _kind(request: AccuracyRequest, notes: Mapping[str, Note]) -> ErrorKind:
 
 
 def raises_solref(solref: Sequence[float], timestep: float) -> bool:
-    """Return whether refsafe raises the time constant of a solref to two timesteps [s].
-
-    A solref in direct form has none.
-    """
+    """Return whether refsafe raises the time constant [s] of a solref, which may have none."""
     return 0 < solref[0] < 2 * timestep
 
 

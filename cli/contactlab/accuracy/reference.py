@@ -189,10 +189,7 @@ class Family:
         return sampled and Solution(prepared, sampled)
 
     def reference(self, times: Floats, timestep: float) -> "ReferenceSolution | None":
-        """Return the family's reference at some times [s]; None if no integrator completes it.
-
-        The timestep is that of the coarse solution [s].
-        """
+        """Return the reference whose coarse solution has a timestep [s], or None if it has none."""
         for integrator in _INTEGRATORS:
             fine = self.solve(integrator, timestep / 2, times)
             coarse = fine and self.solve(integrator, timestep, times)

@@ -147,20 +147,20 @@ def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
     exceeded = Counter(name for each in evaluated for name in each.exceeded)
     failed = Counter(label for each in evaluated for label in each.failures)
     blockers = [
-        *(
-            Blocker(name=name, kind="tolerance", configurations=count, best=_best(evaluated, name))
-            for name, count in exceeded.items()
-        ),
-        *(
-            Blocker(name=name, kind="label", configurations=count, best=None)
-            for name, count in failed.items()
-        ),
+        Blocker(
+            name=name,
+            kind="tolerance" if name in exceeded else "label",
+            configurations=count,
+            best=_best(evaluated, name),
+        )
+        for name, count in (*exceeded.items(), *failed.items())
     ]
     yield from sorted(blockers, key=lambda each: -each.configurations)
 
 
 def _best(evaluated: Sequence[Evaluated], name: str) -> float | None:
-    worst = (each.summary.worst[name] for each in evaluated)
+    """Return the smallest of the worst values of a metric; None for a label."""
+    worst = (each.summary.worst.get(name) for each in evaluated)
     return min((value for value in worst if value is not None), default=None)
 
 

@@ -31,10 +31,7 @@ class Criteria:
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:
-    """Return the store that a text names; None if it names a sweep, whose store is the target.
-
-    A target for what is a store already is a SweepFileError.
-    """
+    """Return the store that a text names; None for a sweep, which alone may have a target."""
     address = parse_address(source)
     is_folder = isinstance(address, Path) and address.is_dir()
     if isinstance(address, Path) and not is_folder:

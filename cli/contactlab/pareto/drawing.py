@@ -17,10 +17,7 @@ _SCALE = 2.0
 
 
 def check_figure(path: Path) -> None:
-    """Check that a figure can be drawn, before anything is run for it.
-
-    Raises an OutputError if the suffix is not known, the libraries or the folder are missing.
-    """
+    """Check that a figure can be drawn, before anything is run; an OutputError says why not."""
     if path.suffix not in SUFFIXES:
         raise OutputError(f"{path}: write a name that ends in {' or '.join(SUFFIXES)}")
     if not all(find_spec(library) for library in _LIBRARIES):
@@ -41,10 +38,7 @@ def save_figure(chart: "alt.TopLevelMixin", path: Path) -> None:
 
 
 def draw(report: TradeoffReport, path: Path) -> None:
-    """Draw a report as a .png or .svg file: log error over log time, one line per method.
-
-    Raises an OutputError as `check_figure` does, or if it cannot be written.
-    """
+    """Draw a report as a .png or .svg file; an OutputError says why it cannot be."""
     check_figure(path)
     from contactlab.pareto.tradeoff_chart import specification  # noqa: PLC0415 - needs the extra
 

@@ -41,10 +41,7 @@ class Session:
     allow_code: bool = False  # whether policies may run, which are code
 
     def claim(self, results: str, reference: str) -> None:
-        """Take the folder's one place for such results, of a model, a scene or a sweep as named.
-
-        Raises an OutputError if the place has the results of another one, or cannot be written.
-        """
+        """Take the folder's one place for such results; an OutputError if it has another's."""
         path = Path(reference).expanduser()
         source = str(path.resolve()) if path.exists() else reference
         data = read_stored(self.folder, CLAIMS)

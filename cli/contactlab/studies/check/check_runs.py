@@ -94,6 +94,19 @@ class Holding:
         """The pairs that are held or stand: all that carry force in a declared hold."""
         return tuple(each for each in self.bearing if self.declared or each.holds)
 
+    @property
+    def nothing(self) -> str:
+        """In words, that nothing is held and that nothing stands."""
+        start, stop = self.window
+        span = f"from {start:g} to {stop:g} s"
+        loose = [each.name for each in self.bearing]
+        if not loose:
+            return f"no monitored pair carries force {span}: nothing is held, and nothing stands"
+        return (
+            f"{span} {', '.join(loose[:3])} carry force, but intermittently, while sliding or "
+            "while falling: nothing is held; a scene that holds something declares it under `hold`"
+        )
+
 
 def holding_of(tried: CheckRun) -> Holding:
     """Return what a run of the model holds: nothing if it is not complete."""

@@ -22,7 +22,6 @@ from contactlab.studies.check.checked_model import (
     CheckedModel,
     axis_value,
 )
-from contactlab.studies.check.hold_check import nothing_held
 from contactlab.studies.session import Values
 
 _REFSAFE_STEPS = 2.0  # timesteps to which refsafe raises a shorter time constant
@@ -157,7 +156,7 @@ def check_flat_contact(checked: CheckedModel) -> CheckResult:
     sets = [each for each in contact_sets(checked) if held.intersection(each.pairs)]
     if not sets:
         stores = checked.stores(NOMINAL_STORE, HOLD_STORE)
-        return check_result(_FLAT, _RESTS, [], [nothing_held(checked.holding)], stores)
+        return check_result(_FLAT, _RESTS, [], [checked.holding.nothing], stores)
     text = "A box at rest on flat ground, with the contact parameters of the model"
     seconds = max(_settling(each) for each in sets)
     rows = [_row(checked, each) for each in sets]

@@ -34,10 +34,13 @@ from contactlab.studies.check.checked_model import (
 )
 from contactlab.studies.check.contact_checks import check_contact_margin, check_flat_contact
 from contactlab.studies.check.free_motion_check import check_free_motion
-from contactlab.studies.check.hold_check import check_hold
 from contactlab.studies.check.remedies import Check, find_remedies
-from contactlab.studies.check.repeat_check import check_repeat, reference_of
-from contactlab.studies.check.timestep_check import check_timestep
+from contactlab.studies.check.run_checks import (
+    check_hold,
+    check_repeat,
+    check_timestep,
+    reference_of,
+)
 from contactlab.studies.session import Session, Values, read_settings
 
 REPORT, PAGE, REFERENCE = "check.json", "check.md", "reference.json"

@@ -13,8 +13,12 @@ from contactlab.studies.check.check_results import findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError
 from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
 from contactlab.studies.check.free_motion_check import steadier
-from contactlab.studies.check.hold_check import firmer, harder, shorter_steps
-from contactlab.studies.check.timestep_check import shorter_timestep
+from contactlab.studies.check.run_checks import (
+    firmer,
+    harder,
+    shorter_steps,
+    shorter_timestep,
+)
 from contactlab.studies.session import Values
 
 Check = Callable[[CheckedModel], CheckResult]
@@ -183,10 +187,7 @@ def _times(checked: CheckedModel, changes: Sequence[Values]) -> list[float | Non
 def _edits(
     checked: CheckedModel, changes: Sequence[Values], notes: list[str]
 ) -> list[tuple[Edit, ...]]:
-    """Write the model with each change and those before it; return what each adds to its files.
-
-    What cannot be written is noted.
-    """
+    """Write the model with each change and those before; return what each adds, or note why not."""
     whole: dict[str, object] = {}
     edits: list[tuple[Edit, ...]] = []
     before: tuple[Change, ...] = ()

@@ -73,14 +73,14 @@ class SmallestSetSearch:
 
         Each pair is run with one seed first; the few that pass are run with all seeds.
         """
-        pairs, tolerances = list(combinations(needed, 2)), self.trials.setup.tolerances
+        pairs, setup = list(combinations(needed, 2)), self.trials.setup
         if not pairs:
             return free, ()
         each_changed = [merged(free, pair) for pair in pairs]
-        outcomes = self._run([BASE, *each_changed], self.trials.setup.seeds[:1])
+        outcomes = self._run([BASE, *each_changed], replace(setup, seeds=setup.seeds[:1]))
         interactions: list[Interaction] = []
         for pair, changed in zip(pairs, each_changed, strict=True):
-            change = difference(tolerances, outcomes[BASE], outcomes[changed], changed)
+            change = difference(setup.tolerances, outcomes[BASE], outcomes[changed], changed)
             passed = not change.matters and self._is_free(merged(free, pair))
             free = merged(free, pair) if passed else free
             interactions.append(Interaction(effects=pair, free=passed, reason=change.reason))
@@ -92,11 +92,11 @@ class SmallestSetSearch:
         return not difference(tolerances, self.base, outcome, changed).matters
 
     def _run(
-        self, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
+        self, configurations: Sequence[Changed], setup: AblationSetup | None = None
     ) -> Mapping[Changed, ConfigurationRows]:
         self.tried += 1
         name = f"search-{self.tried:02}"
-        return self.trials.run(name, "Effects changed together", configurations, seeds=seeds)
+        return self.trials.run(name, "Effects changed together", configurations, setup)
 
 
 def merged(*names: Collection[str]) -> Changed:
@@ -262,20 +262,21 @@ def _verified(
     setup = trials.setup
     first = max(setup.seeds) + 1
     seeds, scenarios = tuple(range(first, first + FRESH_SEEDS)), setup.fresh_scenarios
+    fresh = replace(setup, seeds=seeds, scenarios=scenarios)
     if not free:
         why = "nothing can be left out"
         return Verification(seeds=seeds, scenarios=(), runs=0, holds=True, reason=why, cost=None)
     about = "The smallest set against the base configuration, from fresh seeds"
-    outcomes = trials.run("fresh", about, [BASE, free], seeds=seeds, scenarios=scenarios)
+    outcomes = trials.run("fresh", about, [BASE, free], fresh)
     change = difference(setup.tolerances, outcomes[BASE], outcomes[free], free)
     timed = trials.timed("fresh-timing", [BASE, free], seeds)
     pasted = None
     if isinstance(written, WrittenModel):
         about = {*settings, *(each for name in free for each in EFFECTS[name].switch.settings)}
         kept = {name: value for name, value in setup.base.items() if name not in about}
-        runner = replace(trials, setup=replace(setup, reference=written.reference, base=kept))
+        as_text = replace(fresh, reference=written.reference, base=kept)
         text = "The model with the smallest set in its files"
-        rows = runner.run("written", text, [BASE], seeds=seeds, scenarios=scenarios)
+        rows = trials.run("written", text, [BASE], as_text)
         pasted = difference(setup.tolerances, outcomes[BASE], rows[BASE], free)
     failed = next((each for each in (change, pasted) if each and each.matters), None)
     return Verification(

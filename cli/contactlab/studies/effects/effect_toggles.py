@@ -105,17 +105,13 @@ class ConfigurationRunner:
         self,
         name: str,
         description: str,
-        configurations: Iterable[Changed],
+        configurations: Sequence[Changed],
+        setup: AblationSetup | None = None,
         *,
-        seeds: Sequence[int] | None = None,
-        scenarios: Sequence[Values] | None = None,
         timed: bool = False,
     ) -> dict[Changed, ConfigurationRows]:
-        """Run configurations in all scenarios, with the same seeds; if timed, interleaved.
-
-        Seeds and scenarios are those of the setup unless given.
-        """
-        setup, unique = self.setup, list(dict.fromkeys(configurations))
+        """Run configurations, with another setup if given; if timed, interleaved."""
+        setup = setup or self.setup
         moved = not (setup.tolerances or timed)
         asked = {
             "description": description,
@@ -123,28 +119,23 @@ class ConfigurationRunner:
             "timing": {"rounds": self.rounds} if timed and self.rounds else None,
             "trace": "all" if moved else "none",
         }
-        chosen = replace(
-            setup,
-            seeds=setup.seeds if seeds is None else tuple(seeds),
-            scenarios=setup.scenarios if scenarios is None else tuple(scenarios),
-        )
-        values = [self._values(each) for each in unique]
+        values = [self._values(each) for each in configurations]
         measure = {"measure": _motion} if moved else {}
-        found = run_configurations(self.session, chosen, name, values, asked, **measure)
+        found = run_configurations(self.session, setup, name, values, asked, **measure)
         self.stores.append(name)
-        return dict(zip(unique, found, strict=True))
+        return dict(zip(configurations, found, strict=True))
 
     def timed(
-        self, name: str, configurations: Sequence[Changed], seeds: Sequence[int] | None = None
+        self, name: str, configurations: Sequence[Changed], seeds: Sequence[int] = ()
     ) -> dict[Changed, ConfigurationRows]:
         """Time configurations, interleaved, in at most six matched pairs of each with the base."""
         if self.rounds is None:
             return dict.fromkeys(configurations, ConfigurationRows((), ()))
         scenarios = self.setup.scenarios
         scenarios = scenarios[:: max(1, len(scenarios) // _PAIRS)][:_PAIRS]
-        seeds = (self.setup.seeds if seeds is None else seeds)[: max(1, _PAIRS // len(scenarios))]
-        about = "Configurations timed in turns"
-        return self.run(name, about, configurations, seeds=seeds, scenarios=scenarios, timed=True)
+        seeds = tuple(seeds or self.setup.seeds)[: max(1, _PAIRS // len(scenarios))]
+        setup = replace(self.setup, seeds=seeds, scenarios=scenarios)
+        return self.run(name, "Configurations timed in turns", configurations, setup, timed=True)
 
     def _values(self, changed: Changed) -> Values:
         return {

@@ -1,0 +1,222 @@
+"""Checks 1, 4 and 5, of the model's own runs.
+
+Is the timestep short enough for the task, the geometry and the contacts; do the pairs that are held
+or stand stay in their places; does the model repeat bit for bit.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from contactlab.contact.contact_laws import stiffness_damping
+from contactlab.measure import METRICS
+from contactlab.scene.run_setup import make_setup
+from contactlab.scene.setting_values import as_vector
+from contactlab.schema.check_report import CheckResult, Measure, Reference, TaskKind
+from contactlab.studies.check.check_results import (
+    Limits,
+    check_result,
+    informative,
+    utilization,
+    violated,
+)
+from contactlab.studies.check.check_runs import CheckRun, HeldPair, Holding, pair_speeds
+from contactlab.studies.check.checked_model import HOLD_STORE, NOMINAL_STORE, CheckedModel
+from contactlab.studies.check.contact_checks import contact_sets, rounded_down
+from contactlab.studies.session import Values
+
+# Longest accepted timestep [s] by kind of task.
+LONGEST: dict[TaskKind, float] = {"manipulation": 2e-3, "locomotion": 4e-3}
+_SUITS = "the timestep suits the task, the thinnest geometry and the stiffest contact"
+
+
+def check_timestep(checked: CheckedModel) -> CheckResult:
+    """Compare the timestep with the kind of task, the thinnest geoms and the stiffest contact."""
+    step, limit = checked.resolved.timestep, LONGEST[checked.kind]
+    measures = [
+        checked.limits.measure("timestep", step, checked.kind, limit=limit),
+        *_ratios(checked),
+        *_travels(checked),
+    ]
+    notes = list(_notes(checked))
+    return check_result("timestep", _SUITS, measures, notes, checked.stores(NOMINAL_STORE))
+
+
+def _ratios(checked: CheckedModel) -> Iterator[Measure]:
+    """Yield the timestep times the natural frequency of each contact: h / (timeconst dampratio).
+
+    Up to 0.8 a contact gains no energy with Euler. The solref is the engine's effective one.
+    """
+    for each in contact_sets(checked):
+        stiffness, _ = stiffness_damping(each.solref)
+        ratio = checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
+        yield checked.limits.measure("step_ratio", ratio, each.name)
+
+
+def _travels(checked: CheckedModel) -> Iterator[Measure]:
+    """Yield the travel of each pair's surfaces in a step, against half its thinnest geom."""
+    base, model = checked.base, checked.prepared.model
+    if not base.pairs or not checked.nominal.is_complete or not checked.resolved.flags["contact"]:
+        return
+    trace, step = checked.nominal.trace, checked.resolved.timestep
+    speeds = pair_speeds(model, base.pairs, trace.qpos, trace.qvel, step=step)
+    thickness = make_setup(base, None, [checked.resolved], [model], {}).thickness
+    for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
+        if math.isfinite(half):
+            travel = float(speed) * step
+            yield checked.limits.measure("travel", travel, pair.name, limit=float(half))
+    gravity = float(np.linalg.norm(as_vector(checked.settings["gravity"])))
+    fall = math.sqrt(2 * gravity * model.stat.extent)
+    yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
+
+
+def shorter_timestep(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
+    """Yield the longest timestep, to two digits, at which every limit holds."""
+    failed = violated(result.measures)
+    timestep = checked.resolved.timestep
+    longest = [timestep / utilization(each) for each in failed if each.name != "step_ratio"]
+    ratios = [each.limit or 0.0 for each in failed if each.name == "step_ratio"]
+    if ratios:
+        # By solref as the model has it: raised time constants shrink with the timestep.
+        records = [each.record.solref for each in contact_sets(checked)]
+        stiffness, _ = stiffness_damping(records)
+        longest.append(min(ratios) / float(stiffness.max()) ** 0.5)
+    if longest and min(longest) > 0:
+        yield {"timestep": rounded_down(min(longest))}
+
+
+def _notes(checked: CheckedModel) -> Iterator[str]:
+    for each in contact_sets(checked):
+        if each.solref != each.record.solref:
+            yield (
+                f"the engine raises the time constant of solref {each.record.solref[0]:g} "
+                f"{each.record.solref[1]:g} to {each.solref[0]:g} s, two timesteps (refsafe)"
+            )
+
+
+FIRM: Values = {"cone": "elliptic", "impratio": 10.0}
+FIRMEST: Values = {**FIRM, "solref": (0.005, 1.0)}
+HARD: Values = {"solimp": (0.99, 0.999, 0.001, 0.5, 2.0)}
+"""The guideline's changes: against slip, against slip and depth, against chatter."""
+
+_SHARES = (0.5, 0.25)
+_BANDS = ((5e-3, "broken"), (3e-3, "exploited"), (1e-3, "a compromise"))
+_STAYS = "what is held or stands stays: below 5 mode switches a second, 1 mm deep, 0.1 mm of slip"
+
+
+def check_hold(checked: CheckedModel) -> CheckResult:
+    """Measure the pairs that are held or stand in the window of a hold."""
+    limits, runs = checked.limits, (checked.nominal, checked.standing)
+    incomplete = next((run for run in runs if not run.is_complete), None)
+    stores = checked.stores(NOMINAL_STORE, HOLD_STORE)
+    if incomplete:
+        lost = incomplete.record.steps_asked - incomplete.record.steps
+        notes = [f"the run is not complete: {incomplete.record.status_reason}"]
+        measures = [limits.measure("steps_lost", max(lost, 1))]
+        return check_result("hold", _STAYS, measures, notes, stores)
+    holding = checked.holding
+    measures = [each for pair in holding.held for each in _hold_measures(pair, holding, limits)]
+    if holding.declared:
+        measures += _declared(checked.standing, limits)
+    if not measures:
+        return check_result("hold", _STAYS, [], [holding.nothing], stores)
+    notes = [f"measured from {holding.window[0]:g} to {holding.window[1]:g} s", *_bands(holding)]
+    return check_result("hold", _STAYS, measures, notes, stores)
+
+
+def _hold_measures(held: HeldPair, holding: Holding, limits: Limits) -> list[Measure]:
+    severity = "error" if holding.declared else None
+    return [
+        limits.measure("mode_switches", held.switches, held.name),
+        limits.measure("penetration_mean", held.depth, held.name),
+        limits.measure("slip", held.slip, held.name, severity=severity),
+        informative("force_mean", held.force, "N", held.name),
+    ]
+
+
+def _declared(run: CheckRun, limits: Limits) -> list[Measure]:
+    """Return the measures of a hold that the scene declares."""
+    contact, drop = (run.record.metrics.get(name) for name in ("hold_contact", "hold_drop"))
+    share = np.nan if contact is None else contact
+    more = [] if drop is None else [informative("drop", drop, "m")]
+    return [limits.measure("loose_share", 1 - share), *more]
+
+
+def _bands(holding: Holding) -> Iterator[str]:
+    """Yield what the guideline calls the depth of the deepest pair."""
+    deepest = max(holding.held, key=lambda each: each.depth, default=None)
+    if deepest and (word := next((word for least, word in _BANDS if deepest.depth >= least), "")):
+        yield f"a mean depth of {deepest.depth * 1e3:.2g} mm, of {deepest.name}, is {word}"
+
+
+def shorter_steps(checked: CheckedModel, _: CheckResult) -> Iterator[Values]:
+    """Yield shares of the timestep, against an engine that stops."""
+    yield from ({"timestep": checked.resolved.timestep * share} for share in _SHARES)
+
+
+def harder(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
+    """Yield changes against chatter, the cheapest first."""
+    yield HARD
+    yield from shorter_steps(checked, result)
+
+
+def firmer(_: CheckedModel, __: CheckResult) -> Iterator[Values]:
+    """Yield changes against slip and depth, the cheapest first."""
+    yield FIRM
+    yield FIRMEST
+
+
+# Largest accepted relative difference between one environment and many in parallel.
+TOLERANCE = 0.05
+_REPEATS = "the same run in another process is the same bit for bit"
+
+
+def check_repeat(checked: CheckedModel) -> CheckResult:
+    """Run the model again in another process, and compare the trajectories."""
+    nominal = checked.nominal
+    if nominal.record.trajectory_hash is None:
+        reason = f"the model could not be run: {nominal.record.status_reason}"
+        return check_result("repeat", _REPEATS, [], [reason], checked.stores(NOMINAL_STORE))
+    other = replace(checked, session=replace(checked.session, workers=1))
+    again = other.run("repeat", "The model once more", [{}], checks="none")[0]
+    unequal = nominal.record.trajectory_hash != again.record.trajectory_hash
+    differing = {"in another process": float(unequal)}
+    if (repeats := nominal.record.metrics.get("repeats")) is not None:
+        differing["in the same process"] = 1.0 - repeats
+    measures = [
+        checked.limits.measure("trajectories_differ", value, where)
+        for where, value in differing.items()
+    ]
+    note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
+    stores = checked.stores(NOMINAL_STORE, "repeat")
+    return check_result("repeat", _REPEATS, measures, [note], stores)
+
+
+def reference_of(nominal: CheckRun) -> Reference:
+    """Return what another engine must reproduce: the nominal run."""
+    record = nominal.record
+    assert record.trajectory_hash is not None
+    metrics = {
+        name: value
+        for name, metric in METRICS.items()
+        if metric.equivalence and (value := record.metrics.get(name)) is not None
+    }
+    return Reference(
+        scene=record.scene,
+        scene_hash=record.scene_hash,
+        store=NOMINAL_STORE,
+        run_id=record.run_id,
+        trajectory_hash=record.trajectory_hash,
+        engine=record.engine,
+        settings=record.settings,
+        seed=record.seed,
+        duration=record.duration,
+        success=record.label == "stable",
+        label=record.label,
+        metrics=metrics,
+        units={name: record.units[name] for name in metrics},
+        tolerance=TOLERANCE,
+        resolution={name: METRICS[name].resolution for name in metrics},
+    )
