@@ -117,13 +117,9 @@ class Policy(Protocol):
     """What acts in closed loop: made of a model once, for runs that go through together."""
 
     def __call__(self, time: Floats, qpos: Floats, qvel: Floats, sensordata: Floats, /) -> object:
-        """Return (n, nu) controls.
+        """Return (n, nu) controls, from times (n,) [s] and states (n, nq), (n, nv) as observed.
 
-        Args:
-            time: (n,) of each run [s].
-            qpos: (n, nq) configurations, as they are observed.
-            qvel: (n, nv) velocities, likewise.
-            sensordata: (n, ...) what the model's own sensors measured in the last step.
+        `sensordata` (n, ...) is what the model's own sensors measured in the last step.
         """
         ...
 
@@ -220,16 +216,11 @@ class SimulationEngine(ABC):
         watch: Watch = no_limit,
         proceed: Proceed = proceed_always,
     ) -> Rollout:
-        """Simulate runs.
+        """Simulate runs, and record into `buffers`, whose arrays the next call overwrites.
 
-        Args:
-            runs: what to simulate.
-            buffers: memory to record into; its arrays are overwritten by the next call.
-            watch: to be called before each run.
-            proceed: to be asked between runs; if it says no, only the first runs are returned.
-
-        Raises:
-            SceneError: the engine cannot simulate such runs; `refusal` should have said so.
+        `watch` is called before each run, and `proceed` asked between runs: if it says no, only
+        the first ones are returned. A SceneError says that the engine cannot simulate such runs;
+        `refusal` should have said so.
         """
 
     def refusal(self, scene: Scene, run: ResolvedRun) -> str | None:  # noqa: ARG002 - as below
@@ -298,15 +289,10 @@ class SolvesReferences(Protocol):
         state: Floats | None = None,
         watch: Watch = no_limit,
     ) -> SampledStates | None:
-        """Return a run's states at some times, or None if it does not complete.
+        """Return one run's states at increasing times (T,) [s]; None if it does not complete.
 
-        Args:
-            model: automatic reset must be off.
-            start: n being 1.
-            times: (T,) since the beginning of the run that it is part of [s], increasing.
-            begin: when in that run it starts [s].
-            state: (nstate,) where it starts then, if not at the run's own start.
-            watch: called before each block of steps.
+        They count since the run's own start. It starts at `begin` [s] in `state` (nstate,), if not
+        there; `watch` is called before each block of steps. The model has no automatic reset.
         """
         ...
 

@@ -49,11 +49,8 @@ _FIELDS = (int(mujoco.mjtGeom.mjGEOM_HFIELD), int(mujoco.mjtGeom.mjGEOM_SDF))
 def run_checks(runs: PreparedRuns, trace: Trace, proceed: Proceed = proceed_always) -> SelfChecks:
     """Return the self-checks of runs that completed, as `ChecksRuns.check_runs` says."""
     models, starts = runs.models, runs.starts
-    again, copies, buffers = (
-        list[dict[int | str, Floats]](),
-        list[tuple[Trace, Floats, Floats]](),
-        Buffers(),
-    )
+    again: list[dict[int | str, Floats]] = []
+    copies, buffers = list[tuple[Trace, Floats, Floats]](), Buffers()
     for run, model in enumerate(models):
         if run and not proceed():
             break

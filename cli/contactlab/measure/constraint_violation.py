@@ -41,9 +41,7 @@ def _violations(context: Context) -> list[_Violation]:
         found += [_of_limit(context, part, length) for part, length in of_tendons]
     if trace.equality_gaps is not None:
         of_equalities = zip(mechanism.equalities, trace.equality_gaps.T.swapaxes(0, 1), strict=True)
-        found += [
-            _Violation(each.name, each.unit, each.scale, *gaps) for each, gaps in of_equalities
-        ]
+        found += [_Violation(one.name, one.unit, one.scale, *gaps) for one, gaps in of_equalities]
     found += _of_brakes(context, mechanism)
     return [each for each in found if each is not None and np.isfinite(each.scale)]
 
@@ -110,30 +108,14 @@ def constraint_violation_rest(context: Context) -> Floats:
 def constraint_violated(runs: MeasuredRuns) -> Found:
     """A limit was pushed through, or a loop, weld, gear, rope or brake gives way."""
     quarter = 3 * runs.context.trace.steps // 4
-    for name, when, begin in (
-        ("constraint_violation", "", 0),
-        (_AT_REST.name, " at rest", quarter),
-    ):
+    for name, when, begin in ((_PEAK.name, "", 0), (_AT_REST.name, " at rest", quarter)):
         for run, _, limit in runs.over(name):
-            for each, amount, step in _beyond(runs.context, run, limit, begin):
-                reason = (
-                    f"{each.name} gives way by {amount:.3g} {each.unit}{when} "
-                    f"(limit {limit * each.scale:.3g} {each.unit})"
-                )
-                yield run, Finding(reason, step)
-
-
-def _beyond(
-    context: Context, run: int, limit: float, begin: int
-) -> Iterator[tuple[_Violation, float, int]]:
-    """Yield the worst violation beyond a limit, by how much, and the first step of it."""
-    amounts = [each.rest[run] if begin else each.peak[run] for each in _violations(context)]
-    shares = [
-        amount / each.scale for amount, each in zip(amounts, _violations(context), strict=True)
-    ]
-    worst = int(np.nanargmax(shares))
-    each = _violations(context)[worst]
-    step = begin
-    if each.course is not None:
-        step += first_step(each.course[run, begin:] > limit * each.scale)
-    yield each, float(amounts[worst]), step
+            found = _violations(runs.context)
+            amounts = [each.rest[run] if when else each.peak[run] for each in found]
+            scales = [each.scale for each in found]
+            worst = int(np.nanargmax(np.divide(amounts, scales)))
+            each, most = found[worst], limit * scales[worst]
+            reason = f"{each.name} gives way by {amounts[worst]:.3g} {each.unit}{when}"
+            beyond = None if each.course is None else each.course[run, begin:] > most
+            step = begin + (0 if beyond is None else first_step(beyond))
+            yield run, Finding(f"{reason} (limit {most:.3g} {each.unit})", step)

@@ -146,9 +146,7 @@ def contact_losses(context: Context) -> Floats:
     second chatters.
     """
     runs = context.trace.runs
-    counts = [
-        np.bincount(each.run, minlength=runs).astype(np.float64) for each in _all_losses(context)
-    ]
+    counts = [np.bincount(each.run, minlength=runs).astype(float) for each in _all_losses(context)]
     return worst_pair(context, counts) / context.seconds
 
 
@@ -241,12 +239,8 @@ def _ending(touch: Spans, gap: Spans) -> NDArray[np.intp]:
 
 
 def _peak(series: PairSeries, touch: Spans, places: NDArray[np.intp]) -> Floats:
-    return np.array(
-        [
-            series.normal[touch.run[place], touch.start[place] : touch.stop[place]].max()
-            for place in places
-        ]
-    )
+    stretches = zip(touch.run[places], touch.start[places], touch.stop[places], strict=True)
+    return np.array([series.normal[run, start:stop].max() for run, start, stop in stretches])
 
 
 def _often(

@@ -1,6 +1,7 @@
 """How bodies move: what must not grow by itself, and what should stay where it was."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import DISTANCE, FORCE, Floats
 from contactlab.contact.trace_setup import FreeBody
@@ -201,8 +202,12 @@ def energy_injection(runs: MeasuredRuns) -> Found:
         yield run, Finding(reason, first_step(risen))
     for run, ratio, limit in runs.over("speed_ratio"):
         reason = f"a body moved {ratio:.3g} times as fast as the energy at the start allows"
-        step = _first_fast_step(runs.context, run, limit)
-        yield run, Finding(f"{reason} (limit {limit:g})", step)
+        fast = [
+            speed_squared(runs.context, body)[run]
+            > (limit * _speed_bound(runs.context, body.mass)[run]) ** 2
+            for body in runs.context.setup.free_bodies
+        ]
+        yield run, Finding(f"{reason} (limit {limit:g})", max(_first_of(fast) - 1, 0))
     yield from integration_gains(runs)
 
 
@@ -223,17 +228,22 @@ def asleep_unsupported(runs: MeasuredRuns) -> Found:
 @label(44, (_DRIFT,), name="drift")
 def drifting(runs: MeasuredRuns) -> Found:
     """A body that should stay ended farther from its start than the scene accepts."""
+    places = [runs.context.position(body) for body in runs.context.setup.free_bodies]
     for run, moved, limit in runs.over("drift"):
         reason = f"a body ended {moved:.3g} m away from its start (limit {limit:g} m)"
-        yield run, Finding(reason, _first_step_away(runs.context, run, limit))
+        below, paths = down(runs.context)[run], [place[run] - place[run, 0] for place in places]
+        away = [np.sqrt(_across(path, below)) > limit for path in paths]
+        yield run, Finding(reason, _first_of(away) - 1)
 
 
 @label(32, (_REST_SPEED,))
 def unsettled(runs: MeasuredRuns) -> Found:
     """A body still moves in the last fifth of the run, where the scene says that all rest."""
+    bodies, start = runs.context.setup.free_bodies, runs.context.last_fifth.start
     for run, speed, limit in runs.over("rest_speed"):
         reason = f"a body moved at {speed:.3g} m/s in the last fifth (limit {limit:g} m/s)"
-        yield run, Finding(reason, _first_moving_step(runs.context, run, limit))
+        squares = [speed_squared(runs.context, body)[run, start + 1 :] for body in bodies]
+        yield run, Finding(reason, start + _first_of([each > limit**2 for each in squares]))
 
 
 @cached
@@ -267,15 +277,9 @@ def _stored_at_start(context: Context) -> Floats:
     return stored
 
 
-def _first_fast_step(context: Context, run: int, limit: float) -> int:
-    """Return the first step after which some free body is faster than it may be."""
-    steps: list[int] = []
-    for body in context.setup.free_bodies:
-        bound: Floats = _speed_bound(context, body.mass)
-        fast = speed_squared(context, body)[run] > (limit * bound[run]) ** 2
-        if fast.any():
-            steps.append(max(first_step(fast) - 1, 0))
-    return min(steps, default=0)
+def _first_of(masks: list[NDArray[np.bool_]]) -> int:
+    """Return the first place at which one of some masks holds; 0 if none does."""
+    return first_step(np.logical_or.reduce(masks))
 
 
 def _speed_bound(context: Context, mass: Floats) -> Floats:
@@ -293,26 +297,6 @@ def _momentum_scale(context: Context) -> Floats:
 
 def _largest_change(vectors: Floats) -> Floats:
     return np.sqrt(((vectors - vectors[:, :1]) ** 2).sum(axis=2).max(axis=1))
-
-
-def _first_step_away(context: Context, run: int, limit: float) -> int:
-    """Return the first step after which some free body is as far away as that."""
-    below = down(context)[run]
-    steps: list[int] = []
-    for body in context.setup.free_bodies:
-        place = context.position(body)[run]
-        steps.append(first_step(np.sqrt(_across(place - place[0], below)) > limit))
-    return min(step - 1 for step in steps if step > 0)
-
-
-def _first_moving_step(context: Context, run: int, limit: float) -> int:
-    """Return the first step of the last fifth after which some free body is as fast as that."""
-    start = context.last_fifth.start
-    fast = [
-        speed_squared(context, body)[run, start + 1 :] > limit**2
-        for body in context.setup.free_bodies
-    ]
-    return start + min(first_step(each) for each in fast if each.any())
 
 
 def _across(vectors: Floats, below: Floats) -> Floats:
