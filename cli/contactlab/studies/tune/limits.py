@@ -13,6 +13,8 @@ from contactlab.studies.tune.tune_request import TuneRequest
 
 _LEAST_ERROR = 1e-6
 """Errors up to this count as none [m]."""
+_EQUAL = 1.05
+"""Ratio of errors up to which both are as good."""
 _CHAOTIC = 2.0
 """How much farther than a nudged start a configuration may part, where that is too far already."""
 
@@ -72,7 +74,7 @@ def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
                 f"{request.model} as written ends as {row['label']} ({row['label_reason']}), so "
                 f"there is nothing to compare with; contactlab check {request.model} says more"
             )
-    own = max(_LEAST_ERROR, *(row["error_peak"] for row in now.flat))
+    own = max(_LEAST_ERROR, *(_EQUAL * row["error_peak"] for row in now.flat))
     error = own if request.error is None else request.error
     divergence = max(row["divergence"] or 0.0 for row in now.flat)
     chaotic = divergence > error

@@ -34,6 +34,8 @@ from contactlab.studies.tune.trials import (
 )
 from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest
 
+_NEVER = "without collisions that never happen, and sensors if asked"
+
 
 @dataclass
 class Study:
@@ -71,10 +73,10 @@ class Study:
             written = write_model(scene, edits, self.session.folder / name, MODEL)
             rows = self.trials.run_file(f"{name}-runs", written.source, BASELINE)
         except SceneError as error:
-            self.kept.append(Kept(name="geoms that never touch", reason=str(error)))
+            self.kept.append(Kept(name=_NEVER, reason=str(error)))
             return
         if _same_runs(self.now.rows, rows) < len(BASELINE):
-            self.kept.append(Kept(name="geoms that never touch", reason="runs differ without them"))
+            self.kept.append(Kept(name=_NEVER, reason="runs differ"))
             return
         self.savers, self.lighter = edits, self.trials.scene_of(written.source)
 
@@ -118,11 +120,12 @@ class Study:
 
         The best comes first.
         """
-        found = [search.here]
-        if self._changed(search.here):
-            found += [search.longer(rungs) for rungs in (-1, -2)]
-        changes = [self._changed(each) for each in found]
+        found = [search.here, *(search.longer(rungs) for rungs in (-1, -2))]
+        changes = [self._changed(each) for each in found if self._changed(search.here)]
+        changes = [each for each in changes if each] + [{}] * (self.savers != ModelEdits())
         distinct = list({json.dumps(each, default=str): each for each in changes}.values())
+        if not distinct:
+            return
         left = self.trials.deadline - time.monotonic() - len(FRESH) * self.seed_seconds
         seeds = CONTENDERS[: max(len(BASELINE), int(left / self.seed_seconds))]
         self._say(f"comparing {len(distinct)} configurations from {len(seeds)} seeds")
@@ -142,7 +145,7 @@ class Study:
         return not why
 
     def _keep(self, contender: Contender, reason: str) -> None:
-        name = settings_text(contender.changed) or "collisions that never happen"
+        name = settings_text(contender.changed) or _NEVER
         self.kept.append(Kept(name=name, reason=reason))
 
     def _rank(self, contender: Contender) -> float:
@@ -204,11 +207,12 @@ def savers_of(scene: Scene, motion: Sequence[Floats], request: TuneRequest) -> M
     """Return what a model may be without: collisions that never happen, and sensors on request."""
     model = scene.base({}).model
     untouched = untouched_geoms(model, motion)
-    names = (model.sensor(each).name for each in range(model.nsensor * request.drop_sensors))
+    names = (model.sensor(each).name or f"sensor[{each}]" for each in range(model.nsensor))
+    own = (each for each in names if not each.startswith(PREFIX))
     return ModelEdits(
         masked=untouched.masked,
         excluded=untouched.excluded,
-        sensors=tuple(each for each in names if not each.startswith(PREFIX)),
+        sensors=tuple(own) if request.drop_sensors else (),
     )
 
 

@@ -1,0 +1,83 @@
+"""Models with a planted need keep it; one with planted waste loses that, and moves as before."""
+
+from pathlib import Path
+
+import pytest
+
+from contactlab.schema.tune_report import TuneReport
+from contactlab.studies.session import Session
+from contactlab.studies.tune.tune_request import TuneRequest
+from contactlab.studies.tune.tuning import run
+
+TOP = """
+<mujoco>
+  <option timestep="0.002"/>
+  <worldbody>
+    <geom type="plane" size="1 1 .1" condim="4" friction="1 .02 .001"/>
+    <body pos="0 0 .05"><freejoint/><geom type="sphere" size=".05" condim="4"/></body>
+  </worldbody>
+  <keyframe><key qpos="0 0 .05 1 0 0 0" qvel="0 0 0 0 0 20"/></keyframe>
+</mujoco>
+"""
+# The box would slide if the friction of 1 were not enough for a slope of 35 degrees, and creeps
+# without noslip: (1 - d0) / (d0 b) of gravity along the slope, with b of 100/s, is 0.6 mm/s.
+SLOPE = """
+<mujoco>
+  <option timestep="0.002" gravity="5.63 0 -8.04" cone="elliptic" noslip_iterations="10"/>
+  <worldbody>
+    <geom type="plane" size="1 1 .1"/>
+    <body pos="0 0 .05"><freejoint/><geom type="box" size=".05 .05 .05"/></body>
+  </worldbody>
+</mujoco>
+"""
+WASTE = """
+<mujoco>
+  <option timestep="0.0005" integrator="RK4"/>
+  <worldbody>
+    <body pos="0 0 1">
+      <joint name="a" axis="0 1 0" damping=".2" range="-60 60" limited="true"/>
+      <geom name="a" type="capsule" fromto="0 0 0 .3 0 0" size=".02"/>
+      <geom name="dress" type="box" size=".02 .02 .02" pos=".1 0 0"/>
+    </body>
+    <body pos="0 1 1">
+      <joint name="b" axis="0 1 0" damping=".2" range="-60 60" limited="true"/>
+      <geom name="b" type="capsule" fromto="0 0 0 .3 0 0" size=".02"/>
+    </body>
+  </worldbody>
+</mujoco>
+"""
+
+
+def tuned(folder: Path, text: str, error: float | None = None) -> TuneReport:
+    path = folder / "model.xml"
+    path.write_text(text)
+    request = TuneRequest(str(path), error=error, budget=1e9, drive="none")
+    return run(request, Session(folder / "out"))
+
+
+def kept(report: TuneReport, *names: str) -> bool:
+    return not {each.name for each in report.changes} & set(names)
+
+
+@pytest.mark.slow
+def test_torsional_friction_that_stops_a_top_stays(tmp_path: Path) -> None:
+    report = tuned(tmp_path, TOP)
+    assert kept(report, "torsional_friction")
+    assert all(not each.name.startswith("torsional") for each in report.kept), "it was exercised"
+
+
+@pytest.mark.slow
+def test_noslip_that_holds_a_box_on_a_slope_stays(tmp_path: Path) -> None:
+    assert kept(tuned(tmp_path, SLOPE), "noslip")
+
+
+@pytest.mark.slow
+def test_what_never_touches_and_short_steps_go(tmp_path: Path) -> None:
+    report = tuned(tmp_path, WASTE, 1e-4)
+    assert report.proof is not None
+    assert report.proof.holds
+    assert {"dress", "a", "b"} == set(report.masked)
+    assert {each.name for each in report.changes} & {"timestep", "integrator"}
+    assert report.proof.tuned.error_peak is not None
+    assert report.proof.tuned.error_peak <= 1e-4
+    assert report.proof.same_runs == 10
