@@ -23,10 +23,8 @@ _PACKAGE = __name__.partition(".")[0]
 _VERSION = re.compile(r"\d+(\.\w+)+")
 _NAME = re.compile(r"[\w.-]+")
 _OLDEST, _TOO_NEW = (3, 3), (5,)
-# Robots that sweeps may name; no other optional package steps a model.
-_ROBOTS = "mujoco-menagerie"
-# Of what a failing installer prints.
-_MAX_LINES = 6
+_ROBOTS = "mujoco-menagerie"  # robots that sweeps may name; no other optional package steps a model
+_MAX_LINES = 6  # of what a failing installer prints
 
 
 class Interpreter(NamedTuple):

@@ -32,8 +32,7 @@ from contactlab.schema.sweep_schema import Sweep, effects_base
 from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.store_access import backend_at, local_scene
 
-MAX_RUNS = 32
-"""Runs of a job at most."""
+MAX_RUNS = 32  # runs of a job at most
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
 JOB_BYTES = 32 << 20
 RUN_BYTES = 1 << 30

@@ -30,8 +30,7 @@ from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.store.atomic_files import TEMPORARY_SUFFIX
 from contactlab.store.store_files import TRACES
 
-MAX_LOSSES = 3
-"""How often a job may lose its node before it is taken to be the cause."""
+MAX_LOSSES = 3  # how often a job may lose its node before it is taken to be the cause
 _LOST = (NodeDiedError, ObjectLostError, RaySystemError, WorkerCrashedError)
 # How long a request to stop may go unnoticed, and how long processes may take to end [s].
 _STOP_INTERVAL, _END_TIMEOUT = 0.5, 10.0

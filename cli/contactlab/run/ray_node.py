@@ -14,8 +14,7 @@ from typing import Any
 
 import ray
 
-# Tokens of the sweeps whose requirements this process meets.
-_accepted: set[str] = set()
+_accepted: set[str] = set()  # tokens of the sweeps whose requirements this process meets
 
 
 @dataclass(frozen=True)

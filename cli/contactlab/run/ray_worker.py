@@ -20,10 +20,8 @@ from contactlab.run.tasks import Result, Stop, Task
 from contactlab.run.worker_pool import WorkerPool
 
 _SCENES, _PLUGINS = "scenes", "plugins"
-# The process, and what makes the name of its folder unique.
-_OWN_END = re.compile(r"(\d+)-[^-]+")
-# By the token of its sweep; one at most.
-_workers: dict[str, WorkerPool] = {}
+_OWN_END = re.compile(r"(\d+)-[^-]+")  # the process, and what makes the name of its folder unique
+_workers: dict[str, WorkerPool] = {}  # by the token of its sweep; one at most
 
 
 def pack_bundle(task: Task) -> bytes:

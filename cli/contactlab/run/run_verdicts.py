@@ -75,8 +75,7 @@ def _unmet(
 # Slower motion is the creep and the rocking of soft contact.
 _SLIDE = 5e-3
 _TURN = 0.1
-# As the engine numbers kinds of joints: free, ball, slide, hinge.
-_SLIDE_JOINT = 2
+_SLIDE_JOINT = 2  # as the engine numbers kinds of joints: free, ball, slide, hinge
 
 
 def missing_effects(trace: Trace, run: int, prepared: PreparedModel) -> dict[str, str]:

@@ -175,8 +175,7 @@ def _first_difference(
     return first, float(np.abs(old[first] - new[first]).max())
 
 
-MAX_STEPS = 2_000
-"""Steps that are timed from each of the places along a run."""
+MAX_STEPS = 2_000  # steps that are timed from each of the places along a run
 
 
 def answers(store: Store, lines: Iterator[str]) -> Iterator[dict[str, Any]]:

@@ -47,8 +47,7 @@ from contactlab.store.store_access import TraceSink
 from contactlab.store.store_files import time_now
 from contactlab.store.table_layout import record_to_row
 
-# How long a job's second pass may go on once the sweep should stop [s].
-_GRACE = 1.0
+_GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
 
 CheckRuns = Callable[[Sequence[int], Trace], SelfChecks]
 

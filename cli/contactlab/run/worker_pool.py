@@ -45,8 +45,7 @@ _MAX_FOLDER = 75
 _START_ATTEMPTS, _START_PAUSE = 20, 0.1
 # How long a request to stop may go unnoticed [s]: on a cluster it comes without a signal.
 _STOP_INTERVAL = 0.1
-# How often in a row workers may be silent for that long before they are looked at.
-_LOOKS = 20
+_LOOKS = 20  # how often in a row workers may be silent for that long before they are looked at
 
 
 def worker_count(requested: int | None) -> int:

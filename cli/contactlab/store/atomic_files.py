@@ -15,10 +15,8 @@ from contactlab.errors import OutputError
 
 TEMPORARY_SUFFIX = ".tmp"
 _TEMPORARY = re.compile(r"(\.[0-9a-f]{8})?\.tmp$")
-_COMMIT_INTERVAL = 0.5
-"""Pause between two syncs [s]; with the sync itself, well within a second."""
-_AT_CWD, _RENAME_EXCHANGE = -100, 2
-"""Of renameat2(2), from linux/fcntl.h and linux/fs.h."""
+_COMMIT_INTERVAL = 0.5  # pause between two syncs [s]; with the sync itself, well within a second
+_AT_CWD, _RENAME_EXCHANGE = -100, 2  # of renameat2(2), from linux/fcntl.h and linux/fs.h
 _LIBC = ctypes.CDLL(None, use_errno=True)
 
 

@@ -41,12 +41,9 @@ _BATCHES = {JOURNAL: "journal", NOTES: "notes"}
 """The folder of batches for each local file of lines."""
 _OWN = {SCENES, TRACES, CONTROLS, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MANIFEST}
 _TEMPORARY_PREFIX = "contactlab-"
-_TRANSFERS = 16
-"""Objects that are fetched or stored at once, and traces that are fetched ahead."""
-_MAX_QUEUED = 64
-"""Uploads that may be unfinished at once."""
-_WINDOW = 128
-"""Batches of rows that are in local files at once."""
+_TRANSFERS = 16  # objects that are fetched or stored at once, and traces that are fetched ahead
+_MAX_QUEUED = 64  # uploads that may be unfinished at once
+_WINDOW = 128  # batches of rows that are in local files at once
 
 _fetched: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 

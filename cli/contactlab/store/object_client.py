@@ -30,13 +30,11 @@ if TYPE_CHECKING:
     from obstore import UpdateVersion
     from obstore.store import ClientConfig
 
-_SILENCE = timedelta(seconds=12)
-"""A request fails after this long without a byte."""
+_SILENCE = timedelta(seconds=12)  # a request fails after this long without a byte
 _CONNECT_TIMEOUT = timedelta(seconds=5)
 _REQUEST_TIMEOUT = timedelta(minutes=10)
 _RETRIES = 5
-_PART_SIZE = 5 << 20
-"""Larger objects are sent and received in parts of so many bytes."""
+_PART_SIZE = 5 << 20  # larger objects are sent and received in parts of so many bytes
 
 _STORES = {"s3": S3Store, "gs": GCSStore, "az": AzureStore}
 _VARIABLES = {"s3": "AWS", "gs": "GOOGLE", "az": "AZURE"}

@@ -33,8 +33,7 @@ Row = Mapping[str, Any]
 IsPlanned = Callable[[str, int], bool]
 
 _SEAL = b"\t%08x\n"
-_SEAL_SIZE = 10
-"""Bytes that a sealed line has after its row."""
+_SEAL_SIZE = 10  # bytes that a sealed line has after its row
 
 
 def sealed(row: bytes) -> bytes:

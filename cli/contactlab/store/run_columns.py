@@ -17,8 +17,7 @@ from contactlab.store.store_address import Address
 from contactlab.store.store_files import TABLE, stored_file
 from contactlab.store.table_layout import Column, column_of
 
-_MAX_CATEGORIES = 64
-"""A bit each in a 64-bit mask."""
+_MAX_CATEGORIES = 64  # a bit each in a 64-bit mask
 
 
 class NumberColumn(NamedTuple):

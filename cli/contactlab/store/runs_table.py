@@ -31,8 +31,7 @@ _COLUMNS = b"contactlab.columns"
 _SHARED = b"contactlab.shared"
 GROUP = 1 << 14
 """Rows of a row group, which are written at once, and read at once where one is needed."""
-_BLOCK = 8 << 20
-"""Bytes of the journal that are parsed at once."""
+_BLOCK = 8 << 20  # bytes of the journal that are parsed at once
 _BATCH = 256
 _MOST_TABLE, _MOST_ROW = 1 << 30, 1 << 20
 """Bytes that a table may hold unpacked: so many, and so many for each row."""

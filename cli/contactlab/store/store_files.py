@@ -29,11 +29,9 @@ TRACES = "traces"
 CONTROLS = "controls"
 LOCK = ".lock"
 
-MOST_DOCUMENT = 64 << 20
-"""Bytes of a file that is read at once: identity, manifest, lock."""
+MOST_DOCUMENT = 64 << 20  # bytes of a file that is read at once: identity, manifest, lock
 MOST_TRACE = 2 << 30
-MOST_BYTES = 64 << 30
-"""Bytes of any file."""
+MOST_BYTES = 64 << 30  # bytes of any file
 _Document = TypeVar("_Document", bound=BaseModel)
 _FLAGS = os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
 

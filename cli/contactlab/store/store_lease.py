@@ -25,12 +25,9 @@ if TYPE_CHECKING:
 
     from contactlab.store.object_client import ObjectClient, StoredObject
 
-LEASE = 30.0
-"""How long the lock of another machine must be unchanged before it is taken over [s]."""
-_RENEWALS = 6
-"""How often a lock is renewed in that time."""
-_RELEASE_TIMEOUT = 5.0
-"""How long releasing a lock may take [s]."""
+LEASE = 30.0  # how long the lock of another machine must be unchanged before it is taken over [s]
+_RENEWALS = 6  # how often a lock is renewed in that time
+_RELEASE_TIMEOUT = 5.0  # how long releasing a lock may take [s]
 _BOOT_ID = Path("/proc/sys/kernel/random/boot_id")
 _PID_NAMESPACE = Path("/proc/self/ns/pid")
 _LOG = logging.getLogger(__name__)

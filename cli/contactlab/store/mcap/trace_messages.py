@@ -35,8 +35,7 @@ _TYPE_MESSAGE, _TYPE_ENUM = 11, 14
 
 _FRAME = struct.Struct("<BQ")
 _HEADER = (("channel", "<u2", 9), ("log_time", "<u8", 15), ("publish_time", "<u8", 23))
-HEADER_SIZE = 31
-"""Length of a Message record before its content."""
+HEADER_SIZE = 31  # length of a Message record before its content
 
 
 def contacts_topic(pair: str) -> str:

@@ -51,8 +51,7 @@ _MODEL_NAME = "model.xml"
 # Viewers reject `$ref`, `anyOf` and null in a schema, and the record has them.
 _RECORD_SCHEMA = b'{"type":"object"}'
 _NANOSECONDS = 1e9
-_CACHED_PREFIXES = 4
-"""Scenes whose file prefixes are cached; a job is of one scene."""
+_CACHED_PREFIXES = 4  # scenes whose file prefixes are cached; a job is of one scene
 # Readers in languages without unsigned integers take log time as a signed 64-bit number.
 _MAX_LOG_TIME = 2.0**63
 
