@@ -9,9 +9,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from contactlab.errors import OutputError, StoreError
+from contactlab.run.planned_runs import local_scene
 from contactlab.store.baseline_store import write_baseline
 from contactlab.store.finished_store import Store
-from contactlab.store.store_access import local_scene
 from contactlab.store.store_address import parse_address
 from contactlab.store.verify_store import verify
 

@@ -86,7 +86,7 @@ def test_failed_runs_are_run_again(
     store_of: Any,
     finish: Any,
 ) -> None:
-    mended = [each.model_copy(update={"status": "ok"}) for each in records]
+    mended = [each.model_copy(update={"status": "ok", "status_reason": None}) for each in records]
     with retry(failed) as writer:
         assert writer.done == ids(KEPT)
         assert traces(failed) == ids(KEPT)

@@ -42,11 +42,6 @@ def metric_units() -> dict[str, str]:
     return {name: metric.unit for name, metric in METRICS.items()}
 
 
-def metric_versions() -> dict[str, int]:
-    """Return the version of every metric's definition, of plug-ins too."""
-    return {name: metric.version for name, metric in METRICS.items()}
-
-
 @cache
 def definitions() -> str:
     """Return a hash of the code that prepares runs, rolls them out, measures and labels them."""
@@ -151,7 +146,7 @@ def _record(
     off = {name: EffectState(False, why) for name, why in engine.ignored(resolved).items()}
     effects = {name: off.get(name, each) for name, each in plan.prepared.effects.items()}
     selected = [each for match, each in task.expected if match.holds(run.values)]
-    verdict = judge(selected, [entry.label for entry in labels], metrics)
+    expected, met, missed = judge(selected, [entry.label for entry in labels], metrics)
     return EvidenceRecord(
         run_id=run.run_id,
         index=run.index,
@@ -171,13 +166,13 @@ def _record(
         drive=resolved.drive,
         steps_asked=resolved.steps,
         metrics=metrics,
-        metric_versions=metric_versions(),
+        metric_versions=identity.metric_versions,
         units=metric_units(),
         label=labels[0].label if labels else "stable",
         labels=labels,
-        expected=verdict.expected,
-        expectation_met=verdict.met,
-        expectation_reason=verdict.reason,
+        expected=expected,
+        expectation_met=met,
+        expectation_reason=missed,
         tolerances_met=within_tolerances(task.sweep.tolerances, metrics),
         provenance=task.provenance,
         plugins=identity.plugins,

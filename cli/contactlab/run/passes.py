@@ -31,7 +31,7 @@ from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import ERRORS, Accuracy, Timing
 from contactlab.schema.sweep_schema import AccuracyRequest
 from contactlab.store.controls_file import read_controls
-from contactlab.store.store_access import backend_at
+from contactlab.store.folder_backend import backend_at
 from contactlab.store.store_writer import StoreWriter
 from contactlab.store.table_layout import Column, as_ratios
 

@@ -30,7 +30,9 @@ from contactlab.schema.drive import PolicyDrive, parse_drive
 from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep, effects_base
 from contactlab.store.controls_file import read_control_table, read_controls
-from contactlab.store.store_access import backend_at, local_scene
+from contactlab.store.folder_backend import backend_at
+from contactlab.store.store_address import Address
+from contactlab.store.store_files import SCENES
 
 MAX_RUNS = 32  # runs of a job at most
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.
@@ -185,10 +187,9 @@ def pack_jobs(
 ) -> Iterator[Job]:
     """Yield jobs, each bounded by `MAX_RUNS`, `JOB_BYTES` and `MODEL_BYTES`, or one run.
 
-    Runs are consumed lazily, some hundred ahead of what is yielded. Jobs become smaller towards the
-    end, so that no worker has a large one while the others have none.
-
-    The runs are those that are not done yet; jobs stay small enough that each worker gets several.
+    Runs, those that are not done yet, are consumed lazily, some hundred ahead of what is yielded.
+    Each worker gets several jobs, which become smaller towards the end, so that none has a large
+    one while the others have none.
     """
     most = max(1, min(MAX_RUNS, count // (4 * max(1, workers))))
     shares = 2 * workers if workers > 1 else 1
@@ -229,6 +230,16 @@ def stored_sweep_scene(identity: SweepIdentity, folder: Path) -> Scene:
         return scene
     drive = parse_drive(stored)
     return scene.with_drive(drive, folder.parent / (LocatedDrive(drive).hash or ""))
+
+
+def local_scene(store: Address, folder: Path) -> Path:
+    """Return a local folder with a store's scene, fetched from object storage if need be.
+
+    The given one is on the machine that runs the sweep; its name is the scene's hash.
+    """
+    if folder.is_dir():
+        return folder
+    return backend_at(store, OutputError).local_folder(SCENES) / folder.name
 
 
 _MAX_MODELS = 64

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from importlib.metadata import version
 from itertools import islice, takewhile
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import ray
 from ray import cloudpickle
@@ -73,13 +73,6 @@ class RayExecutor:
         return self.max_jobs or 2 * self.workers
 
 
-class _Sent(NamedTuple):
-    """A job, and how often its node was lost."""
-
-    job: Job
-    losses: int = 0
-
-
 @dataclass
 class InFlight:
     """The jobs that are on a cluster: sent, cancelled, and sent again if their node was lost.
@@ -92,7 +85,8 @@ class InFlight:
     queue: Iterator[Job]
     capacity: Callable[[], int]
     stop: Stop
-    _sent: dict[Any, _Sent] = field(default_factory=dict[Any, _Sent])
+    # Each job by its reference, and how often its node was lost.
+    _sent: dict[Any, tuple[Job, int]] = field(default_factory=dict[Any, tuple[Job, int]])
 
     def results(self) -> Iterator[Result]:
         """Yield the result of every job, once; whoever leaves early ends those in flight."""
@@ -112,20 +106,20 @@ class InFlight:
                 ray.cancel(reference)
         else:
             for job in islice(self.queue, max(0, self.capacity() - len(self._sent))):
-                self._sent[self.send(job)] = _Sent(job)
+                self._sent[self.send(job)] = job, 0
         return bool(self._sent)
 
     def _result(self, reference: Any) -> Result | None:  # noqa: ANN401 - as Ray types it
         """Return the result of a job; None if it is sent again or was cancelled."""
-        sent = self._sent.pop(reference)
+        job, losses = self._sent.pop(reference)
         try:
             reply: Result | Exception | str = ray.get(reference)
         except TaskCancelledError:
             return None
         except OutOfMemoryError:
-            return Crashed(sent.job, "out of memory: the cluster ended the worker", timed_out=False)
+            return Crashed(job, "out of memory: the cluster ended the worker", timed_out=False)
         except _LOST as error:
-            return self._send_again(sent, type(error).__name__)
+            return self._send_again(job, losses + 1, type(error).__name__)
         except RayTaskError as error:
             last = str(error).strip().splitlines()[-1]
             raise ClusterError(f"a node of the cluster cannot run jobs: {last}") from error
@@ -135,12 +129,11 @@ class InFlight:
             raise reply
         return reply
 
-    def _send_again(self, sent: _Sent, reason: str) -> Crashed | None:
-        losses = sent.losses + 1
+    def _send_again(self, job: Job, losses: int, reason: str) -> Crashed | None:
         if losses == MAX_LOSSES:
-            return Crashed(sent.job, f"its node was lost {losses} times: {reason}", timed_out=False)
+            return Crashed(job, f"its node was lost {losses} times: {reason}", timed_out=False)
         if not self.stop.is_set:
-            self._sent[self.send(sent.job)] = _Sent(sent.job, losses)
+            self._sent[self.send(job)] = job, losses
         return None
 
     def _end(self) -> None:

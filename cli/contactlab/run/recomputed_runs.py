@@ -171,15 +171,8 @@ def _arrays(trace: StoredTrace) -> list[bytes]:
 
 def _task(store: Store, folder: Path) -> Task:
     identity = store.manifest.sweep
-    return Task(
-        sweep=Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"}),
-        expected=(),
-        identity=identity,
-        store=folder,
-        scene_folder=store.scene_folder,
-        provenance=provenance(),
-        plugins=loaded_plugins(),
-    )
+    sweep = Sweep.model_validate(identity.resolved).model_copy(update={"trace": "all"})
+    return Task(sweep, (), identity, folder, store.scene_folder, provenance(), loaded_plugins())
 
 
 def _known(settings: Mapping[str, Any]) -> dict[str, Any]:

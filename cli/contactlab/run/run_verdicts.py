@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from operator import itemgetter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,28 +12,17 @@ from contactlab.scene.effects.effect import NOT_IN_MODEL
 from contactlab.schema.sweep_schema import Expectation
 
 
-class ExpectationVerdict(NamedTuple):
-    """Labels of which one is expected, whether a run is so, and why not; None if unasked."""
-
-    expected: tuple[str, ...] | None
-    met: bool | None
-    reason: str | None
-
-
 def judge(
     expectations: Sequence[Expectation], labels: Sequence[str], metrics: Mapping[str, float | None]
-) -> ExpectationVerdict:
-    """Return whether a run meets the expectations whose condition selects it.
+) -> tuple[tuple[str, ...] | None, bool | None, str | None]:
+    """Return the labels of which one is expected, whether a run meets that, and why not.
 
-    Its labels are worst first; a run without any is stable.
+    They are None if nothing is expected. A run's labels are worst first; without any it is stable.
     """
     unmet = [reason for each in expectations for reason in _unmet(each, labels, metrics)]
     expected = [label for each in expectations for label in each.label or ()]
-    return ExpectationVerdict(
-        expected=tuple(dict.fromkeys(expected)) or None,
-        met=None if not expectations else not unmet,
-        reason="; ".join(unmet) or None,
-    )
+    met = not unmet if expectations else None
+    return tuple(dict.fromkeys(expected)) or None, met, "; ".join(unmet) or None
 
 
 def within_tolerances(

@@ -123,18 +123,10 @@ def replay(store: Store, run: str) -> ReplayResult:
     start = prepare_replay(store, run)
     record = start.record
     rollout = find_engine(record.engine.name).roll_out(start.runs, Buffers())
-    new_hash = trajectory_hash(rollout, 0)
-    equal = new_hash == record.trajectory_hash
-    step, difference = (None, None) if equal else _first_difference(store, record, rollout)
-    return ReplayResult(
-        run_id=record.run_id,
-        equal=equal,
-        stored_hash=record.trajectory_hash,
-        hash=new_hash,
-        step=step,
-        difference=difference,
-        stored_engine=f"{record.engine.name} {record.engine.version}",
-    )
+    old, new = record.trajectory_hash, trajectory_hash(rollout, 0)
+    step, difference = (None, None) if new == old else _first_difference(store, record, rollout)
+    engine = f"{record.engine.name} {record.engine.version}"
+    return ReplayResult(record.run_id, new == old, old, new, step, difference, engine)
 
 
 def _stored_start(

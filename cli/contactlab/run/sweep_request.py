@@ -1,8 +1,9 @@
 """From a sweep file to a request: its plan, its scene, and what may be named in it."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain, starmap
 from pathlib import Path
 
 from contactlab.engines import ENGINES
@@ -96,25 +97,16 @@ def _given(overrides: Overrides, drive: Drive | None) -> tuple[str, ...]:
 
 def supported(plan: Plan) -> tuple[Plan, tuple[str, ...]]:
     """Return a plan without the rows that this engine does not support, and why, each once."""
-    if not any(why_unsupported(name, value) for name, value in _values(plan)):
+    named = ((axis.name, value) for axis in plan.axes for value in axis.values)
+    if not any(starmap(why_unsupported, chain(named, plan.grid.base.items()))):
         return plan, ()
     rows = list(plan.grid.rows())
-    reasons = [_reason(row) for row in rows]
+    reasons = [next(filter(None, starmap(why_unsupported, row.items())), None) for row in rows]
     left = tuple(row for row, reason in zip(rows, reasons, strict=True) if reason is None)
     grid = replace(plan.grid, base={}, blocks=None, excludes=(), added=left, written=())
     count = min(plan.count, len(left) * len(plan.sweep.seed_values))
     distinct = dict.fromkeys(filter(None, reasons))
     return replace(plan, grid=grid, count=count), tuple(distinct)
-
-
-def _values(plan: Plan) -> Iterator[tuple[str, object]]:
-    yield from ((axis.name, value) for axis in plan.axes for value in axis.values)
-    yield from plan.grid.base.items()
-
-
-def _reason(row: Mapping[str, object]) -> str | None:
-    reasons = (why_unsupported(name, value) for name, value in row.items())
-    return next((reason for reason in reasons if reason), None)
 
 
 @dataclass

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
 
 from pydantic_core import PydanticSerializationError
 
@@ -10,14 +11,7 @@ from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import SweepFileError
 from contactlab.measure import LABELS, METRICS, Metric
 from contactlab.plugins import loaded_plugins
-from contactlab.run.evidence_record import (
-    as_written,
-    definitions,
-    engine,
-    metric_units,
-    metric_versions,
-    provenance,
-)
+from contactlab.run.evidence_record import as_written, definitions, engine, metric_units, provenance
 from contactlab.run.passes import SweepSession, run_passes
 from contactlab.run.planned_runs import RunIndex, pack_jobs
 from contactlab.run.sweep_request import SweepRequest
@@ -43,7 +37,6 @@ from contactlab.schema.evidence import (
     StoreManifest,
     SweepIdentity,
 )
-from contactlab.store.store_address import absolute_address
 from contactlab.store.store_writer import open_writer
 from contactlab.store.table_layout import PLUGINS_COLUMN, REAL, Column, axis_column, struct_column
 
@@ -92,25 +85,18 @@ def run_sweep(
                 "they are",
                 f"{store.unsealed:,}",
             )
-        session = SweepSession(
-            task=Task(
-                sweep=request.plan.sweep,
-                expected=request.plan.expected,
-                identity=identity,
-                store=absolute_address(request.store),
-                scene_folder=store.scene_folder.resolve(),
-                provenance=provenance(),
-                plugins=loaded_plugins(),
-                policy=policy,
-            ),
-            scene=request.scene,
-            store=store,
-            index=index,
-            executor=request.cluster or LocalPool(request.workers),
-            stop=stop or Stop(),
-            begin=begin,
-            progress=progress,
+        task = Task(
+            sweep=request.plan.sweep,
+            expected=request.plan.expected,
+            identity=identity,
+            store=where.resolve() if isinstance(where := request.store, Path) else where,
+            scene_folder=store.scene_folder.resolve(),
+            provenance=provenance(),
+            plugins=loaded_plugins(),
+            policy=policy,
         )
+        executor, stop = request.cluster or LocalPool(request.workers), stop or Stop()
+        session = SweepSession(task, request.scene, store, index, executor, stop, begin, progress)
         _run_remaining(session)
         values, added = run_passes(session)
         columns += added
@@ -118,10 +104,10 @@ def run_sweep(
             "schema_version": RECORD_VERSION,
             "sweep": request.name,
             "units": metric_units(),
-            "metric_versions": metric_versions(),
+            "metric_versions": identity.metric_versions,
             "severity": list(LABELS),
         }
-        return store.finish(columns, shared, session.task.provenance, values)
+        return store.finish(columns, shared, task.provenance, values)
 
 
 def _run_remaining(session: SweepSession) -> None:
@@ -150,7 +136,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
         scene_hash=scene.hash,
         scene_model=scene.source.content.model.as_posix(),
         engine=engine(),
-        metric_versions=metric_versions(),
+        metric_versions={name: metric.version for name, metric in METRICS.items()},
         definitions=definitions(),
         runs_asked=len(index),
         baseline=_baseline(request),
@@ -201,15 +187,8 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
 
 
 def _metric_column(metric: Metric) -> Column:
-    return Column(
-        metric.name,
-        REAL,
-        metric.unit,
-        metric.definition,
-        metric.better,
-        metric.resolution,
-        second_pass=metric.kind == "check",
-    )
+    said = metric.unit, metric.definition, metric.better, metric.resolution
+    return Column(metric.name, REAL, *said, second_pass=metric.kind == "check")
 
 
 def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:

@@ -1,5 +1,6 @@
 """Runs jobs: rolls runs out, measures and labels them, writes traces and records."""
 
+import hashlib
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -11,7 +12,7 @@ from pydantic_core import to_json
 
 from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.timing import work_of_runs
-from contactlab.contact.trace_arrays import SelfChecks, Trace
+from contactlab.contact.trace_arrays import PairSeries, RecordedControls, SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
@@ -24,6 +25,7 @@ from contactlab.engines.engine import (
     proceed_always,
 )
 from contactlab.engines.rollout_trace import make_trace
+from contactlab.errors import OutputError
 from contactlab.measure import assess
 from contactlab.plugins import require_plugins
 from contactlab.run.evidence_record import (
@@ -41,10 +43,12 @@ from contactlab.scene.expected_contacts import Asked
 from contactlab.scene.initial_states import InitialStates
 from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
+from contactlab.store.controls_file import controls_name, encode_controls
+from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.stored_trace import ACTIVATIONS
-from contactlab.store.mcap.trace_writer import TraceExtras
-from contactlab.store.store_access import TraceSink
-from contactlab.store.store_files import time_now
+from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
+from contactlab.store.store_address import Address
+from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
@@ -103,6 +107,43 @@ def _without_momentum(trace: Trace, setup: Setup) -> Trace:
     )
 
 
+class _TraceSink:
+    """Adds traces and recorded controls to a store.
+
+    An OutputError says that the store cannot be reached or written.
+    """
+
+    def __init__(self, store: Address) -> None:
+        self._backend = backend_at(store, OutputError)
+        self._controls: set[str] = set()
+
+    def add(
+        self, run_id: str, trace: Trace, row: int, series: Sequence[PairSeries], extras: TraceExtras
+    ) -> TraceFile:
+        """Store the trace of a run; it is in the store when this returns; see `encode_trace`."""
+        name = _trace_name(run_id)
+        content, messages = encode_trace(trace, row, series, extras)
+        self._backend.put(name, content)
+        sha256 = hashlib.sha256(content).hexdigest()
+        return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
+
+    def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
+        """Store what a policy did to (nu) named actuators, unless it is there; return its hash."""
+        sha256 = controls.sha256
+        if sha256 not in self._controls:
+            self._backend.put(controls_name(sha256), encode_controls(controls, actuators))
+            self._controls.add(sha256)
+        return sha256
+
+    def remove(self, run_id: str) -> None:
+        """Remove the trace of a run, if there is one."""
+        self._backend.delete([_trace_name(run_id)])
+
+
+def _trace_name(run_id: str) -> str:
+    return f"{TRACES}/{run_id[:2]}/{run_id}.mcap"
+
+
 class _AbandonedError(Exception):
     """A pass over runs was abandoned, since the sweep should stop."""
 
@@ -120,7 +161,7 @@ class Worker:
         self._preparer = Preparer(task, marker)
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
-        self._traces = TraceSink(task.store)
+        self._traces = _TraceSink(task.store)
         self._policy = task.policy and load_policy(task.policy.found_in(self._scene.drive))
         self._model_xml = self._scene.source.model.read_bytes()
 

@@ -147,10 +147,11 @@ def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, jo
     send_job(workers[marker], job)
 
 
-def send_job(worker: WorkerHandle, job: Job) -> None:
-    """Send a worker a job; one that has just died is noticed later."""
-    worker.job = job
-    _send(worker, job)
+def send_job(worker: WorkerHandle, job: Job | None) -> None:
+    """Send a worker a job, or None to stop it; one that has just died is noticed later."""
+    worker.job = job or worker.job
+    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
+        worker.pipe.send(job)
 
 
 def request_stop(workers: Iterable[WorkerHandle]) -> None:
@@ -158,12 +159,7 @@ def request_stop(workers: Iterable[WorkerHandle]) -> None:
     for worker in workers:
         if not worker.stop_requested:
             worker.stop_requested = True
-            _send(worker, None)
-
-
-def _send(worker: WorkerHandle, job: Job | None) -> None:
-    with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-        worker.pipe.send(job)
+            send_job(worker, None)
 
 
 def end_halted(workers: Iterable[WorkerHandle]) -> None:

@@ -29,16 +29,15 @@ def atomic_write(target: Path, *, durable: bool = False) -> Generator[Path]:
     """
     temporary = target.with_name(f"{target.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
     try:
-        yield temporary
-        if durable:
-            sync_path(temporary)
-        temporary.replace(target)
-        if durable:
-            sync_path(target.parent)
-    except BaseException as error:
+        with write_errors(target):
+            yield temporary
+            if durable:
+                sync_path(temporary)
+            temporary.replace(target)
+            if durable:
+                sync_path(target.parent)
+    except BaseException:
         temporary.unlink(missing_ok=True)
-        if isinstance(error, OSError):
-            raise write_error(target, error) from error
         raise
 
 

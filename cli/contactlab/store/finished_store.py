@@ -18,7 +18,7 @@ from contactlab.schema.drive import PolicyDrive
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.controls_file import read_controls
-from contactlab.store.folder_backend import Backend
+from contactlab.store.folder_backend import Backend, backend_at
 from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.run_columns import RunColumns
@@ -28,7 +28,6 @@ from contactlab.store.runs_table import (
     count_outcomes,
     iterate_rows,
 )
-from contactlab.store.store_access import backend_at
 from contactlab.store.store_address import Address, parse_address
 from contactlab.store.store_files import (
     IDENTITY,
@@ -250,7 +249,7 @@ class Store:
     @contextmanager
     def trace_file(self, trace: TraceFile) -> Generator[Path]:
         """Yield a local file with a trace, for the context; raise StoreError if it is missing."""
-        with closing(self.backend.trace_files([trace.file])) as files:
+        with closing(self.backend.local_files([trace.file])) as files:
             path = next(files)
             if path is None:
                 raise StoreError(f"{self.address / trace.file} is missing")

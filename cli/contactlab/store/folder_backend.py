@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from contactlab.errors import ContactlabError, OutputError
+from contactlab.errors import ContactlabError, OutputError, optional
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import (
     TEMPORARY_SUFFIX,
@@ -18,6 +18,7 @@ from contactlab.store.atomic_files import (
     target_name,
     write_errors,
 )
+from contactlab.store.store_address import Address
 from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
@@ -103,7 +104,7 @@ class FolderBackend:
         """Return the names of all traces, sorted."""
         return self._relative((self.address / TRACES).rglob("*.mcap"))
 
-    def trace_files(self, names: Iterable[str]) -> Generator[Path | None]:
+    def local_files(self, names: Iterable[str]) -> Generator[Path | None]:
         """Yield a local file for each trace, valid until the next one; None if it is missing."""
         for name in names:
             yield stored_file(self.address, name, MOST_TRACE)
@@ -217,3 +218,15 @@ class FolderSession:
 
 Backend: TypeAlias = "FolderBackend | ObjectBackend"
 WriteSession: TypeAlias = "FolderSession | ObjectSession"
+
+
+def backend_at(address: Address, error: type[ContactlabError]) -> Backend:
+    """Return the backend of a store; make it in the process that uses it.
+
+    Errors of object storage and of reading are of the given class.
+    """
+    if isinstance(address, Path):
+        return FolderBackend(address, error)
+    with optional("objects", f"a store at {address.scheme}://"):
+        from contactlab.store.object_backend import ObjectBackend  # noqa: PLC0415 - an extra
+    return ObjectBackend(address, error)

@@ -11,7 +11,7 @@ import uuid
 from collections import deque
 from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import cached_property
 from pathlib import Path
 from tempfile import TemporaryDirectory, mkdtemp
@@ -43,7 +43,6 @@ _OWN = {SCENES, TRACES, CONTROLS, LOCK, *_BATCHES.values(), TABLE, IDENTITY, MAN
 _TEMPORARY_PREFIX = "contactlab-"
 _TRANSFERS = 16  # objects that are fetched or stored at once, and traces that are fetched ahead
 _MAX_QUEUED = 64  # uploads that may be unfinished at once
-_WINDOW = 128  # batches of rows that are in local files at once
 
 _fetched: dict[tuple[ObjectAddress, bytes | str], Path] = {}
 
@@ -77,13 +76,10 @@ class ObjectBackend(ObjectClient):
         """Return a new folder with some objects, which is removed when the process ends."""
         folder = Path(mkdtemp(prefix=_TEMPORARY_PREFIX))
         atexit.register(shutil.rmtree, folder, ignore_errors=True)
-        self.fetch_all([_safe_name(name, self.address) for name in names], folder)
-        return folder
-
-    def fetch_all(self, names: Sequence[str], folder: Path) -> None:
-        """Fetch objects into a folder, many at a time; missing ones are left out."""
+        safe = [_safe_name(name, self.address) for name in names]
         with ThreadPoolExecutor(_TRANSFERS) as pool:
-            deque(pool.map(lambda name: self.fetch(name, folder / name), names), maxlen=0)
+            list(pool.map(self.fetch, safe, [folder / name for name in safe]))
+        return folder
 
     @cached_property
     def _trace_sizes(self) -> dict[str, int]:
@@ -102,8 +98,8 @@ class ObjectBackend(ObjectClient):
         """Return the names of all traces, sorted."""
         return sorted(self._trace_sizes)
 
-    def trace_files(self, names: Iterable[str]) -> Generator[Path | None]:
-        """Yield a local file for each trace, some fetched ahead; None if it is missing."""
+    def local_files(self, names: Iterable[str]) -> Generator[Path | None]:
+        """Yield a local file for each object, some fetched ahead; None if it is missing."""
         coming: deque[tuple[Path, Future[bool]]] = deque()
         with (
             TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
@@ -128,10 +124,7 @@ class ObjectBackend(ObjectClient):
     @contextmanager
     def write_session(self) -> Generator["ObjectSession"]:
         """Hold the store's lease."""
-        with (
-            hold_lease(self) as lease,
-            TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder,
-        ):
+        with hold_lease(self) as lease, TemporaryDirectory(prefix=_TEMPORARY_PREFIX) as folder:
             yield ObjectSession(self, lease, Path(folder))
 
 
@@ -255,16 +248,11 @@ class ObjectSession:
         names = [name for name, _ in self._objects.sizes(_BATCHES[target])]
         with (
             (self.folder / target).open("wb") as joined,
-            TemporaryDirectory(dir=self.folder) as folder,
+            closing(self._objects.local_files(names)) as parts,
         ):
-            for first in range(0, len(names), _WINDOW):
-                some = names[first : first + _WINDOW]
-                self._objects.fetch_all(some, Path(folder))
-                for part in (Path(folder) / name for name in some):
-                    if part.is_file():
-                        with part.open("rb") as lines:
-                            shutil.copyfileobj(lines, joined)
-                        part.unlink()
+            for part in filter(None, parts):
+                with part.open("rb") as lines:
+                    shutil.copyfileobj(lines, joined)
         return names
 
 

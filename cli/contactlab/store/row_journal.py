@@ -216,7 +216,7 @@ class ResumedRows:
 
     def _contradicts(self, row: Row, name: str) -> bool:
         record = self._record(row)
-        with closing(self.backend.trace_files([name])) as files:
+        with closing(self.backend.local_files([name])) as files:
             path = next(files)
             return path is None or any(trace_problems(path, record, but=("units",)))
 

@@ -58,8 +58,3 @@ def parse_address(text: str | Address) -> Address:
     if not bucket or not parts or not all(part not in {"", ".", ".."} for part in parts):
         raise OutputError(f"{text}: write {url['scheme']}://BUCKET/PREFIX, without empty parts")
     return ObjectAddress(url["scheme"], bucket, "/".join(parts))
-
-
-def absolute_address(address: Address) -> Address:
-    """Return an address that does not depend on the current folder."""
-    return address.resolve() if isinstance(address, Path) else address

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import Provenance, StoreManifest, SweepIdentity
 from contactlab.store.atomic_files import hashes_below, sha256_of, write_error, write_errors
-from contactlab.store.folder_backend import Backend, WriteSession
+from contactlab.store.folder_backend import Backend, WriteSession, backend_at
 from contactlab.store.row_journal import (
     FAILED_STATUSES,
     IsPlanned,
@@ -29,13 +29,7 @@ from contactlab.store.row_journal import (
     write_journal,
 )
 from contactlab.store.run_columns import RunColumns
-from contactlab.store.runs_table import (
-    OUTCOME_COLUMNS,
-    count_outcomes,
-    iterate_rows,
-    write_table,
-)
-from contactlab.store.store_access import backend_at
+from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, iterate_rows, write_table
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import (
     IDENTITY,

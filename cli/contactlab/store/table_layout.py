@@ -158,15 +158,9 @@ def _field(column: Column) -> pa.Field:
 def column_of(field: pa.Field) -> Column:
     """Return the column that a field of a stored table is."""
     meta = texts_of(field.metadata)
-    return Column(
-        field.name,
-        field.type,
-        meta.get("unit", ""),
-        meta.get("description", ""),
-        meta.get("better", ""),
-        float(meta.get("resolution", 0)),
-        "measured_in" in meta,
-    )
+    said = (meta.get(key, "") for key in ("unit", "description", "better"))
+    resolution, second = float(meta.get("resolution", 0)), "measured_in" in meta
+    return Column(field.name, field.type, *said, resolution=resolution, second_pass=second)
 
 
 def texts_of(metadata: Mapping[bytes, bytes] | None) -> dict[str, str]:

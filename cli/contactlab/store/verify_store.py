@@ -189,7 +189,7 @@ def _check_records(store: Store, model: bytes | None) -> Iterator[str]:
     problems: list[str] = []
     named: set[str] = set()
     records, ahead = tee(_traced_records(store, problems))
-    files = store.backend.trace_files(record.trace.file for record in ahead if record.trace)
+    files = store.backend.local_files(record.trace.file for record in ahead if record.trace)
     for record, path in zip(records, files, strict=True):
         assert record.trace is not None
         named.add(record.trace.file)

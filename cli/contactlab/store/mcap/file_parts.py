@@ -158,17 +158,9 @@ def _chunk(stream: MessageStream, rows: slice, position: int) -> tuple[list[byte
     compressed = SCRATCH.compressor.compress(content)
     first, last = int(stream.times[rows.start]), int(stream.times[rows.stop - 1])
     length = CHUNK_HEAD.size + len(compressed)
-    head = CHUNK_HEAD.pack(
-        Opcode.CHUNK,
-        length - _FRAME_SIZE,
-        first,
-        last,
-        len(content),
-        _NO_CRC,
-        len(_COMPRESSION),
-        _COMPRESSION.encode(),
-        len(compressed),
-    )
+    fields = length - _FRAME_SIZE, first, last, len(content), _NO_CRC
+    name = _COMPRESSION.encode()
+    head = CHUNK_HEAD.pack(Opcode.CHUNK, *fields, len(name), name, len(compressed))
     indexes = dict(_message_indexes(stream, rows))
     ends = [*accumulate(map(len, indexes.values()), initial=position + length)]
     index = ChunkIndex(

@@ -62,7 +62,6 @@ class ChunkRecords:
     intact: bool  # whether its content matches its checksum
     # (log time, channel, offset in the content) of each message, in file order.
     messages: Sequence[tuple[int, int, int]]
-    others: Sequence[RawRecord]  # the other records of its content
     indexes: list[RawRecord] = field(default_factory=list[RawRecord])
 
 
@@ -118,8 +117,7 @@ def read_records(data: bytes) -> FileRecords:
     for raw in _raw_records(data, len(MCAP0_MAGIC), summary_start):
         record = raw.record
         if isinstance(record, Chunk):
-            chunks.append(_read_chunk(raw, record))
-            others += chunks[-1].others
+            chunks.append(_read_chunk(raw, record, others))
         elif isinstance(record, MessageIndex) and chunks:
             chunks[-1].indexes.append(raw)
         else:
@@ -145,14 +143,14 @@ def unpacked(compressed: bytes | memoryview, size: int) -> bytes:
     return zstandard.decompress(compressed)
 
 
-def _read_chunk(raw: RawRecord, chunk: Chunk) -> ChunkRecords:
+def _read_chunk(raw: RawRecord, chunk: Chunk, others: list[RawRecord]) -> ChunkRecords:
+    """Return a chunk with its messages, and add the other records of its content to others."""
     content = chunk.data
     if chunk.compression == "zstd":
         content = unpacked(content, chunk.uncompressed_size)
     elif chunk.compression:
         raise ValueError(f"compression '{chunk.compression}' is not supported")
     messages: list[tuple[int, int, int]] = []
-    others: list[RawRecord] = []
     for each in _raw_records(content, 0, len(content)):
         if each.opcode == Opcode.MESSAGE:
             channel, _, log_time = _MESSAGE.unpack_from(each.body)
@@ -162,4 +160,4 @@ def _read_chunk(raw: RawRecord, chunk: Chunk) -> ChunkRecords:
     # Without a CRC, decompression has checked the content by the compression's own checksum.
     intact = chunk.uncompressed_crc in (0, zlib.crc32(content))
     intact = intact and len(content) == chunk.uncompressed_size
-    return ChunkRecords(raw, chunk, intact, messages, others)
+    return ChunkRecords(raw, chunk, intact, messages)
