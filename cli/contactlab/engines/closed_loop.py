@@ -361,10 +361,7 @@ def _own_sensors(model: mujoco.MjModel) -> int:
 
 
 def allowed_policy(drive: LocatedDrive, *, allowed: bool) -> LocatedDrive | None:
-    """Return a drive if it is a policy, once its code was loaded to show its mistakes.
-
-    A SceneError if it is one, but code is not allowed, or cannot be loaded.
-    """
+    """Return a drive if it is a policy; a SceneError if its code is not allowed, or fails."""
     if not isinstance(drive.drive, PolicyDrive):
         return None
     if not allowed:

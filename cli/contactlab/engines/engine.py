@@ -235,17 +235,11 @@ class SimulationEngine(ABC):
         return None
 
     def ignored(self, run: ResolvedRun) -> Mapping[str, str]:  # noqa: ARG002 - some look at it
-        """Return the settings and effects of a run that it leaves out, with the reason.
-
-        Records have such effects as off, for this reason.
-        """
+        """Return settings and effects of a run that it leaves out, and why; off in its records."""
         return {}
 
     def null_fields(self, *, driven: bool) -> dict[str, str]:  # noqa: ARG002 - as above
-        """Return what is null in the records of all its runs, with the reason.
-
-        Runs are driven if their inputs change over time.
-        """
+        """Return what is null in its records, and why; runs are driven if their inputs change."""
         return {}
 
     def seconds_per_step(self, runs: PreparedRuns) -> float:
@@ -333,10 +327,7 @@ class TimesSteps(Protocol):
     def count_work(
         self, model: mujoco.MjModel, start: InitialStates, steps: int, watch: Watch = no_limit
     ) -> Work | None:
-        """Simulate one run, untimed, and count; None if it does not complete.
-
-        The watch is called before each block of steps.
-        """
+        """Simulate one run, untimed, and count; None if it does not complete."""
         ...
 
     def time_segments(self, segments: Segments, most: int, repeats: int) -> tuple[float, int]:

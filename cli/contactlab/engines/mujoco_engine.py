@@ -46,10 +46,7 @@ class MujocoEngine(SimulationEngine):
         watch: Watch = no_limit,
         proceed: Proceed = proceed_always,
     ) -> Rollout:
-        """Simulate runs one after the other on this thread, so that the cost of each is its own.
-
-        Runs with a policy advance together, and share theirs.
-        """
+        """Simulate runs one after the other, or under policies together, which share their cost."""
         if runs.policy is not None:
             rollout = fly(runs, buffers, watch, proceed)
         else:

@@ -46,10 +46,7 @@ class Books:
     def enter(
         self, run: int, row: int, model: mujoco.MjModel, starts: InitialStates, states: Floats
     ) -> None:
-        """Enter a run whose forces were just recorded in a row; `starts` are those of all runs.
-
-        Its states (N + 1, nstate) are time, qpos, qvel and act.
-        """
+        """Enter a run whose forces are in a row, with its states (N + 1, nstate)."""
         if self.work is None or self.given is None or self._data is None:
             return
         velocity = states[:, 1 + model.nq : 1 + model.nq + model.nv]

@@ -151,10 +151,7 @@ def free_mass(context: Context) -> Floats:
 
 @cached
 def least_energy(context: Context) -> Floats:
-    """Return (n,) the energy [J] below which changes of energy mean nothing in this scene.
-
-    It lifts every free body by 1 mm, or sets it moving at 1 cm/s.
-    """
+    """Return (n,) the least energy [J] that counts: it lifts free bodies by 1 mm at 1 cm/s."""
     return np.maximum(free_mass(context) * (gravity(context) * 1e-3 + 0.5 * 1e-4), 1e-12)
 
 

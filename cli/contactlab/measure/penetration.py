@@ -154,10 +154,7 @@ def distance_min(context: Context) -> Floats:
 
 @label(72, (_PIERCED,))
 def tunneling(runs: MeasuredRuns) -> Found:
-    """A body passed through another.
-
-    By its centre across a surface or through a geom, or by overlap beyond the thinner one's middle.
-    """
+    """A body's centre crossed a surface or a geom, or it overlaps beyond the thinner's middle."""
     passed = [
         (run, Finding(f"{each.mover} passed through {each.wall}", each.step))
         for run, passages in enumerate(runs.context.trace.passages)

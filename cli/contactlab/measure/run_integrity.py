@@ -32,10 +32,7 @@ def invalid(runs: MeasuredRuns) -> Found:
 
 @label(88, (_CLOCK, _QUATERNION), voids=True)
 def diverged(runs: MeasuredRuns) -> Found:
-    """The simulation failed numerically.
-
-    By a warning, a number that is not finite, a wrong clock or quaternion, or an early end.
-    """
+    """The simulation failed: a warning, a wrong number, clock or quaternion, or an early end."""
     signs: dict[int, list[Finding]] = {}
     for check in (_warnings, _cut_short, _not_finite, _clock, _quaternions):
         for run, finding in check(runs):

@@ -101,10 +101,7 @@ def solver_nonconvergence(runs: MeasuredRuns) -> Found:
 
 @label(12, name="contacts_cut")
 def unrecorded_contacts(runs: MeasuredRuns) -> Found:
-    """A monitored pair had more contacts than slots.
-
-    Net forces, modes and all that is measured of them are those of the recorded contacts alone.
-    """
+    """A pair had more contacts than slots; what is measured is of the recorded ones alone."""
     context = runs.context
     for index, cut in enumerate(_cut_by_pair(context)):
         name, slots = context.series[index].name, context.setup.slots[index]
