@@ -100,7 +100,7 @@ def unresolved_motion(context: Context) -> Floats:
 def suspects(context: Context) -> NDArray[np.bool_]:
     """Return (n,) which runs deserve a second look although no label says so.
 
-    It shakes from step to step, is pressed hard at rest, does not come to rest under constant
+    It has what shakes in its steps, is pressed hard at rest, does not come to rest under constant
     controls, or has a body that was at rest in contact and moved far.
     """
     trace, ranges = context.trace, context.trace.control_ranges
