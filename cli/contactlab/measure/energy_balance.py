@@ -9,9 +9,7 @@ from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, 
 INTEGRATION_GAIN = Threshold(
     "integration_gain", 0.3, "1", "Public robots stay below 0.26; too long steps reach 0.7."
 )
-_INTEGRATION_LOSS = Threshold(
-    "integration_loss", 0.3, "1", "Public robots under noise stay below 0.25."
-)
+_INTEGRATION_LOSS = Threshold("integration_loss", 0.3, "1", "Public robots stay below 0.25.")
 _CONSTRAINT_GAIN = Threshold(
     "constraint_gain", 0.3, "1", "Public robots reach 0.25; bounces that gain, 0.5 to 1."
 )

@@ -30,18 +30,12 @@ from contactlab.measure.context import (
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
 from contactlab.measure.stick_slip import HELD_USAGE, Spans, changes, spans
 
-_CREEP_SPEED = Threshold(
-    "creep_speed", None, "m/s", "Only scenes in which what sticks should stay set it."
-)
-_MODE_SWITCHES = Threshold(
-    "mode_switches", 5, "1/s", "The guideline for a pad that does not chatter."
-)
+_CREEP_SPEED = Threshold("creep_speed", None, "m/s", "Set where what sticks should stay.")
+_MODE_SWITCHES = Threshold("mode_switches", 5, "1/s", "Guideline for a pad that does not chatter.")
 _CONTACT_LOSSES = Threshold(
     "contact_losses", 5, "1/s", "As for mode_switches; a pad that bounces on what it holds has 70."
 )
-_FEWEST = Threshold(
-    "mode_switch_count", 3, "1", "Fewest of chatter: one stop and one start are none."
-)
+_FEWEST = Threshold("mode_switch_count", 3, "1", "Fewest of chatter: a stop and a start are none.")
 _FRICTIONAL = slice(FORCE.start + 1, TORQUE.stop)  # Two forces, torsion and two rolling torques
 _IMPACT = 0.05  # Speed [m/s] from which contacts are impacts; slower ones are hops at rest
 _AS_HARD = 0.99  # Share of the last peak force that the next contact must have; bounces lose more

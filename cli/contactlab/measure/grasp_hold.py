@@ -31,18 +31,12 @@ from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, 
 from contactlab.measure.friction import hold_switch_masks
 from contactlab.measure.penetration import mean_depths
 
-_EXPLOITED = Threshold(
-    "exploited", 3e-3, "m", "On hold_penetration; the guideline calls deeper grasps exploited."
-)
-_BROKEN = Threshold(
-    "broken", 5e-3, "m", "On hold_penetration; the guideline calls deeper grasps broken."
-)
+_EXPLOITED = Threshold("exploited", 3e-3, "m", "On hold_penetration, by the guideline.")
+_BROKEN = Threshold("broken", 5e-3, "m", "On hold_penetration, by the guideline.")
 _HOLD_SLIP = Threshold(
     "hold_slip", 2e-3, "m", "Creep in soft contact is 0.01 to 1 mm in 0.5 s; slides, 8 mm and more."
 )
-_HOLD_OFFSET = Threshold(
-    "hold_offset", None, "m", "Only scenes that begin with the subject in its grip set it."
-)
+_HOLD_OFFSET = Threshold("hold_offset", None, "m", "Set where the subject begins in its grip.")
 _HOLD_CONTACT = Threshold(
     "hold_contact", 0.5, "1", "At least; sliding bodies hop, and touch in half of the steps."
 )

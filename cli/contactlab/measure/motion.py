@@ -30,10 +30,8 @@ _ENERGY_GAIN = Threshold(
     "energy_gain", 0.01, "1", "Measured: good settings gain up to 0.01, bad ones 3 to 1500."
 )
 _SPEED_RATIO = Threshold("speed_ratio", 1.05, "1", "5 % of speed is 10 % of energy.")
-_DRIFT = Threshold("drift", None, "m", "Only scenes whose bodies should stay set it.")
-_REST_SPEED = Threshold(
-    "rest_speed", None, "m/s", "Only scenes whose bodies should come to rest set it."
-)
+_DRIFT = Threshold("drift", None, "m", "Set where bodies should stay.")
+_REST_SPEED = Threshold("rest_speed", None, "m/s", "Set where bodies should come to rest.")
 _UNSUPPORTED = Threshold(
     "asleep_acceleration", 0.1, "1", "Share of gravity; measured: at rest up to 0.01, in mid-air 1."
 )

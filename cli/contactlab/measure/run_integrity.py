@@ -10,12 +10,8 @@ LABELS.add(Label("timeout", "The run took longer than its time limit.", 96, void
 STABLE = LABELS.add(Label("stable", "No other label applies.", 0))
 
 
-_CLOCK = Threshold(
-    "clock_error", 1e-9, "1", "Share of a timestep; rounding stays a thousand times below."
-)
-_QUATERNION = Threshold(
-    "quaternion_error", 1e-3, "1", "Off unit norm; the engine normalises to 1e-16."
-)
+_CLOCK = Threshold("clock_error", 1e-9, "1", "Share of a timestep; rounding is 1000 times less.")
+_QUATERNION = Threshold("quaternion_error", 1e-3, "1", "Off unit norm; the engine keeps 1e-16.")
 
 
 @label(92, voids=True)
