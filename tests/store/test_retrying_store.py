@@ -24,7 +24,9 @@ FAILED, KEPT = {1, 2, 4}, {0, 3, 5}
 
 @pytest.fixture
 def records(record_of: Callable[..., EvidenceRecord]) -> list[EvidenceRecord]:
-    return [record_of(index, status=status) for index, status in enumerate(STATUSES)]
+    reasons = [None if status == "ok" else "the engine says why" for status in STATUSES]
+    ends = zip(STATUSES, reasons, strict=True)
+    return [record_of(i, status=end, status_reason=why) for i, (end, why) in enumerate(ends)]
 
 
 @pytest.fixture
