@@ -64,10 +64,7 @@ def families(
 
 
 def reference_steps(
-    refine: int,
-    runs: Mapping[str, ResolvedRun],
-    models: Mapping[str, ResolvedRun],
-    scene: Scene,
+    refine: int, runs: Mapping[str, ResolvedRun], models: Mapping[str, ResolvedRun], scene: Scene
 ) -> float:
     """Return how many force evaluations it takes to compare runs with references, of `models`."""
     return sum(

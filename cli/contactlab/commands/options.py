@@ -87,8 +87,7 @@ MUJOCO = option(
     "VERSION|PYTHON", "Run with another MuJoCo: a version, or the path of a Python that has one."
 )
 DRIVE = option(
-    "DRIVE",
-    "What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of controls.",
+    "DRIVE", "What drives the runs: none, hold, exercise, noise=0.3,rate=10, or a file of controls."
 )
 ALLOW_CODE = flag("--allow-code", "Let a drive run a policy, which is Python code: trust its file.")
 PLUGIN = option(

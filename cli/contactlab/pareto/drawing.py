@@ -1,9 +1,8 @@
-"""The chart of a trade-off, as a file or as a specification; needs the extra `figures`."""
+"""The chart of a trade-off as a file; needs the extra `figures`."""
 
-from collections.abc import Collection
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from contactlab.errors import OutputError
 from contactlab.schema.tradeoff_report import TradeoffReport
@@ -43,14 +42,3 @@ def draw(report: TradeoffReport, path: Path) -> None:
     from contactlab.pareto.tradeoff_chart import specification  # noqa: PLC0415 - needs the extra
 
     save_figure(specification(report), path)
-
-
-def specify(report: TradeoffReport, places: Collection[int] | None = None) -> dict[str, Any]:
-    """Return the same chart, or some configurations of it, as a Vega-Lite specification.
-
-    Its data are named `lines`, `points`, `failures`, `front`, `chosen`, ...; rows of points have
-    the place of their configuration in the report.
-    """
-    from contactlab.pareto.tradeoff_chart import specification  # noqa: PLC0415 - needs the extra
-
-    return specification(report, places).to_dict()

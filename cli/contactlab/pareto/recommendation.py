@@ -36,9 +36,7 @@ SAFE_MARGIN = 1.25  # margin of every tolerance that the robust recommendation k
 
 
 def equally_fast(
-    evaluated: Sequence[Evaluated],
-    least_margin: float = 0.0,
-    baseline: Settings | None = None,
+    evaluated: Sequence[Evaluated], least_margin: float = 0.0, baseline: Settings | None = None
 ) -> list[Evaluated]:
     """Return the feasible configurations that are as fast as the fastest of them, within noise.
 

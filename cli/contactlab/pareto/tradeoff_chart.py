@@ -203,7 +203,11 @@ _Channel = TypeVar("_Channel", alt.Color, alt.Shape)
 def specification(
     report: TradeoffReport, places: Collection[int] | None = None
 ) -> alt.TopLevelMixin:
-    """Return the chart of a report, or of the configurations at some places of it."""
+    """Return the chart of a report, or of the configurations at some places of it.
+
+    Its data are named `lines`, `points`, `failures`, `front`, `chosen`, ...; rows of points have
+    the place of their configuration in the report.
+    """
     return (
         alt.layer(*_layers(report, chart_data(report, places)))
         .properties(width=_SIZE[0], height=_SIZE[1], title=_title(report))

@@ -9,7 +9,7 @@ import numpy as np
 from contactlab.contact.trace_arrays import NO_CONTACT, SLIDE, STICK, Floats
 from contactlab.palette import COLOURS, INK, mode_colour
 from contactlab.pareto.convergence import MethodKey, method_key
-from contactlab.pareto.drawing import specify
+from contactlab.pareto.tradeoff_chart import specification
 from contactlab.reporting.heatmap import Layered, label_map, number_map
 from contactlab.reporting.report import ReportData
 from contactlab.reporting.report_columns import (
@@ -83,7 +83,7 @@ def tradeoff_chart(data: ReportData) -> Spec | None:
     configurations = report.configurations if report else ()
     if report is None or all(each.time is None or each.error is None for each in configurations):
         return None
-    return themed(specify(report, _drawn_places(report)))
+    return themed(specification(report, _drawn_places(report)).to_dict())
 
 
 def _drawn_places(report: TradeoffReport) -> set[int]:

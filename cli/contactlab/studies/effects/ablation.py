@@ -250,10 +250,7 @@ def _smallest_set(
 
 
 def _verified(
-    trials: ConfigurationRunner,
-    free: Changed,
-    settings: Values,
-    written: WrittenModel | SceneError,
+    trials: ConfigurationRunner, free: Changed, settings: Values, written: WrittenModel | SceneError
 ) -> Verification:
     """Run the smallest set and the base configuration with fresh seeds, in fresh scenarios.
 

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
@@ -73,15 +73,16 @@ class AblationSetup:
 
     scenes: SceneLoader  # opens the scene
     reference: str  # what a sweep file says after `scene:`
-    base: Values  # canonical values of the base configuration
-    # Values of the axes of role scenario; one empty one if there is none.
-    scenarios: tuple[Values, ...]
-    fresh_scenarios: tuple[Values, ...]  # other such values, to verify with
     seeds: tuple[int, ...]  # to change effects with
-    duration: float | None  # simulated time [s], or None for the scene's own
+    # Canonical values of the base configuration.
+    base: Values = field(default_factory=dict[str, object])
+    scenarios: tuple[Values, ...] = ({},)  # values of the axes of role scenario
+    fresh_scenarios: tuple[Values, ...] = ({},)  # other such values, to verify with
+    duration: float | None = None  # simulated time [s], or None for the scene's own
     # Metric to largest change; empty if neither sweep nor scene has any.
-    tolerances: Mapping[str, float]
-    thresholds: Mapping[str, float]  # of labels, over the scene's
+    tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
+    # Of labels, over the scene's.
+    thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
 
     @property
     def scene(self) -> Scene:

@@ -13,13 +13,11 @@ from dataclasses import dataclass, field
 from contactlab.scene.setting_values import as_number
 from contactlab.studies.session import Values
 
-GAIN = 0.95
-"""A change helps if it takes at most this share of the time; less is noise."""
+GAIN = 0.95  # a change helps if it takes at most this share of the time; less is noise
 _WEIGHTS = {"RK4": 4.0}
 """Times of a step over those of others, where not known: RK4 evaluates forces four times."""
 _Key = tuple[tuple[str, str], ...]
-_Timed = tuple[float, Values]
-"""A time, over that of the best so far, and what takes it."""
+_Timed = tuple[float, Values]  # a time, over that of the best so far, and what takes it
 
 
 @dataclass(frozen=True)
@@ -32,19 +30,12 @@ class Knob:
 
 @dataclass(frozen=True)
 class Space:
-    """What is searched.
+    """What is searched."""
 
-    Attributes:
-        written: the values that the model has.
-        timesteps: ascending, that of the model among them [s].
-        integrators: that of the model among them.
-        knobs: all others.
-    """
-
-    written: Values
-    timesteps: tuple[float, ...]
-    integrators: tuple[str, ...]
-    knobs: tuple[Knob, ...]
+    written: Values  # the values that the model has
+    timesteps: tuple[float, ...]  # ascending, that of the model among them [s]
+    integrators: tuple[str, ...]  # that of the model among them
+    knobs: tuple[Knob, ...]  # all others
 
 
 Judge = Callable[[Sequence[Values]], Sequence[float]]
@@ -58,20 +49,16 @@ Clock = Callable[[Sequence[Values]], Sequence[float]]
 
 @dataclass
 class Search:
-    """A search, which may end early: `here` is always the best feasible configuration so far.
-
-    Attributes:
-        weights: time of a step by integrator, in any one unit.
-        excess: of every configuration that was judged.
-        gain: by what factor the knobs that were changed change the time.
-    """
+    """A search, which may end early: `here` is always the best feasible configuration so far."""
 
     space: Space
     judge: Judge
     clock: Clock
+    # Time of a step by integrator, in any one unit.
     weights: Mapping[str, float] = field(default_factory=dict[str, float])
+    # The excess of every configuration that was judged.
     excess: dict[_Key, float] = field(default_factory=dict[_Key, float])
-    gain: float = 1.0
+    gain: float = 1.0  # by what factor the knobs that were changed change the time
     here: Values = field(default_factory=dict[str, object])
 
     def run(self) -> None:

@@ -40,21 +40,15 @@ class OutOfTimeError(StoppedError):
 
 @dataclass
 class Trials:
-    """Runs the configurations of one study; those of the search as long as its budget lasts.
-
-    Attributes:
-        deadline: by `time.monotonic` [s].
-        runs: how many runs the stores have.
-        pace: of the model as written [CPU s per simulated s].
-    """
+    """Runs the configurations of one study; those of the search as long as its budget lasts."""
 
     setup: AblationSetup
     session: Session
-    deadline: float
+    deadline: float  # by `time.monotonic` [s]
     limits: Limits = field(default_factory=lambda: Limits({}, frozenset()))
-    runs: int = 0
+    runs: int = 0  # how many runs the stores have
     stores: list[str] = field(default_factory=list[str])
-    pace: float = math.nan
+    pace: float = math.nan  # of the model as written [CPU s per simulated s]
     _longest: float = 0.0
 
     def run(
@@ -85,11 +79,7 @@ class Trials:
         return replace(self.setup, reference=_reference(source)).scene
 
     def judge(self, configurations: Sequence[Values]) -> list[float]:
-        """Return the excess of configurations, from one seed.
-
-        Raises:
-            OutOfTimeError: there is no time for it.
-        """
+        """Return the excess of configurations, from one seed; an OutOfTimeError without time."""
         begin = time.monotonic()
         if begin + self._longest > self.deadline:
             raise OutOfTimeError("the budget is spent")

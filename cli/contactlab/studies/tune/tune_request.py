@@ -18,36 +18,28 @@ BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 
 @dataclass(frozen=True)
 class TuneRequest:
-    """Which model to tune, and what of it to keep.
+    """Which model to tune, and what of it to keep."""
 
-    Attributes:
-        model: a model file, a scene, or whatever a sweep may name as its scene.
-        goal: the fastest model within the limits, or the most accurate at no more than its price.
-        error: largest distance from the model as written at a much finer timestep, at any time
-            [m]; None for what the model as written has itself.
-        tolerances: metric to largest size.
-        budget: wall time [s].
-        free: contact parameters that may become softer.
-        drop_sensors: whether sensors may go, which no metric reads.
-        drive: what drives the runs; an exercise of a model without a manifest, if None.
-    """
-
-    model: str
+    model: str  # a model file, a scene, or whatever a sweep may name as its scene
+    # The fastest model within the limits, or the most accurate at no more than its price.
     goal: Goal = "fastest"
+    # Largest distance from the model as written at a much finer timestep, at any time [m]; None for
+    # what the model as written has itself.
     error: float | None = None
+    # Metric to largest size.
     tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
-    budget: float = 300.0
-    free: Sequence[str] = ()
-    drop_sensors: bool = False
+    budget: float = 300.0  # wall time [s]
+    free: Sequence[str] = ()  # contact parameters that may become softer
+    drop_sensors: bool = False  # whether sensors may go, which no metric reads
+    # What drives the runs; an exercise of a model without a manifest, if None.
     drive: Drive | None = None
 
     @cached_property
     def setup(self) -> AblationSetup:
         """The scene, and the seeds of its baseline.
 
-        Raises:
-            SceneError: there is no such scene, or nothing in it moves.
-            SweepFileError: a tolerance is of no metric.
+        Raises a SceneError if there is no such scene, or nothing in it moves; a SweepFileError if a
+        tolerance is of no metric.
         """
         scenes = SceneLoader(Path(), self.drive, bare="exercise")
         if not scenes.open(self.model).base({}).model.nv:
@@ -55,14 +47,4 @@ class TuneRequest:
         for name in self.tolerances:
             if name not in METRICS:
                 raise SweepFileError(f"no metric '{name}'{did_you_mean(name, METRICS)}")
-        return AblationSetup(
-            scenes=scenes,
-            reference=self.model,
-            base={},
-            scenarios=({},),
-            fresh_scenarios=({},),
-            seeds=tuple(BASELINE),
-            duration=None,
-            tolerances={},
-            thresholds={},
-        )
+        return AblationSetup(scenes, self.model, tuple(BASELINE))

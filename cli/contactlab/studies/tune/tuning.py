@@ -24,30 +24,21 @@ from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of
 from contactlab.studies.tune.limits import limits_of
 from contactlab.studies.tune.study import Study, motion_of
-from contactlab.studies.tune.trials import (
-    ACCURACY,
-    PRUNING,
-    Contender,
-    Trials,
-)
+from contactlab.studies.tune.trials import ACCURACY, PRUNING, Contender, Trials
 from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest
 
-_SAFE = 0.8
-"""Largest share of its limits that the safer choice takes."""
+_SAFE = 0.8  # largest share of its limits that the safer choice takes
 
 
 def run(request: TuneRequest, session: Session) -> TuneReport:
     """Search for better settings, write the model that has them, and prove it from fresh seeds.
 
     The folder receives `tune.json`; if something is recommended, also the model, a patch, and a
-    sweep that repeats the proof.
-
-    Raises:
-        SceneError: there is no such model, or it does not compile.
-        SweepFileError: a tolerance names no metric, or the budget is too short for a proof.
-        ExpectationError: runs of the model as written fail.
-        OutputError: the folder cannot be written, or has another model's results.
-        StoppedError: the session was stopped before there was anything to prove.
+    sweep that repeats the proof. Raises a SceneError if there is no such model, or it does not
+    compile; a SweepFileError if a tolerance names no metric, or the budget is too short for a
+    proof; an ExpectationError if runs of the model as written fail; an OutputError if the folder
+    cannot be written, or has another model's results; a StoppedError if the session was stopped
+    before there was anything to prove.
     """
     session = replace(session, folder=session.folder.resolve())
     session.claim("tune", request.model)
