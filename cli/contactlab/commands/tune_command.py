@@ -66,7 +66,8 @@ def tune(
         echo(report.model_dump_json(indent=2))
     elif not patch:
         echo("\n".join(_head(report)))
-        _print_candidates(report)
+        header = ("", "settings", "final error", "peak error", "CPU s per s", "time", "labels")
+        print_table(header, [_row(each) for each in report.candidates])
         echo("\n".join(_details(report, target)))
     elif report.file:
         echo((target / PATCH).read_text(encoding="utf-8").rstrip("\n"))
@@ -117,11 +118,6 @@ def _head(report: "TuneReport") -> Iterator[str]:
     yield f"  limits   {limits} ({source})"
     ended = f"; the search ended {report.ended}" if report.ended else ""
     yield f"  search   {report.tried} configurations, {report.runs} runs{ended}"
-
-
-def _print_candidates(report: "TuneReport") -> None:
-    header = ("", "settings", "final error", "peak error", "CPU s per s", "time", "labels")
-    print_table(header, [_row(each) for each in report.candidates])
 
 
 def _row(each: "Candidate") -> tuple[object, ...]:

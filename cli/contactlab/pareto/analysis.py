@@ -33,7 +33,6 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import (
     Blocker,
     Configuration,
-    ErrorMeasure,
     FrontPoint,
     NextStep,
     Recommendation,
@@ -63,6 +62,8 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
     summaries = tuple(each.summary for each in evaluated)
     alike = with_one_idle_value(evaluated, idle, best)
     identity = store.manifest.sweep
+    # Such an error may remain however short the timestep.
+    is_modelling = error.kind != "discretisation" or error.reference == "written"
     report = TradeoffReport(
         store=str(store.address),
         sweep=identity.name,
@@ -79,7 +80,7 @@ def analyse(store: Store, criteria: Criteria = _DEFAULT) -> TradeoffReport:
         configurations=summaries,
         front=tuple(_point(each.summary) for each in front),
         unconstrained_front=tuple(_point(summaries[index]) for index in front_of(summaries)),
-        methods=tuple(methods(alike, is_modelling=_has_floor(error))),
+        methods=tuple(methods(alike, is_modelling=is_modelling)),
         recommendation=_recommendation(runs, chosen),
         robust=_recommendation(runs, safe),
         next_step=_next_step(front, best) if best else None,
@@ -112,11 +113,6 @@ def _not_exercised(store: Store, runs: StoredRuns) -> Iterator[str]:
 
 def _point(summary: Configuration) -> FrontPoint:
     return FrontPoint(**summary.model_dump(include={*FrontPoint.model_fields}))
-
-
-def _has_floor(error: ErrorMeasure) -> bool:
-    """Return whether an error may remain however short the timestep."""
-    return error.kind != "discretisation" or error.reference == "written"
 
 
 def _recommendation(runs: StoredRuns, near: Sequence[Evaluated]) -> Recommendation | None:

@@ -12,7 +12,6 @@ from contactlab.pareto.recommendation import (
     next_step_text,
     robust_text,
     setting_text,
-    settings_text,
 )
 from contactlab.printable import visible
 from contactlab.reporting.heatmap import compare_with_baseline, default_map
@@ -63,7 +62,6 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
         with_unit=number_with_unit,
         heading=with_unit,
         setting=setting_text,
-        settings=settings_text,
         data=data,
         sentences=[robust_text(report), next_step_text(report)] if report else [],
         blockers=blocker_texts(report) if report else [],

@@ -1,5 +1,7 @@
 """The report of `contactlab effects`: which effects a scene needs, and what each costs."""
 
+from collections.abc import Sequence
+from statistics import median
 from typing import Literal
 
 from contactlab.schema.evidence import Engine, Provenance, Setting
@@ -17,6 +19,11 @@ class Ratio(Model):
     low: float = about("Least of the pairs.")
     high: float = about("Largest of the pairs.")
     pairs: int
+
+    @classmethod
+    def of(cls, ratios: Sequence[float]) -> "Ratio":
+        """Return the ratio of some pairs."""
+        return cls(ratio=median(ratios), low=min(ratios), high=max(ratios), pairs=len(ratios))
 
 
 class MetricChange(Model):

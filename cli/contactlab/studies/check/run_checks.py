@@ -24,7 +24,7 @@ from contactlab.studies.check.check_results import (
 )
 from contactlab.studies.check.check_runs import CheckRun, HeldPair, Holding, pair_speeds
 from contactlab.studies.check.checked_model import HOLD_STORE, NOMINAL_STORE, CheckedModel
-from contactlab.studies.check.contact_checks import contact_sets, rounded_down
+from contactlab.studies.check.contact_checks import STIFF_SOLREF, contact_sets, rounded_down
 from contactlab.studies.session import Values
 
 # Longest accepted timestep [s] by kind of task.
@@ -96,11 +96,6 @@ def _notes(checked: CheckedModel) -> Iterator[str]:
             )
 
 
-FIRM: Values = {"cone": "elliptic", "impratio": 10.0}
-FIRMEST: Values = {**FIRM, "solref": (0.005, 1.0)}
-HARD: Values = {"solimp": (0.99, 0.999, 0.001, 0.5, 2.0)}
-"""The guideline's changes: against slip, against slip and depth, against chatter."""
-
 _SHARES = (0.5, 0.25)
 _BANDS = ((5e-3, "broken"), (3e-3, "exploited"), (1e-3, "a compromise"))
 _STAYS = "what is held or stands stays: below 5 mode switches a second, 1 mm deep, 0.1 mm of slip"
@@ -157,15 +152,16 @@ def shorter_steps(checked: CheckedModel, _: CheckResult) -> Iterator[Values]:
 
 
 def harder(checked: CheckedModel, result: CheckResult) -> Iterator[Values]:
-    """Yield changes against chatter, the cheapest first."""
-    yield HARD
+    """Yield changes against chatter, the guideline's first, which is the cheapest."""
+    yield {"solimp": (0.99, 0.999, 0.001, 0.5, 2.0)}
     yield from shorter_steps(checked, result)
 
 
 def firmer(_: CheckedModel, __: CheckResult) -> Iterator[Values]:
-    """Yield changes against slip and depth, the cheapest first."""
-    yield FIRM
-    yield FIRMEST
+    """Yield the guideline's changes: against slip, then against slip and depth."""
+    firm: Values = {"cone": "elliptic", "impratio": 10.0}
+    yield firm
+    yield {**firm, "solref": STIFF_SOLREF}
 
 
 # Largest accepted relative difference between one environment and many in parallel.

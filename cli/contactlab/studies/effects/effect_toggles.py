@@ -119,7 +119,10 @@ class ConfigurationRunner:
             "timing": {"rounds": self.rounds} if timed and self.rounds else None,
             "trace": "all" if moved else "none",
         }
-        values = [self._values(each) for each in configurations]
+        values = [
+            {name: value for each in changed for name, value in self.toggles[each].values.items()}
+            for changed in configurations
+        ]
         measure = {"measure": _motion} if moved else {}
         found = run_configurations(self.session, setup, name, values, asked, **measure)
         self.stores.append(name)
@@ -136,8 +139,3 @@ class ConfigurationRunner:
         seeds = tuple(seeds or self.setup.seeds)[: max(1, _PAIRS // len(scenarios))]
         setup = replace(self.setup, seeds=seeds, scenarios=scenarios)
         return self.run(name, "Configurations timed in turns", configurations, setup, timed=True)
-
-    def _values(self, changed: Changed) -> Values:
-        return {
-            name: value for each in changed for name, value in self.toggles[each].values.items()
-        }

@@ -170,9 +170,7 @@ _WORK = ("work_iterations", "work_contacts", "work_rows")
 def cost_ratio(base: ConfigurationRows, other: ConfigurationRows) -> Ratio | None:
     """Return the ratio of CPU times; None without any timed pair."""
     ratios = list(_ratios(base, other, "time_min"))
-    if not ratios:
-        return None
-    return Ratio(ratio=median(ratios), low=min(ratios), high=max(ratios), pairs=len(ratios))
+    return Ratio.of(ratios) if ratios else None
 
 
 def work_ratios(base: ConfigurationRows, other: ConfigurationRows) -> dict[str, float]:

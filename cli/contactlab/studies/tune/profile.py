@@ -7,7 +7,6 @@ what is left does the same work. All of them take turns in one process.
 import copy
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from statistics import median
 
 import mujoco
 
@@ -53,11 +52,8 @@ def costs_without(
 ) -> dict[str, Ratio]:
     """Return the cost without each part, as a ratio to the whole: its share is one minus that.
 
-    Args:
-        runs: of the whole model, with what was counted of each.
-        clock: as `TimesSteps.time_segments`.
-        others: further models, without parts that only compiling leaves out, by the part's name.
-        rounds: how often all take turns.
+    The runs are of the whole model, the clock as `TimesSteps.time_segments`; others are models
+    without parts that only compiling leaves out, by the part's name. All take turns, in rounds.
     """
     whole = runs[0].model
     models = {name: _without(whole, leave_out) for name, leave_out in PARTS.items()} | {**others}
@@ -66,7 +62,7 @@ def costs_without(
         _seconds(each, clock)
     times = [[_seconds(each, clock) for each in every] for _ in range(rounds)]
     return {
-        name: _ratio([taken[place] / taken[0] for taken in times])
+        name: Ratio.of([taken[place] / taken[0] for taken in times])
         for place, name in enumerate(models, 1)
     }
 
@@ -79,7 +75,3 @@ def _without(model: mujoco.MjModel, leave_out: Callable[[mujoco.MjModel], None])
 
 def _seconds(runs: Sequence[Segments], clock: Clock) -> float:
     return sum(clock(run, _STEPS, 1)[0] for run in runs)
-
-
-def _ratio(ratios: Sequence[float]) -> Ratio:
-    return Ratio(ratio=median(ratios), low=min(ratios), high=max(ratios), pairs=len(ratios))

@@ -103,10 +103,7 @@ class Trials:
         taken = [[_seconds(each, repeats) for each in runs] for _ in range(_ROUNDS)]
         self.pace = median(each[0] for each in taken)
         ratios = zip(*([each / first for each in rest] for first, *rest in taken), strict=True)
-        return [
-            Ratio(ratio=median(each), low=min(each), high=max(each), pairs=len(each))
-            for each in ratios
-        ]
+        return [Ratio.of(each) for each in ratios]
 
     def profile(self) -> dict[str, Ratio]:
         """Return the time of a step of the model as written without one part each."""
