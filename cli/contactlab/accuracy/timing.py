@@ -109,13 +109,8 @@ class InterleavedTimer:
             ]
         for (run_id, resolved), taken in zip(runs.items(), zip(*rounds, strict=True), strict=True):
             times, p50, p99 = zip(*taken, strict=True)
-            clocked = (
-                min(times),
-                median(times),
-                median(p50),
-                median(p99),
-                self._model(resolved)[1],
-            )
+            medians = (median(each) for each in (times, p50, p99))
+            clocked = (min(times), *medians, self._model(resolved)[1])
             yield run_id, dict(zip(_CLOCKED, clocked, strict=True))
 
     def _time(

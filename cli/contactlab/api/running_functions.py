@@ -34,14 +34,11 @@ Progress = Callable[[int, int], None]
 class RunOptions(TypedDict, total=False):
     """How runs are made, whatever they are for."""
 
-    workers: int | None
-    """Worker processes, 0 for none; one for each core if left out."""
+    workers: int | None  # worker processes, 0 for none; one for each core if left out
+    # Files that add metrics, labels, oracles or engines. They are executed.
     plugins: Sequence[str | Path]
-    """Files that add metrics, labels, oracles or engines. They are executed."""
-    allow_code: bool
-    """Whether a policy that drives the runs may be executed."""
-    progress: Progress | None
-    """Called as runs finish."""
+    allow_code: bool  # whether a policy that drives the runs may be executed
+    progress: Progress | None  # called as runs finish
 
 
 def sweep(

@@ -205,15 +205,8 @@ def verify(
         problems = list(islice(recomputed_problems(opened), MOST_PROBLEMS))
         problems += simulated_problems(opened, simulate) if simulate and not problems else ()
     if output == "json":
-        print_json(
-            {
-                "sound": not problems,
-                "problems": problems,
-                "unverified": left,
-                "runs": manifest.runs,
-                "digest": opened.digest,
-            }
-        )
+        found = {"sound": not problems, "problems": problems, "unverified": left}
+        print_json({**found, "runs": manifest.runs, "digest": opened.digest})
     elif not problems:
         left_out = " left out" if manifest.traces_left_out else ""
         echo(f"{store} is sound: {manifest.runs} runs, {manifest.traces} traces{left_out}")

@@ -67,9 +67,8 @@ def _check_outputs(figure: Path | None, write: Path | None, model: Path | None) 
 
     if figure is not None:
         check_figure(figure)
-    for path in (figure, write):
-        if path is not None and not path.parent.is_dir():
-            raise OutputError(f"cannot write {path}: no folder {path.parent}; create it first")
+    if write is not None and not write.parent.is_dir():
+        raise OutputError(f"cannot write {write}: no folder {write.parent}; create it first")
     if write is not None and write.exists():
         raise OutputError(f"{write} exists; choose another file with --write")
     if model is not None and model.exists() and not (model.is_dir() and not any(model.iterdir())):

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from contactlab.store.store_address import Address, parse_address
 MODELLING = "oracle_error"
 TIMED = "time_median"
 RECORDED = "cost_cpu_per_sim_s"
-_NONE: Mapping[str, float] = MappingProxyType({})
 
 
 @dataclass(frozen=True)
@@ -27,7 +25,7 @@ class Criteria:
     # The column that stands for accuracy; None for what the tolerances name.
     error: str | None = None
     # Metric to largest magnitude, over those of the sweep.
-    tolerances: Mapping[str, float] = field(default_factory=lambda: _NONE)
+    tolerances: Mapping[str, float] = field(default_factory=dict[str, float])
 
 
 def find_store(source: str, target: Address | None = None) -> Address | None:

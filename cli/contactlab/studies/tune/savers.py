@@ -23,21 +23,14 @@ _ROOM = 0.5
 
 @dataclass(frozen=True)
 class UntouchedGeoms:
-    """Collisions that need not be looked for, as `ModelEdits` has them.
+    """Collisions that need not be looked for, as `ModelEdits` has them."""
 
-    Attributes:
-        masked: geoms that touch nothing.
-        excluded: pairs of bodies of which no geoms touch, but for those that are masked.
-        pairs: how many pairs of geoms could touch by their masks.
-        proven: how many of them cannot, by proof from joint ranges.
-        distant: how many more stayed apart in all runs.
-    """
-
-    masked: tuple[str, ...]
+    masked: tuple[str, ...]  # geoms that touch nothing
+    # Pairs of bodies of which no geoms touch, but for those that are masked.
     excluded: tuple[tuple[str, str], ...]
-    pairs: int
-    proven: int
-    distant: int
+    pairs: int  # how many pairs of geoms could touch by their masks
+    proven: int  # how many of them cannot, by proof from joint ranges
+    distant: int  # how many more stayed apart in all runs
 
 
 def untouched_geoms(model: mujoco.MjModel, runs: Sequence[Floats]) -> UntouchedGeoms:
