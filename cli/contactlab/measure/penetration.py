@@ -46,7 +46,7 @@ _DIP = 0.1  # Longest time [s] for which a geom may dip beyond its middle into t
 
 @metric("m", "lower", 1e-9, requires="depth", equivalence=True, heading="depth [m]")
 def penetration_max(context: Context) -> Floats:
-    """Largest negative distance of any contact at any time; not defined for speculative ones."""
+    """Largest penetration, which is minus distance, of any contact; not of speculative ones."""
     return worst_pair(context, [depth.max(axis=1) for _, depth in contact_depths(context)])
 
 
