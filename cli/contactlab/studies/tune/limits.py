@@ -11,28 +11,21 @@ from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.metric_changes import difference
 from contactlab.studies.tune.tune_request import TuneRequest
 
-_LEAST_ERROR = 1e-6
-"""Errors up to this count as none [m]."""
-_EQUAL = 1.05
-"""Ratio of errors up to which both are as good."""
+_LEAST_ERROR = 1e-6  # errors up to this count as none [m]
+_EQUAL = 1.05  # ratio of errors up to which both are as good
 _CHAOTIC = 2.0
 """How much farther than a nudged start a configuration may part, where that is too far already."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What every run of a feasible configuration keeps.
+    """What every run of a feasible configuration keeps."""
 
-    Attributes:
-        sizes: error or metric to its largest size.
-        labels: those that runs may have: `stable`, and what runs of the model as written have.
-        divergence: how far a start 1e-8 away parts from the model as written [m].
-        chaotic: whether that is more than the error that is asked for, so that metrics decide too.
-    """
-
-    sizes: Mapping[str, float]
+    sizes: Mapping[str, float]  # error or metric to its largest size
+    # Those that runs may have: `stable`, and what runs of the model as written have.
     labels: frozenset[str]
-    divergence: float = 0.0
+    divergence: float = 0.0  # how far a start 1e-8 away parts from the model as written [m]
+    # Whether divergence is more than the error that is asked for, so that metrics decide too.
     chaotic: bool = False
 
     def excess(self, rows: ConfigurationRows) -> float:

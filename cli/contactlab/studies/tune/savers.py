@@ -11,14 +11,10 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import is_address
 from contactlab.scene.unreachable import Clearance, GeomPair, filtered_pairs, unreachable_pairs
 
-FEWEST_RUNS = 3
-"""Runs from different seeds without which distances decide nothing."""
-_BLOCKS = 2048
-"""How often in a run distances are measured at most."""
-_EXERCISED = 0.25
-"""Share of its range that each joint between two geoms must have gone through."""
-_ROOM = 0.5
-"""Distance that must be left between two geoms, in radii of the smaller one."""
+FEWEST_RUNS = 3  # runs from different seeds without which distances decide nothing
+_BLOCKS = 2048  # how often in a run distances are measured at most
+_EXERCISED = 0.25  # share of its range that each joint between two geoms must have gone through
+_ROOM = 0.5  # distance that must be left between two geoms, in radii of the smaller one
 
 
 @dataclass(frozen=True)

@@ -14,24 +14,14 @@ from contactlab.run.evidence_record import as_written
 from contactlab.scene.compile_model import PREFIX
 from contactlab.scene.model_writer import ModelEdits, WrittenModel, write_model
 from contactlab.scene.scene import Scene
-from contactlab.schema.tune_report import (
-    MODEL,
-    Kept,
-    Proof,
-)
+from contactlab.schema.tune_report import MODEL, Kept, Proof
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.limits import limits_of
 from contactlab.studies.tune.savers import untouched_geoms
 from contactlab.studies.tune.search import GAIN, Search, Space
-from contactlab.studies.tune.trials import (
-    ACCURACY,
-    PRUNING,
-    Contender,
-    OutOfTimeError,
-    Trials,
-)
+from contactlab.studies.tune.trials import ACCURACY, PRUNING, Contender, OutOfTimeError, Trials
 from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest
 
 _NEVER = "without collisions that never happen, and sensors if asked"
@@ -39,27 +29,20 @@ _NEVER = "without collisions that never happen, and sensors if asked"
 
 @dataclass
 class Study:
-    """One model, what its runs as written showed, and what was found since.
-
-    Attributes:
-        seed_seconds: wall time that one seed of the model as written took.
-        now: the model as written, from the seeds of the contenders once there are any.
-        savers: what may go without changing a run.
-        lighter: the scene without that.
-        contenders: those that are feasible and cheaper, the one to recommend first.
-    """
+    """One model, what its runs as written showed, and what was found since."""
 
     request: TuneRequest
     session: Session
     trials: Trials
     space: Space
     kept: list[Kept]
-    seed_seconds: float
-    now: Contender
-    savers: ModelEdits
-    lighter: Scene
+    seed_seconds: float  # wall time that one seed of the model as written took
+    now: Contender  # the model as written, from the seeds of the contenders once there are any
+    savers: ModelEdits  # what may go without changing a run
+    lighter: Scene  # the scene without that
     ended: str = ""
     tried: int = 0
+    # Those that are feasible and cheaper, the one to recommend first.
     contenders: list[Contender] = field(default_factory=list[Contender])
     proof: Proof | None = None
 
