@@ -7,8 +7,7 @@ from xml.etree import ElementTree as ET
 from contactlab.printable import visible
 from contactlab.schema.judged_check import JudgedCheck
 
-_MOST_ANNOTATIONS = 9
-"""A step shows ten errors and ten warnings, and silently drops the others."""
+_MOST_ANNOTATIONS = 9  # a step shows ten errors and ten warnings, and silently drops the others
 # XML cannot represent these characters, not even escaped.
 _FORBIDDEN = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 

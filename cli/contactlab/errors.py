@@ -65,8 +65,7 @@ class RunFailedError(ContactlabError):
 class StoppedError(ContactlabError):
     """A sweep was stopped early; its store can be resumed."""
 
-    # As a shell reports a command that Ctrl-C ended.
-    exit_code = 130
+    exit_code = 130  # as a shell reports a command that Ctrl-C ended
 
 
 class ModelWarning(UserWarning):

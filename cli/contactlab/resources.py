@@ -7,8 +7,7 @@ from pathlib import Path
 
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
 
-RESULTS = Path("results")
-"""Where results go unless a place is named."""
+RESULTS = Path("results")  # where results go unless a place is named
 
 _INSTALLED = Path(__file__).parent / "_data"
 _CHECKOUT = Path(__file__).resolve().parents[2]

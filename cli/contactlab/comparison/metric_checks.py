@@ -42,11 +42,9 @@ _WORDS: Mapping[Verdict, str] = {
     "changed": "changed",
     "better": "better",
 }
-_MOST_EXCESS = 1e6
-"""Changes of more than half as many tolerances are not ordered among each other."""
+_MOST_EXCESS = 1e6  # changes of more than half as many tolerances are not ordered among each other
 _CONFIDENCE = 0.95
-_LEAST_TIME = 0.05
-"""CPU time that each timing of a run takes at least [s]."""
+_LEAST_TIME = 0.05  # CPU time that each timing of a run takes at least [s]
 _MOST_REPEATS = 200
 
 
@@ -221,10 +219,8 @@ def _value(column: NumberColumn, index: int) -> Value:
 class RunTimer(Protocol):
     """Times runs of one store."""
 
-    engine: str
-    """The version of MuJoCo that steps its runs, after its name."""
-    timed_engines: frozenset[str]
-    """The names of the engines whose runs can be timed."""
+    engine: str  # the version of MuJoCo that steps its runs, after its name
+    timed_engines: frozenset[str]  # the names of the engines whose runs can be timed
 
     def time(self, run: str, repeats: int) -> tuple[float, float]:
         """Return the CPU time of the steps that were taken of a run, and of one of them [s]."""

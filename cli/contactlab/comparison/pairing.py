@@ -20,21 +20,16 @@ from contactlab.store.run_columns import NumberColumn
 Rows = NDArray[np.intp]
 Value = float | str | None
 Keys = NDArray[np.int64] | NDArray[np.bytes_]
-_DIGITS = 9
-"""Digits to which axis values must agree: computed values differ in the last ones."""
+_DIGITS = 9  # digits to which axis values must agree: computed values differ in the last ones
 
 
 class Pairing(NamedTuple):
     """Pairs of runs, as rows of the two tables."""
 
-    baseline: Rows
-    """(n,) rows of the baseline that have a partner."""
-    candidate: Rows
-    """(n,) the partners."""
-    missing: Rows
-    """Rows that only the baseline has."""
-    new: Rows
-    """Rows that only the candidate has."""
+    baseline: Rows  # (n,) rows of the baseline that have a partner
+    candidate: Rows  # (n,) the partners
+    missing: Rows  # rows that only the baseline has
+    new: Rows  # rows that only the candidate has
 
 
 def pair_by_axes(baseline: Store, candidate: Store) -> Pairing:

@@ -20,8 +20,7 @@ from contactlab.store.atomic_files import atomic_write
 from contactlab.store.table_layout import Column
 
 REMEASURED = "remeasured_time"
-_LEAST_CHANGE = 1e-6
-"""Allowed change of every metric in its own unit: about what noise makes of 0."""
+_LEAST_CHANGE = 1e-6  # allowed change of every metric in its own unit: about what noise makes of 0
 _TIME = MetricRule(
     rel=0.15, statistic="ratio", budget=0.0, level="warn", needs_same=("cpu_model", "cpu_flags")
 )

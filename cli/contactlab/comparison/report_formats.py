@@ -10,8 +10,7 @@ from contactlab.printable import in_markdown, in_one_line
 from contactlab.schema.comparison_report import Check, ComparedStore, ComparisonReport, RunPair
 from contactlab.schema.judged_check import CheckOutcome
 
-MOST_BYTES = 900_000
-"""A job summary of more than 1 MiB is lost."""
+MOST_BYTES = 900_000  # a job summary of more than 1 MiB is lost
 _WORDS: dict[CheckOutcome, str] = {
     "failed": "FAIL",
     "skipped": "SKIP",

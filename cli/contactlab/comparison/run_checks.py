@@ -95,10 +95,8 @@ class PairLabels:
     gained: NDArray[np.int64]
     """(n,) bit i is set if label i of `ranks` is new; of `lost` if it is gone."""
     lost: NDArray[np.int64]
-    allowed: Mask
-    """(n,) whether the policy allows the change."""
-    notes: dict[str, str]
-    """Why allowed transitions do not apply, by label."""
+    allowed: Mask  # (n,) whether the policy allows the change
+    notes: dict[str, str]  # why allowed transitions do not apply, by label
 
     @classmethod
     def of(cls, paired: PairedStores) -> "PairLabels":

@@ -129,14 +129,10 @@ def _impedance_curve(solimp: ArrayLike) -> Callable[[Floats], Floats]:
 class Impact:
     """The outcome of n rigid impacts."""
 
-    velocity: Floats
-    """(n, d) velocity afterwards [m/s]."""
-    impulse: Floats
-    """(n, d) impulse on the mass [N s]."""
-    normal_impulse: Floats
-    """(n,) its part along the normal [N s]."""
-    tangential_impulse: Floats
-    """(n,) magnitude of its part across the normal [N s]."""
+    velocity: Floats  # (n, d) velocity afterwards [m/s]
+    impulse: Floats  # (n, d) impulse on the mass [N s]
+    normal_impulse: Floats  # (n,) its part along the normal [N s]
+    tangential_impulse: Floats  # (n,) magnitude of its part across the normal [N s]
     sticks: NDArray[np.bool_]
     """(n,) whether the impulse is inside the cone; False where it lies on the boundary."""
 

@@ -38,8 +38,7 @@ POINT_FIELDS = {
 }
 """The parts of a slot that describe its contact point, by name."""
 
-ACTUATORS, CONSTRAINTS, OTHERS = 0, 1, 2
-"""The last axis of `Trace.work`."""
+ACTUATORS, CONSTRAINTS, OTHERS = 0, 1, 2  # the last axis of `Trace.work`
 
 
 def hash_of_states(rows: Floats) -> str:
@@ -60,8 +59,7 @@ class PairTrace:
     contact first. Force and velocity are in the contact frame, normal first; the normal points from
     the pair's first side to its second and is in the world frame, as is the position.
     """
-    friction: Floats
-    """(n, 5) effective coefficients (slide, slide, torsion, roll, roll)."""
+    friction: Floats  # (n, 5) effective coefficients (slide, slide, torsion, roll, roll)
 
     @property
     def found(self) -> Floats:
@@ -86,8 +84,7 @@ class Passage(NamedTuple):
 class HeldPose:
     """Pose of a scene's subject relative to the body that holds it, for n runs of N steps."""
 
-    position: Floats
-    """(n, N, 3) origin of the subject's frame [m], in the holder's frame."""
+    position: Floats  # (n, N, 3) origin of the subject's frame [m], in the holder's frame
     rotation: Floats
     """(n, N, 4) rotation of the holder's frame in the world, unit quaternion w x y z."""
 
@@ -103,8 +100,7 @@ _OF_WHOLE_RUN = ("control_ranges", "equality_loads", "equality_gaps", "creep", "
 class Told:
     """What an engine tells of n runs of N steps beside their states; None where it is not known."""
 
-    control_ranges: Floats | None = None
-    """(n, nu, 2) least and greatest control of each actuator."""
+    control_ranges: Floats | None = None  # (n, nu, 2) least and greatest control of each actuator
     equality_loads: Floats | None = None
     """(n, neq) largest force of each equality at sampled steps [N or N m]."""
     equality_gaps: Floats | None = None
@@ -130,42 +126,28 @@ class Told:
 class Trace(Told):
     """What n runs did over N steps."""
 
-    timestep: Floats
-    """(n,) step length [s]."""
-    steps_asked: int
-    """Steps requested; N is smaller where the engine stopped a run."""
-    time: Floats
-    """(n, N + 1) simulated time [s]."""
-    qpos: Floats
-    """(n, N + 1, nq) configuration."""
-    qvel: Floats
-    """(n, N + 1, nv) velocity."""
-    kinetic: Floats
-    """(n, N) kinetic energy [J]; NaN, like the next, where it was not recorded."""
-    potential: Floats
-    """(n, N) potential energy [J] of gravity and springs."""
-    contacts: Integers
-    """(n, N) contacts in the whole model, monitored or not."""
-    least_distance: Floats
-    """(n, N) smallest signed distance of any contact [m]; 0 where none."""
-    iterations: Integers
-    """(n, N) solver iterations, summed over contact islands."""
-    iterations_most: Integers
-    """(n, N) solver iterations of the busiest island."""
+    timestep: Floats  # (n,) step length [s]
+    steps_asked: int  # steps requested; N is smaller where the engine stopped a run
+    time: Floats  # (n, N + 1) simulated time [s]
+    qpos: Floats  # (n, N + 1, nq) configuration
+    qvel: Floats  # (n, N + 1, nv) velocity
+    kinetic: Floats  # (n, N) kinetic energy [J]; NaN, like the next, where it was not recorded
+    potential: Floats  # (n, N) potential energy [J] of gravity and springs
+    contacts: Integers  # (n, N) contacts in the whole model, monitored or not
+    least_distance: Floats  # (n, N) smallest signed distance of any contact [m]; 0 where none
+    iterations: Integers  # (n, N) solver iterations, summed over contact islands
+    iterations_most: Integers  # (n, N) solver iterations of the busiest island
     momentum: Floats | None
     """(n, N, 3) linear momentum [kg m/s], or None where the system is not free."""
     angular_momentum: Floats | None
     """(n, N, 3) about the centre of mass [kg m^2/s], or None likewise."""
-    pairs: tuple[PairTrace, ...]
-    """The monitored contact pairs."""
-    warnings: tuple[dict[str, int], ...]
-    """For each run, engine warnings by name with their counts."""
+    pairs: tuple[PairTrace, ...]  # the monitored contact pairs
+    warnings: tuple[dict[str, int], ...]  # for each run, engine warnings by name with their counts
     held: HeldPose | None = None
     """Pose of the subject relative to its holder, or None where nothing should be held."""
     forces: Floats | None = None
     """(n, N, nu) force of each actuator, or None if not recorded, like the next."""
-    lengths: Floats | None = None
-    """(n, N, ntendon) length of each tendon."""
+    lengths: Floats | None = None  # (n, N, ntendon) length of each tendon
 
     @property
     def runs(self) -> int:
@@ -218,24 +200,17 @@ class PairSeries:
     """Net quantities of one monitored pair, for n runs of N steps."""
 
     name: str
-    contacts: NDArray[np.int32]
-    """(n, N) contacts recorded, at most the slots."""
-    normal: Floats
-    """(n, N) net normal force [N]."""
-    tangential: Floats
-    """(n, N) magnitude of the net tangential force [N]."""
+    contacts: NDArray[np.int32]  # (n, N) contacts recorded, at most the slots
+    normal: Floats  # (n, N) net normal force [N]
+    tangential: Floats  # (n, N) magnitude of the net tangential force [N]
     usage: Floats
     """(n, N) share of the friction bound in use, in the cone's own norm; 1 means sliding."""
-    slip: Floats
-    """(n, N) magnitude of the force-weighted tangential velocity [m/s]."""
-    distance: Floats
-    """(n, N) least signed distance [m]; 0 where nothing touches."""
-    mode: NDArray[np.int8]
-    """(n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`)."""
+    slip: Floats  # (n, N) magnitude of the force-weighted tangential velocity [m/s]
+    distance: Floats  # (n, N) least signed distance [m]; 0 where nothing touches
+    mode: NDArray[np.int8]  # (n, N) NO_CONTACT, STICK or SLIDE, with hysteresis (see `measure`)
 
 
-REFINEMENT = 4
-"""Steps of a refined copy in each step of its run."""
+REFINEMENT = 4  # steps of a refined copy in each step of its run
 _BY_RUN = ("residual", "jacobian", "overlap", "apart", "squeeze", "repeats", "rest", "travel")
 
 
@@ -253,28 +228,22 @@ class SelfChecks:
     jacobian: Floats
     """(n, K) relative difference of the accelerations that a dense and a sparse constraint Jacobian
     give, at sampled states [1]."""
-    jacobian_steps: NDArray[np.intp]
-    """(K,) the steps of these states."""
-    overlap: Floats
-    """(n, L) deepest geometric overlap of a monitored pair without a contact [m]."""
+    jacobian_steps: NDArray[np.intp]  # (K,) the steps of these states
+    overlap: Floats  # (n, L) deepest geometric overlap of a monitored pair without a contact [m]
     apart: Floats
     """(n, L) largest excess of a pair's geometric distance over that of its contact [m]."""
-    geometry_steps: NDArray[np.intp]
-    """(L,) the steps of these states."""
+    geometry_steps: NDArray[np.intp]  # (L,) the steps of these states
     squeeze: Floats
     """(n, P) normal force of each pair once nothing but contacts has acted for a while after the
     end: that of what overlaps between walls [N]."""
-    repeats: NDArray[np.bool_]
-    """(n,) whether a second rollout gave every state again, bit for bit."""
-    refined: tuple[Trace, ...]
-    """The refined copy of each run, in the steps of the run."""
+    repeats: NDArray[np.bool_]  # (n,) whether a second rollout gave every state again, bit for bit
+    refined: tuple[Trace, ...]  # the refined copy of each run, in the steps of the run
     rest: Floats
     """(n, 3, 2, nv) `motion_at_rest` of the run, of its refined and of its perturbed copy, each by
     its own steps; NaN for copies where one did not complete."""
     travel: Floats
     """(n, 3, nbody) how far bodies ended from their start, likewise [mean body sizes]."""
-    bodies: tuple[str, ...]
-    """Their names."""
+    bodies: tuple[str, ...]  # their names
 
     @property
     def runs(self) -> int:
@@ -303,28 +272,20 @@ def motion_at_rest(velocity: Floats) -> Floats:
 class Invariants(NamedTuple):
     """Energy and momenta at T states."""
 
-    energy: Floats
-    """(T,) mechanical energy [J]."""
-    kinetic: Floats
-    """(T,) the kinetic part of it [J]."""
-    momentum: Floats | None
-    """(T, 3) linear momentum [kg m/s], or None where the system is not free."""
-    angular_momentum: Floats | None
-    """(T, 3) about the centre of mass [kg m^2/s], or None likewise."""
-    mass: float
-    """Total mass [kg]."""
-    lift: float
-    """Energy that lifts everything by 1 mm [J]."""
+    energy: Floats  # (T,) mechanical energy [J]
+    kinetic: Floats  # (T,) the kinetic part of it [J]
+    momentum: Floats | None  # (T, 3) linear momentum [kg m/s], or None where the system is not free
+    angular_momentum: Floats | None  # (T, 3) about the centre of mass [kg m^2/s], or None likewise
+    mass: float  # total mass [kg]
+    lift: float  # energy that lifts everything by 1 mm [J]
 
 
 @dataclass(frozen=True)
 class RecordedControls:
     """The controls of one run, each held until the next."""
 
-    times: Floats
-    """(K,) when they took effect [s], increasing from 0; the last is the run's end."""
-    levels: Floats
-    """(K, nu) the controls."""
+    times: Floats  # (K,) when they took effect [s], increasing from 0; the last is the run's end
+    levels: Floats  # (K, nu) the controls
 
     @property
     def sha256(self) -> str:

@@ -11,8 +11,7 @@ from contactlab.contact.trace_arrays import Floats
 
 SlipMode = Literal["stick", "slide"]
 PairMode = Literal["stick", "slide", "apart", "rolls"]
-QUARTER_TURN = np.pi / 2
-"""What angles are large or small against [rad]."""
+QUARTER_TURN = np.pi / 2  # what angles are large or small against [rad]
 PartKind = Literal["free", "ball", "slide", "hinge", "tendon", "actuator"]
 _LIMITS = ("iterations", "limits_act", "speculative")
 _BY_RUN = ("elliptic", "gravity", "moving_mass", "duration", *_LIMITS)
@@ -25,26 +24,19 @@ class FreeBody:
     """A body on a free joint."""
 
     name: str
-    qpos: int
-    """Index of its x coordinate in qpos (then y, z, and the quaternion w x y z)."""
-    dof: int
-    """Index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body])."""
-    mass: Floats
-    """(n,) mass of its subtree [kg]."""
+    qpos: int  # index of its x coordinate in qpos (then y, z, and the quaternion w x y z)
+    dof: int  # index of its x velocity in qvel (then y, z [m/s, world], and rotation [rad/s, body])
+    mass: Floats  # (n,) mass of its subtree [kg]
 
 
 @dataclass(frozen=True)
 class Barrier:
     """A fixed plane or box face that a free body of a monitored pair must not pass."""
 
-    pair: int
-    """Index of the pair in the trace."""
-    body: FreeBody
-    """The free body."""
-    point: Floats
-    """(3,) a point of the mid-plane of the barrier [m, world]."""
-    normal: Floats
-    """(3,) unit normal of the thin direction [world]."""
+    pair: int  # index of the pair in the trace
+    body: FreeBody  # the free body
+    point: Floats  # (3,) a point of the mid-plane of the barrier [m, world]
+    normal: Floats  # (3,) unit normal of the thin direction [world]
     reach: float
     """Radius [m] about `point`, within the mid-plane, that the barrier surely covers; infinite for
     a plane."""
@@ -65,51 +57,37 @@ class ExpectedContact:
     """What some monitored pairs should do in n runs."""
 
     name: str
-    pairs: tuple[int, ...]
-    """Their indices in the trace; the name is what it is said of."""
-    window: Floats
-    """(n, 2) from when to when [s]; NaN in runs that it is not said of."""
-    timed: bool = False
-    """Whether times are given, between which they should touch all the time."""
-    mode: PairMode | None = None
-    """`apart`, or what they should do whenever they touch."""
-    first: SlipMode | None = None
-    """What each should do when first in contact."""
-    last: SlipMode | None = None
-    """likewise."""
+    pairs: tuple[int, ...]  # their indices in the trace; the name is what it is said of
+    window: Floats  # (n, 2) from when to when [s]; NaN in runs that it is not said of
+    timed: bool = False  # whether times are given, between which they should touch all the time
+    mode: PairMode | None = None  # `apart`, or what they should do whenever they touch
+    first: SlipMode | None = None  # what each should do when first in contact
+    last: SlipMode | None = None  # likewise
     force: tuple[float, float] = (-np.inf, np.inf)
     """Least and greatest sum of their normal forces [N]."""
-    depth: float = np.inf
-    """Greatest penetration [m]."""
+    depth: float = np.inf  # greatest penetration [m]
 
 
 @dataclass(frozen=True)
 class Part:
     """A joint, tendon or actuator: something that goes through a range."""
 
-    name: str
-    """Its name, or what it belongs to."""
+    name: str  # its name, or what it belongs to
     kind: PartKind
-    place: int
-    """Where it starts: a joint in qpos, a tendon or an actuator among its like."""
+    place: int  # where it starts: a joint in qpos, a tendon or an actuator among its like
     low: float = -np.inf
     """Least position, length or control [m or rad, or as its control is]; -inf without."""
-    high: float = np.inf
-    """The greatest; inf without."""
-    margin: float = 0.0
-    """How far from an end a joint's or a tendon's limit begins to act."""
-    reach: float = 0.0
-    """How far the body of a joint reaches from its frame [m]."""
+    high: float = np.inf  # the greatest; inf without
+    margin: float = 0.0  # how far from an end a joint's or a tendon's limit begins to act
+    reach: float = 0.0  # how far the body of a joint reaches from its frame [m]
 
 
 @dataclass(frozen=True)
 class Equality:
     """An equality constraint."""
 
-    name: str
-    """Its name, or its address."""
-    unit: Literal["m", "rad"]
-    """Of its violation, m or rad."""
+    name: str  # its name, or its address
+    unit: Literal["m", "rad"]  # of its violation, m or rad
     scale: float
     """What its violation is large or small against: the smaller body that it connects, a tendon's
     length, a joint's range or a quarter turn; infinite where none is known."""
@@ -119,19 +97,15 @@ class Equality:
 class Mechanism:
     """The parts of a model that move and hold."""
 
-    joints: tuple[Part, ...]
-    """Every joint; of a ball joint, `high` is the greatest angle."""
+    joints: tuple[Part, ...]  # every joint; of a ball joint, `high` is the greatest angle
     tendons: tuple[Part, ...]
     actuators: tuple[Part, ...]
     slack: Floats
     """(tendons, 2) lengths between which a tendon's spring is slack; NaN without a spring."""
-    forces: Floats
-    """(actuators, 2) least and greatest force of each; infinite without."""
+    forces: Floats  # (actuators, 2) least and greatest force of each; infinite without
     equalities: tuple[Equality, ...]
-    weight: float
-    """Of the whole model at 9.81 m/s^2 [N]."""
-    size: float = 1.0
-    """Mean size of a body [m]."""
+    weight: float  # of the whole model at 9.81 m/s^2 [N]
+    size: float = 1.0  # mean size of a body [m]
 
 
 @dataclass(frozen=True)
@@ -140,42 +114,26 @@ class Setup:
 
     settings: Mapping[str, Sequence[object]]
     """Every resolved setting and initial value, by name, n values each."""
-    elliptic: NDArray[np.bool_]
-    """(n,) whether the friction cone is elliptic (else pyramidal)."""
-    iterations: NDArray[np.int32]
-    """(n,) the solver's iteration limit."""
-    gravity: Floats
-    """(n, 3) gravity [m/s^2, world]."""
-    moving_mass: Floats
-    """(n,) mass of all that is not fixed to the world [kg]."""
-    steered: bool
-    """Whether a drive keeps changing the controls."""
-    passive: bool
-    """Whether nothing but gravity and contact acts, so that energy cannot grow."""
-    conservative: bool
-    """Whether it is passive, and loses energy in contacts only."""
-    quaternions: tuple[int, ...]
-    """Indices in qpos where a unit quaternion starts."""
-    free_bodies: tuple[FreeBody, ...]
-    """Bodies on free joints."""
+    elliptic: NDArray[np.bool_]  # (n,) whether the friction cone is elliptic (else pyramidal)
+    iterations: NDArray[np.int32]  # (n,) the solver's iteration limit
+    gravity: Floats  # (n, 3) gravity [m/s^2, world]
+    moving_mass: Floats  # (n,) mass of all that is not fixed to the world [kg]
+    steered: bool  # whether a drive keeps changing the controls
+    passive: bool  # whether nothing but gravity and contact acts, so that energy cannot grow
+    conservative: bool  # whether it is passive, and loses energy in contacts only
+    quaternions: tuple[int, ...]  # indices in qpos where a unit quaternion starts
+    free_bodies: tuple[FreeBody, ...]  # bodies on free joints
     barriers: tuple[Barrier, ...]
     """Fixed surfaces that free bodies of monitored pairs must not pass."""
     thickness: Floats
     """(P,) half the smallest extent [m] of each pair's thinnest geom; inf for planes."""
-    widths: Floats
-    """(P,) width of each pair's solimp, over which its impedance rises [m]."""
-    grounded: NDArray[np.bool_]
-    """(P,) whether one side of each pair is a plane or a height field."""
-    weights: Floats
-    """(P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N]."""
-    slots: NDArray[np.int32]
-    """(P,) contact slots recorded for each pair."""
-    duration: Floats
-    """(n,) requested simulated time [s]."""
-    expected: tuple[ExpectedContact, ...] = ()
-    """What monitored pairs should do."""
-    oracle: str | None = None
-    """Name of the scene's closed form, if it has one."""
+    widths: Floats  # (P,) width of each pair's solimp, over which its impedance rises [m]
+    grounded: NDArray[np.bool_]  # (P,) whether one side of each pair is a plane or a height field
+    weights: Floats  # (P,) weight at 9.81 m/s^2 of the lighter of what each pair presses on [N]
+    slots: NDArray[np.int32]  # (P,) contact slots recorded for each pair
+    duration: Floats  # (n,) requested simulated time [s]
+    expected: tuple[ExpectedContact, ...] = ()  # what monitored pairs should do
+    oracle: str | None = None  # name of the scene's closed form, if it has one
     oracle_tolerance: float = np.inf
     """Largest accepted relative or absolute oracle error, as the oracle defines."""
     thresholds: Mapping[str, float] = field(default_factory=dict[str, float])
@@ -183,14 +141,12 @@ class Setup:
     speculative: NDArray[np.bool_] | None = None
     """(n,) whether the engine makes contacts ahead of touch, whose distance is then no depth; None
     where no run does."""
-    hold: HoldWindow | None = None
-    """When the subject should be held; None where nothing should."""
+    hold: HoldWindow | None = None  # when the subject should be held; None where nothing should
     limits_act: NDArray[np.bool_] | None = None
     """(n,) whether limits of joints and tendons are on; None where all are."""
     mechanism: Mechanism | None = None
     """What of the model can move and hold; None where that is not asked about."""
-    springs: bool = False
-    """Whether joints or tendons have springs."""
+    springs: bool = False  # whether joints or tendons have springs
 
     def select(self, runs: Sequence[int]) -> "Setup":
         """Return the setup of the given runs."""
@@ -213,14 +169,11 @@ class Setup:
 class Joints:
     """The joints of a model, by the layout of their part of qpos."""
 
-    scalars: tuple[int, ...]
-    """Indices in qpos of slides and hinges."""
+    scalars: tuple[int, ...]  # indices in qpos of slides and hinges
     lengths: Floats
     """(scalars,) factors that turn their differences into metres: 1 for a slide [1], for a hinge
     the reach of what it moves [m]."""
-    points: tuple[int, ...]
-    """Indices in qpos where the position of a free joint starts."""
-    rotations: tuple[int, ...]
-    """Indices in qpos where a unit quaternion starts."""
+    points: tuple[int, ...]  # indices in qpos where the position of a free joint starts
+    rotations: tuple[int, ...]  # indices in qpos where a unit quaternion starts
     reaches: Floats
     """(rotations,) factors that turn their angles into metres: the reach of what rotates [m]."""

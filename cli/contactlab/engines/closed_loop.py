@@ -53,16 +53,14 @@ _SNAP = 1e-6
 _MISTAKES = (Exception, SystemExit)
 # Segments of a flight in which runs step one by one, where it has so many at least.
 _SAMPLES, _SEGMENTS = 2, 16
-# The stream of a run's seed that noise is drawn from; others perturb its start.
-_NOISE = 3
+_NOISE = 3  # the stream of a run's seed that noise is drawn from; others perturb its start
 
 
 class _PolicyFailureError(Exception):
     """A policy cannot act; the message says why."""
 
 
-Fields = Mapping[Any, np.ndarray]
-"""What is recorded of each run, by field of MjData: (n, N, ...)."""
+Fields = Mapping[Any, np.ndarray]  # what is recorded of each run, by field of MjData: (n, N, ...)
 # What one run leaves: its share of CPU time [s], counts of warnings, its error, its controls.
 _Flown = tuple[float, np.ndarray, str | None, RecordedControls | None]
 

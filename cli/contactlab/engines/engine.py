@@ -26,11 +26,9 @@ from contactlab.scene.scene import Scene
 
 _ISLANDS = 20  # Contact islands of which MuJoCo keeps solver statistics: mjNISLAND
 
-Watch = Callable[[], None]
-"""Called before a run, or a block of its steps, to start its time limit."""
+Watch = Callable[[], None]  # called before a run, or a block of its steps, to start its time limit
 
-Proceed = Callable[[], bool]
-"""Asked between runs; False leaves out the rest of them."""
+Proceed = Callable[[], bool]  # asked between runs; False leaves out the rest of them
 
 # Reading the metadata of a package takes milliseconds, and every record names the version.
 package_version = cache(version)

@@ -41,8 +41,7 @@ _MOCAP = mujoco.mjtState.mjSTATE_MOCAP_POS.value | mujoco.mjtState.mjSTATE_MOCAP
 _PERSISTENT = sum(
     int(getattr(mujoco.mjtEnableBit, name, 0)) for name in ("mjENBL_SLEEP", "mjENBL_IPC")
 )
-# A warning's record is where it was last raised and how often.
-_COUNT = 1
+_COUNT = 1  # a warning's record is where it was last raised and how often
 
 
 def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batch:

@@ -17,8 +17,7 @@ _FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16
 _HELD = 0.9  # Share of its friction loss below which what brakes should stay where it is
 _KIND, _EQUALITY = mujoco.mjtConstraint, mujoco.mjtEq
 _SLEEP = int(getattr(mujoco.mjtEnableBit, "mjENBL_SLEEP", 0))
-# Where eq_data has the factor by which a weld weighs its rotation.
-_TORQUE_SCALE = 10
+_TORQUE_SCALE = 10  # where eq_data has the factor by which a weld weighs its rotation
 
 
 def with_loads(runs: PreparedRuns, rollout: Rollout) -> Rollout:

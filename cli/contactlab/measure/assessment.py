@@ -17,8 +17,7 @@ from contactlab.measure.run_integrity import STABLE, invalid
 from contactlab.measure.step_dependence import suspects
 from contactlab.schema.coverage import Coverage
 
-Failures = dict[int, list[str]]
-"""Why metrics and labels fail, by run."""
+Failures = dict[int, list[str]]  # why metrics and labels fail, by run
 
 _TRACED = {"tunneling", "energy_injection", "constraint_gain", "penetration_growth", "chatter"}
 _OF_CONTROL = ("mode_switches", "contact_losses")

@@ -99,8 +99,7 @@ class Finding(NamedTuple):
     step: int
 
 
-Findings = dict[int, Finding]
-"""Findings of one label by run; runs without one are absent."""
+Findings = dict[int, Finding]  # findings of one label by run; runs without one are absent
 
 Found = Iterator[tuple[int, Finding]]
 """The same one by one; of several of one run, the first counts."""
@@ -238,11 +237,9 @@ class _WorstFirst(Registry[Label]):
         return entry
 
 
-METRICS: Registry[Metric] = Registry("metric")
-"""Every metric, in the order of the table's columns."""
+METRICS: Registry[Metric] = Registry("metric")  # every metric, in the order of the table's columns
 
-LABELS: Registry[Label] = _WorstFirst("label")
-"""Every label, worst first."""
+LABELS: Registry[Label] = _WorstFirst("label")  # every label, worst first
 
 THRESHOLDS: Registry[Threshold] = Registry("threshold")
 ORACLES: Registry[Oracle] = Registry("oracle")

@@ -35,8 +35,7 @@ _REST_RATIO = Threshold(
 _TRAVEL = Threshold(
     "step_travel", 1.0, "1", "Body sizes moved; a tower that collapses by its step moves 15."
 )
-# Change per step over speed from which a period has fewer than about 21 steps.
-_UNRESOLVED = 0.3
+_UNRESOLVED = 0.3  # change per step over speed from which a period has fewer than about 21 steps
 # Least speed of what does not come to rest, and one that is as good as none.
 _MOVING, _NO_SPEED = 0.5, 1 / 16
 # Factor within which a run and a copy are as fast; share of a run's travel that is none.

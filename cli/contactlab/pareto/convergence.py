@@ -12,8 +12,7 @@ from contactlab.schema.evidence import Setting
 from contactlab.schema.tradeoff_report import Floor, Method, Order
 
 FEWEST = 3
-# An error this many times the uncertainty of its reference is off by a third at most.
-CLEAR = 3.0
+CLEAR = 3.0  # an error this many times the uncertainty of its reference is off by a third at most
 # Twice this is how far a slope may be off: whole orders are told apart with room to spare.
 WORST_STANDARD_ERROR = 0.1
 LEAST_SLOPE = 0.25

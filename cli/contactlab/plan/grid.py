@@ -40,13 +40,10 @@ class Block:
 class Match:
     """A condition on a row: settings that must match, and an expression that must be true."""
 
-    settings: tuple[tuple[str, object], ...]
-    """Canonical values by axis."""
-    expression: Expression | None
-    """A further condition, if any."""
+    settings: tuple[tuple[str, object], ...]  # canonical values by axis
+    expression: Expression | None  # a further condition, if any
     place: Place
-    inside: Place | None = None
-    """Where the expression's first character is, if known."""
+    inside: Place | None = None  # where the expression's first character is, if known
     splits: tuple[tuple[str, Split], ...] = ()
     """Functions that split the values of axes into the parts that the expression may name."""
 
@@ -86,16 +83,12 @@ class Match:
 class Grid:
     """All rows of a sweep, streamed."""
 
-    base: RowValues
-    """Settings of every row."""
+    base: RowValues  # settings of every row
     blocks: tuple[Block, ...] | None
     """Factors of the product, the last one fastest; None where there is no product."""
-    excludes: tuple[Match, ...]
-    """Conditions on rows of the product to leave out."""
-    added: tuple[RowValues, ...]
-    """Rows to include."""
-    written: tuple[RowValues, ...] = ()
-    """Rows of the scene as written, one for each scenario."""
+    excludes: tuple[Match, ...]  # conditions on rows of the product to leave out
+    added: tuple[RowValues, ...]  # rows to include
+    written: tuple[RowValues, ...] = ()  # rows of the scene as written, one for each scenario
 
     def values(self) -> dict[str, dict[object, None]]:
         """Return the values that each axis takes anywhere, each once, in order."""
@@ -186,13 +179,11 @@ class SweptAxis:
 class Run:
     """One planned rollout."""
 
-    index: int
-    """Its position in the plan, from 0."""
+    index: int  # its position in the plan, from 0
     values: Mapping[str, object]
     """Canonical settings by axis, the sweep's effects among them; treat as read-only, since the
     seeds of one row share it. What is absent keeps the scene's value."""
-    seed: int
-    """Seeds the scene's perturbation."""
+    seed: int  # seeds the scene's perturbation
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,11 +200,9 @@ class Plan:
     """The runs that a sweep file and the options of the command line define."""
 
     sweep: Sweep
-    axes: tuple[SweptAxis, ...]
-    """In the order in which they advance, the slowest first."""
+    axes: tuple[SweptAxis, ...]  # in the order in which they advance, the slowest first
     count: int
-    warnings: tuple[Diagnostic, ...]
-    """Mistakes that do not stop the sweep."""
+    warnings: tuple[Diagnostic, ...]  # mistakes that do not stop the sweep
     grid: Grid
     expected: tuple[tuple[Match, Expectation], ...]
     """Conditions of `expect`, each with its expectation."""

@@ -29,8 +29,7 @@ class Overrides:
     """`NAME=VALUES` or `NAME=FORM(...)`: replaces or adds an axis or a key of the file."""
     only: Sequence[str] = ()
     """`AXIS=VALUES`: keeps the runs that have one of the values; several must all hold."""
-    limit: int | None = None
-    """Keeps that many runs, the first ones."""
+    limit: int | None = None  # keeps that many runs, the first ones
 
 
 @dataclass(frozen=True)

@@ -10,8 +10,7 @@ from contactlab.schema.vocabulary import Vocabulary
 SCHEMA_NAME = "contactlab-sweep.schema.json"
 _MOST_LISTED = 40
 _SEEDS = 2
-_FEW = 4
-"""Timesteps of solref's time constant below which no longer ones are proposed."""
+_FEW = 4  # timesteps of solref's time constant below which no longer ones are proposed
 _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 
 
@@ -19,14 +18,10 @@ _PLAIN = re.compile(r"[A-Za-z][\w.-]*")
 class SceneAsWritten:
     """What a starter file says of a scene."""
 
-    reference: str
-    """The scene, relative to the file."""
-    settings: Mapping[str, object]
-    """The settings that all of its geoms and options share, by name."""
-    duration: float
-    """Simulated time that its drive needs [s]."""
-    drive: str | None = None
-    """What drives it; None if the scene says so itself."""
+    reference: str  # the scene, relative to the file
+    settings: Mapping[str, object]  # the settings that all of its geoms and options share, by name
+    duration: float  # simulated time that its drive needs [s]
+    drive: str | None = None  # what drives it; None if the scene says so itself
 
 
 def starter(scene: SceneAsWritten, vocabulary: Vocabulary) -> str:

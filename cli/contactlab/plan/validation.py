@@ -180,8 +180,7 @@ class Draft:
     """A sweep file without the entries that cannot be read."""
 
     document: Document
-    sweep: Sweep
-    """What is valid."""
+    sweep: Sweep  # what is valid
     kept: Mapping[str, Sequence[int]]
     """For every list that lost entries, the positions of the others in the file."""
 

@@ -13,8 +13,7 @@ from pathlib import Path
 from contactlab.scene.model_files import FileSearch, parse
 from contactlab.scene.model_text import elements_of, line_of
 
-Origin = tuple[Path, int]
-"""A file, and the place of an element among all that it has."""
+Origin = tuple[Path, int]  # a file, and the place of an element among all that it has
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,7 @@ from contactlab.scene.timed_inputs import computed, read_formula
 from contactlab.schema.pair_expectation import ExpectedModes, PairExpectation
 from contactlab.schema.scene_manifest import PairEntry, SceneManifest
 
-Asked = tuple[PairExpectation, Sequence[bool]]
-"""What a sweep expects, and of which of n runs."""
+Asked = tuple[PairExpectation, Sequence[bool]]  # what a sweep expects, and of which of n runs
 
 _ROUNDING = 1e-9
 _NEVER = (np.nan, np.nan)

@@ -24,8 +24,7 @@ from contactlab.scene.timed_inputs import (
 )
 from contactlab.schema.scene_manifest import SceneManifest
 
-QPOS0 = "qpos0"
-"""Stands for the model's reference configuration, where no keyframe is used."""
+QPOS0 = "qpos0"  # stands for the model's reference configuration, where no keyframe is used
 
 
 def keyframe_names(model: mujoco.MjModel) -> tuple[str, ...]:

@@ -28,8 +28,7 @@ KINDS = {
 }
 """As MuJoCo calls one of a kind, and all of them in a specification."""
 _ADDRESS = re.compile(rf"({'|'.join(KINDS)})\[\d+\]_*")
-# How geoms without names were called before version 0.3.
-_OLD_ADDRESS = re.compile(r"geom(\d+)")
+_OLD_ADDRESS = re.compile(r"geom(\d+)")  # how geoms without names were called before version 0.3
 # Before a number or a wildcard, a bracket belongs to an address.
 _BRACKET = re.compile(r"\[(?=[\d*?]+\])")
 

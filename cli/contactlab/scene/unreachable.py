@@ -23,8 +23,7 @@ _UNMEASURED = {int(_GEOM.mjGEOM_HFIELD), int(_GEOM.mjGEOM_SDF)}
 _SPECULATIVE = int(getattr(mujoco.mjtEnableBit, "mjENBL_SPECULATIVE", 0))
 _BEYOND = 0.1
 """How far a joint may get beyond either limit, since limits are soft; as a share of its range."""
-_TOUCH = 1e-6
-"""Distance [m] up to which geoms count as touching, beyond their margins."""
+_TOUCH = 1e-6  # distance [m] up to which geoms count as touching, beyond their margins
 _SAMPLES, _MOST_BOXES = 64, 4096
 _FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 

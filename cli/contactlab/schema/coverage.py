@@ -12,8 +12,7 @@ from pydantic import AfterValidator
 
 from contactlab.schema.strict_model import Model, about
 
-# Of runs that diverged; rounded, the largest number there is would be infinite.
-_LARGEST = 1e300
+_LARGEST = 1e300  # of runs that diverged; rounded, the largest number there is would be infinite
 
 
 Feature = Literal[

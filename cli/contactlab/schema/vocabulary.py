@@ -20,15 +20,12 @@ class AxisSpec:
     """An axis that a sweep can vary."""
 
     name: str
-    unit: str
-    """Its unit, `1` for a ratio, empty for a word."""
-    description: str
-    """One line on what it sets."""
+    unit: str  # its unit, `1` for a ratio, empty for a word
+    description: str  # one line on what it sets
     parse: Callable[[object], object]
     """Turns a value of the sweep file into its canonical form: a number, a word, a boolean, or a
     tuple of numbers; raises ValueError saying what to write instead."""
-    choices: tuple[str, ...] = ()
-    """The words it accepts, if it is one of few."""
+    choices: tuple[str, ...] = ()  # the words it accepts, if it is one of few
     conflicts: tuple[str, ...] = ()
     """Names of axes that set the same thing and so cannot be swept beside it."""
     parts: tuple[str, ...] = ()

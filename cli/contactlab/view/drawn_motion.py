@@ -26,16 +26,11 @@ _USUAL_PERCENTILE = 90
 class ContactForces(NamedTuple):
     """K contact forces, each drawn in one frame, in the order of the frames."""
 
-    frame: NDArray[np.intp]
-    """(K,) index of the frame."""
-    pair: NDArray[np.intp]
-    """(K,) index of the monitored pair."""
-    mode: NDArray[np.int8]
-    """(K,) STICK or SLIDE, of the pair."""
-    position: Floats
-    """(K, 3) contact point, world frame [m]."""
-    force: Floats
-    """(K, 3) force on the pair's second side, world frame [N]."""
+    frame: NDArray[np.intp]  # (K,) index of the frame
+    pair: NDArray[np.intp]  # (K,) index of the monitored pair
+    mode: NDArray[np.int8]  # (K,) STICK or SLIDE, of the pair
+    position: Floats  # (K, 3) contact point, world frame [m]
+    force: Floats  # (K, 3) force on the pair's second side, world frame [N]
 
     def of(self, frame: int) -> slice:
         """Return where the forces of a frame are."""
@@ -47,32 +42,21 @@ class ContactForces(NamedTuple):
 class BodyMotion:
     """F frames of a run with B bodies, the first of which is the world."""
 
-    bodies: tuple[str, ...]
-    """(B) their names."""
-    moving: NDArray[np.bool_]
-    """(B,) whether each can move."""
+    bodies: tuple[str, ...]  # (B) their names
+    moving: NDArray[np.bool_]  # (B,) whether each can move
     shapes: tuple[BodyShape, ...]
-    rows: NDArray[np.intp]
-    """(F,) the state row of each frame."""
-    time: Floats
-    """(F,) simulated time [s]."""
-    positions: Floats
-    """(F, B, 3) of the bodies' frames, world frame [m]."""
-    rotations: Floats
-    """(F, B, 4) unit quaternions w, x, y, z to the world frame."""
-    pairs: tuple[str, ...]
-    """Names of the monitored pairs."""
+    rows: NDArray[np.intp]  # (F,) the state row of each frame
+    time: Floats  # (F,) simulated time [s]
+    positions: Floats  # (F, B, 3) of the bodies' frames, world frame [m]
+    rotations: Floats  # (F, B, 4) unit quaternions w, x, y, z to the world frame
+    pairs: tuple[str, ...]  # names of the monitored pairs
     forces: ContactForces
     """Contact forces; of each pair and frame, those of the step with the largest net force up to
     the next frame."""
-    centre: Floats
-    """(3,) of the sphere that the camera sees, world frame [m]."""
-    radius: float
-    """Of that sphere [m]."""
-    scale: float
-    """Length of an arrow per newton [m/N]."""
-    longest: float
-    """Length at which arrows are cut [m]."""
+    centre: Floats  # (3,) of the sphere that the camera sees, world frame [m]
+    radius: float  # of that sphere [m]
+    scale: float  # length of an arrow per newton [m/N]
+    longest: float  # length at which arrows are cut [m]
 
     @property
     def arrows(self) -> Floats:

@@ -17,24 +17,15 @@ Form = Literal["box", "ellipsoid", "cylinder", "mesh"]
 class BodyShape:
     """A rigid part of a body."""
 
-    name: str
-    """Unique in the model."""
-    body: int
-    """Index of its body."""
-    form: Form
-    """What it is; a cylinder's axis is its z axis."""
-    size: Floats
-    """(3,) full extents along its own axes [m]; ones for a mesh."""
-    position: Floats
-    """(3,) of its centre in the body's frame [m]."""
-    rotation: Floats
-    """(4,) unit quaternion w, x, y, z to the body's frame."""
-    colour: Floats
-    """(4,) red, green, blue and opacity, 0 to 1."""
-    vertices: Floats
-    """(V, 3) of a mesh in its own frame [m]; else none."""
-    triangles: Integers
-    """(T, 3) indices of a mesh's vertices; else none."""
+    name: str  # unique in the model
+    body: int  # index of its body
+    form: Form  # what it is; a cylinder's axis is its z axis
+    size: Floats  # (3,) full extents along its own axes [m]; ones for a mesh
+    position: Floats  # (3,) of its centre in the body's frame [m]
+    rotation: Floats  # (4,) unit quaternion w, x, y, z to the body's frame
+    colour: Floats  # (4,) red, green, blue and opacity, 0 to 1
+    vertices: Floats  # (V, 3) of a mesh in its own frame [m]; else none
+    triangles: Integers  # (T, 3) indices of a mesh's vertices; else none
 
 
 # As in MuJoCo's viewers, which hide the groups above.

@@ -16,8 +16,7 @@ from contactlab.store.mcap.stored_trace import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion, read_motion
 
 _VIEWERS = (".mcap", ".rrd")
-_FILMS = {".mp4": 30, ".gif": 25}
-"""Frames per second."""
+_FILMS = {".mp4": 30, ".gif": 25}  # frames per second
 _SHEET = ".png"
 _SIDES = (64, 4096)
 _SPEEDS = (0.001, 1000.0)

@@ -33,10 +33,8 @@ from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import Drive, FileDrive, NoiseDrive, PolicyDrive
 
-_HOLDING = 0.1
-"""Share of an exercise in which it holds first."""
-_TURN, _SHIFT = 1.0, 0.2
-"""Speeds with which what has no actuators starts an exercise [rad/s, m/s]."""
+_HOLDING = 0.1  # share of an exercise in which it holds first
+_TURN, _SHIFT = 1.0, 0.2  # speeds with which what has no actuators starts an exercise [rad/s, m/s]
 
 
 def is_driven(drive: Drive) -> bool:

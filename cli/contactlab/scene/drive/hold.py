@@ -43,8 +43,7 @@ _MOST_STEPS = 2000
 _ROUNDS, _NEAR = 4, 0.01
 # How long a robot has for falling over [s], and the cosine of the tilt by which it has.
 _FALL, _OVER = 4.0, np.cos(np.pi / 4)
-# How far beyond a limit a start is said to be [rad or m].
-_BEYOND = 1e-3
+_BEYOND = 1e-3  # how far beyond a limit a start is said to be [rad or m]
 
 _SCALARS = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
 _FREE = mujoco.mjtJoint.mjJNT_FREE

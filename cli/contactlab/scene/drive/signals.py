@@ -14,8 +14,7 @@ from contactlab.scene.drive.hold import Posture, Servos, is_integrated
 from contactlab.scene.timed_inputs import Signals
 from contactlab.schema.drive import NoiseDrive
 
-# Sines of each control at least; their sum is nearly normal.
-_LEAST_SINES = 64
+_LEAST_SINES = 64  # sines of each control at least; their sum is nearly normal
 # Knots of a period of the highest frequency: linear between them, 1.4 % of it is lost.
 _KNOTS = 12
 _STREAM = 3  # the seed's stream of random numbers for controls; the first perturbs the start
@@ -26,8 +25,7 @@ _WAY = 0.5
 _ALONE = 0.7
 _LEAST_WINDOW = 0.4
 """How long each actuator moves at least [s]; with less time for each, they overlap."""
-# Knots of each of the three legs of a way: to one end, to the other, and back.
-_KNOTS_OF_LEG = 13
+_KNOTS_OF_LEG = 13  # knots of each of the three legs of a way: to one end, to the other, and back
 
 
 def exercise_duration(model: mujoco.MjModel) -> float:

@@ -12,8 +12,7 @@ from contactlab.scene.model_edits import read_flag, read_option, write_flags, wr
 from contactlab.scene.setting_values import Settings
 from contactlab.schema.coverage import Feature
 
-NOT_IN_MODEL = "not in the model"
-"""The reason of an effect that a model does not have."""
+NOT_IN_MODEL = "not in the model"  # the reason of an effect that a model does not have
 
 Kind = Literal["physical", "numerical", "recording"]
 

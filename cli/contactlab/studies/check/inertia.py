@@ -113,8 +113,7 @@ def _too_small(body: BodyInertia, spread: float, length: float) -> Iterator[Iner
         yield InertiaFault(body.name, "too_small", spread, limit, "m", reason)
 
 
-# The moments of a thin plate meet the triangle inequality only up to rounding.
-_ROUNDING = 1e-9
+_ROUNDING = 1e-9  # the moments of a thin plate meet the triangle inequality only up to rounding
 
 
 def scene_inertia_faults(
