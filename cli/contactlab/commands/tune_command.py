@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from contactlab.schema.tune_report import Candidate, TuneReport
 
 _SECONDS = {"s": 1.0, "min": 60.0, "h": 3600.0}
-_MOST_KEPT = 6
+_MOST_KEPT, _MOST_LINES = 6, 12
 
 
 def tune(
@@ -143,8 +143,10 @@ def _details(report: "TuneReport", folder: Path) -> Iterator[str]:
             f"exact: {len(report.masked)} geoms and {len(report.excluded)} pairs of bodies never "
             "touch: every run is the same without their collisions, bit for bit"
         )
-    for line in report.lines:
+    for line in report.lines[:_MOST_LINES]:
         yield f"{line.file}:{line.line}: {line.element or 'removed'}"
+    if len(report.lines) > _MOST_LINES:
+        yield f"and {len(report.lines) - _MOST_LINES} more lines, see {PATCH}"
     for each in report.kept[:_MOST_KEPT]:
         yield f"kept: {each.name}: {each.reason}"
     if len(report.kept) > _MOST_KEPT:

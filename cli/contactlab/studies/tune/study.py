@@ -119,7 +119,9 @@ class Study:
         self.contenders = sorted(filter(self._is_better, compared), key=self._rank)
 
     def _is_better(self, contender: Contender) -> bool:
-        why = self.trials.limits.broken(contender.rows, self.now.rows)
+        # What changes no run is as good as the model as written, however good that is.
+        limits = self.trials.limits
+        why = limits.broken(contender.rows, self.now.rows) if contender.changed else ""
         ratio = contender.cost.ratio if contender.cost else math.inf
         if not why and ratio > (1.0 if self.request.goal == "most-accurate" else GAIN):
             why = f"takes {ratio:.2f} times as long"
@@ -161,7 +163,8 @@ class Study:
         file = self.trials.run_file("tuned-runs", written.source, FRESH)
         (cost,) = self.trials.costs([(self.trials.scene_of(written.source), {})])
         limits = self.trials.limits = limits_of(self.request, now)
-        why = limits.broken(rows, now) or limits.failed(file)
+        why = limits.broken(rows, now) if contender.changed else ""
+        why = why or limits.failed(file)
         most = 1.0 if self.request.goal == "most-accurate" else GAIN
         if not why and cost.ratio > most:
             why = f"takes {cost.ratio:.2f} times as long"
