@@ -14,7 +14,7 @@ from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.run.sweep_request import SceneLoader, SweepRequest
 from contactlab.run.sweep_runner import run_sweep
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion, ContactForces
 from contactlab.view.drawn_shapes import BodyShape, Form
 

@@ -10,8 +10,7 @@ from tests.written_traces import write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.errors import OutputError
-from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.view.drawn_motion import BodyMotion
 

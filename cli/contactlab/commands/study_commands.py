@@ -58,7 +58,7 @@ def check(
     """Check a model; exit with 1 if there is an error that is not accepted."""
     from contactlab.plan.overrides import drive_option
     from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.judged_check import Acceptances
+    from contactlab.schema.compare_policy import Acceptances
     from contactlab.studies.check.model_check import CheckRequest, run
     from contactlab.studies.session import model_name
 

@@ -7,10 +7,9 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.schema.compare_policy import Level
+from contactlab.schema.compare_policy import CheckOutcome, Level
 from contactlab.schema.comparison_report import Check, CheckKind, RunPair, Verdict
 from contactlab.schema.evidence import Setting
-from contactlab.schema.judged_check import CheckOutcome
 
 Verdicts = NDArray[np.int8]
 Mask = NDArray[np.bool_]

@@ -13,9 +13,16 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from contactlab.errors import PolicyError, did_you_mean
 from contactlab.measure import METRICS
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.schema.compare_policy import ComparePolicy, Level, MetricRule, Sameness, Statistic
+from contactlab.schema.compare_policy import (
+    AcceptedCheck,
+    ComparePolicy,
+    JudgedCheck,
+    Level,
+    MetricRule,
+    Sameness,
+    Statistic,
+)
 from contactlab.schema.comparison_report import CheckKind, ComparisonReport
-from contactlab.schema.judged_check import AcceptedCheck, JudgedCheck
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.table_layout import Column
 

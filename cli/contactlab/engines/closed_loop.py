@@ -292,8 +292,7 @@ class _Flight:
         """Step runs, record them, and return the CPU time of the steps [s]."""
         shape = len(runs), end - begin
         out = {
-            name: np.empty((*shape, *each.shape[2:]), each.dtype)
-            for name, each in self._out.items()
+            key: np.empty((*shape, *each.shape[2:]), each.dtype) for key, each in self._out.items()
         }
         # A slice where all fly, since it copies faster than a list.
         ids = runs if len(runs) < len(self._models) else None

@@ -10,7 +10,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.engines.engine import PreparedRuns, Rollout
 from contactlab.engines.mujoco_batch import STATE
 from contactlab.scene.initial_states import InitialStates, apply_inputs
-from contactlab.scene.mechanism import equality_reach
+from contactlab.scene.run_setup import equality_reach
 
 _STEPS_OF_SAMPLE = 250  # Steps for each sample, which takes as long as three or four of them
 _FEWEST_SAMPLES, _MOST_SAMPLES = 2, 16

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import ACTUATORS, CONSTRAINTS, OTHERS, Floats
 from contactlab.scene.initial_states import InitialStates, apply_inputs
-from contactlab.scene.mechanism import AT_JOINT
-from contactlab.scene.run_setup import is_conservative, is_passive
+from contactlab.scene.run_setup import AT_JOINT, is_conservative, is_passive
 
 _RK4 = mujoco.mjtIntegrator.mjINT_RK4
 _FAST = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

@@ -20,7 +20,7 @@ from contactlab.measure.entries import (
     limits,
     metric,
 )
-from contactlab.measure.squeezing import PRESSED, weights_borne
+from contactlab.measure.penetration import PRESSED, weights_borne
 
 _SHAKING = Threshold(
     "unresolved_motion",

@@ -91,8 +91,7 @@ def chart_data(report: TradeoffReport, places: Collection[int] | None = None) ->
             for place, each in shown.items()
         ],
         front=[
-            {"time": shown[place].time, "error": _above(shown[place].error, frame)}
-            for place in front
+            {"time": shown[each].time, "error": _above(shown[each].error, frame)} for each in front
         ],
         floors=floors,
     )

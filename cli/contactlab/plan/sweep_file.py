@@ -14,13 +14,7 @@ from contactlab.errors import SceneError
 from contactlab.plan.diagnostics import Diagnostic, Place, SourceText, SweepMistakesError
 from contactlab.plan.grid import MOST_RUNS, Grid, Match, Plan, SweptAxis
 from contactlab.plan.names import SweepContext, check_names, read_condition
-from contactlab.plan.overrides import (
-    Filter,
-    Overrides,
-    apply_settings,
-    check_values,
-    read_filters,
-)
+from contactlab.plan.overrides import Filter, Overrides, apply_settings, check_values, read_filters
 from contactlab.plan.rows import read_blocks, read_rows
 from contactlab.plan.validation import Draft, add_validation_errors, read_draft
 from contactlab.plan.yaml_document import Document, data_document, read_document, read_text

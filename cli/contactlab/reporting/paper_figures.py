@@ -19,7 +19,7 @@ from contactlab.reporting.run_series import decimated, qpos_entries
 from contactlab.reporting.vega_rendering import Rows, Spec, layer_of, themed, word_colours
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
+from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 
 _MOST_BOUNCING = 6
 _MOST_BOUNCING_READ = 200

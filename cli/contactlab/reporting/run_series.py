@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import NO_CONTACT, Floats
 from contactlab.reporting.packing import packed_integers, rounded_floats
 from contactlab.schema.coverage import ActuatorUse, Coverage, PairUse, Travel
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 
 _POINTS = 400
 _MOST_COORDINATES = 6

@@ -31,8 +31,7 @@ from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.vocabulary import Vocabulary
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.store_files import IDENTITY, SCENES, TABLE
 
 _OUTCOME = ("status", "steps", "trajectory_hash", "label", "labels", "label_steps", "knife_edge")

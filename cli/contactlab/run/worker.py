@@ -45,7 +45,7 @@ from contactlab.scene.run_setup import make_setup
 from contactlab.schema.evidence import EvidenceRecord, LabelEntry, TraceFile
 from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
-from contactlab.store.mcap.stored_trace import ACTIVATIONS
+from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 from contactlab.store.store_address import Address
 from contactlab.store.store_files import TRACES, time_now

@@ -111,9 +111,7 @@ class InitialStates(NamedTuple):
     @classmethod
     def joined(cls, starts: Sequence["InitialStates"]) -> "InitialStates":
         """Return several initial states, one after the other."""
-        arrays = {
-            name: np.concatenate([getattr(each, name) for each in starts]) for name in _ARRAYS
-        }
+        arrays = {name: np.concatenate([getattr(one, name) for one in starts]) for name in _ARRAYS}
         return starts[0]._replace(
             **arrays, signals=tuple(itertools.chain(*[each.signals for each in starts]))
         )

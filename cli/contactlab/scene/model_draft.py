@@ -241,9 +241,7 @@ class Draft:
                 for (file, place), values in self.values.items()
                 if file == path
             ]
-            found += [
-                without(data, elements[place]) for file, place in self.removed if file == path
-            ]
+            found += [without(data, elements[at]) for file, at in self.removed if file == path]
             if path == self.main and self.added:
                 found.append(at_end(data, elements[0], self.added))
             yield path, sorted(found)

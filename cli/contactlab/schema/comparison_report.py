@@ -2,9 +2,8 @@
 
 from typing import Literal
 
-from contactlab.schema.compare_policy import Level
+from contactlab.schema.compare_policy import JudgedCheck, Level
 from contactlab.schema.evidence import Setting
-from contactlab.schema.judged_check import JudgedCheck
 from contactlab.schema.strict_model import Model, about
 
 COMPARISON_VERSION = 1

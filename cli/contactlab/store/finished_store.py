@@ -19,8 +19,7 @@ from contactlab.schema.evidence import EvidenceRecord, StoreManifest, TraceFile
 from contactlab.store.atomic_files import sha256_of
 from contactlab.store.controls_file import read_controls
 from contactlab.store.folder_backend import Backend, backend_at
-from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import (
     OUTCOME_COLUMNS,

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Floats
 from contactlab.errors import StoreError
 from contactlab.scene.compiled_scene import PreparedModel
-from contactlab.store.mcap.stored_trace import StoredPair, StoredTrace
+from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
 from contactlab.view.drawn_shapes import BodyShape, body_names, moving_bodies, poses, shapes
 
 Rows = NDArray[np.intp]

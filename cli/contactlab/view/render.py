@@ -12,7 +12,7 @@ from contactlab.errors import OutputError, SceneError, optional
 from contactlab.run.stored_runs import PreparedReplay, prepare_replay
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion, read_motion
 
 _VIEWERS = (".mcap", ".rrd")

@@ -15,7 +15,7 @@ from contactlab.contact.rotations import rotate
 from contactlab.contact.trace_arrays import Floats
 from contactlab.palette import MODE_COLOURS
 from contactlab.store.atomic_files import atomic_write
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.view.drawn_motion import BodyMotion
 from contactlab.view.drawn_shapes import BodyShape
 

@@ -22,8 +22,7 @@ from tests.written_traces import write_trace
 from contactlab.contact.trace_arrays import FOUND, PairSeries, Trace
 from contactlab.errors import OutputError, StoreError
 from contactlab.store.mcap import file_parts
-from contactlab.store.mcap.stored_trace import StoredTrace
-from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_reader import StoredTrace, read_trace
 from contactlab.store.mcap.trace_writer import TraceExtras
 
 MakeTrace = Callable[..., tuple[Trace, list[PairSeries]]]

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.scene.contact_pairs import MonitoredPair
-from contactlab.scene.mechanism import actuated_limbs
+from contactlab.scene.run_setup import actuated_limbs
 from contactlab.schema.check_report import CheckReport, CheckResult, Measure
 from contactlab.studies.check.check_runs import pair_speeds
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.studies.check.free_motion_runs import convergence_order, energy_budget
 
 

@@ -40,9 +40,8 @@ from contactlab.store.mcap.mcap_survey import (
     find_damage,
     read_records,
 )
-from contactlab.store.mcap.stored_trace import ACTIVATIONS, StoredTrace
 from contactlab.store.mcap.trace_messages import EVIDENCE_TOPIC, STATE_TOPIC, contacts_topic
-from contactlab.store.mcap.trace_reader import read_trace
+from contactlab.store.mcap.trace_reader import ACTIVATIONS, StoredTrace, read_trace
 
 _Record = TypeVar("_Record", bound=McapRecord)
 

@@ -20,7 +20,7 @@ from contactlab.schema.check_report import (
     Measure,
     Severity,
 )
-from contactlab.schema.judged_check import CheckOutcome
+from contactlab.schema.compare_policy import CheckOutcome
 
 _SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
 

@@ -16,7 +16,7 @@ from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.store.mcap.stored_trace import StoredTrace
+from contactlab.store.mcap.trace_reader import StoredTrace
 from contactlab.studies.check.check_runs import CheckRun
 from contactlab.studies.check.checked_model import CheckedModel
 from contactlab.studies.session import Values

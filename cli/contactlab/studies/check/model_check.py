@@ -14,14 +14,14 @@ from contactlab.run.evidence_record import engine, provenance
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.compiled_scene import CompiledScene
 from contactlab.scene.initial_states import QPOS0
-from contactlab.scene.mechanism import actuated_limbs
 from contactlab.scene.model_edits import MODEL_ENGINE
 from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ResolvedRun
+from contactlab.scene.run_setup import actuated_limbs
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
+from contactlab.schema.compare_policy import AcceptedCheck
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import Drive
-from contactlab.schema.judged_check import AcceptedCheck
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_page import page
 from contactlab.studies.check.check_results import LIMITS, Limits, check_result, findings_of

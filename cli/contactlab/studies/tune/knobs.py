@@ -1,6 +1,6 @@
 """What may be changed in a model to make it cheaper, and what its runs cannot say anything of."""
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
@@ -82,11 +82,8 @@ def _proposed(
             feature = EFFECTS[toggle.effect].feature
             yield Knob(toggle.effect, (toggle.values,)), [feature] if feature else []
     for name in free:
-        yield _softened(name, written), _features([name])
-
-
-def _features(names: Iterable[str]) -> list[Feature]:
-    return [feature for name in names if (feature := feature_of(name))]
+        feature = feature_of(name)
+        yield _softened(name, written), [feature] if feature else []
 
 
 def _softened(name: str, written: Values) -> Knob:

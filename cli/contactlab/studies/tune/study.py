@@ -18,11 +18,10 @@ from contactlab.schema.tune_report import MODEL, Kept, Proof
 from contactlab.store.finished_store import Store
 from contactlab.studies.configuration_runs import ConfigurationRows, Row
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.limits import limits_of
 from contactlab.studies.tune.savers import untouched_geoms
 from contactlab.studies.tune.search import GAIN, Search, Space
 from contactlab.studies.tune.trials import ACCURACY, PRUNING, Contender, OutOfTimeError, Trials
-from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest
+from contactlab.studies.tune.tune_request import BASELINE, CONTENDERS, FRESH, TuneRequest, limits_of
 
 _NEVER = "without collisions that never happen, and sensors if asked"
 

@@ -19,9 +19,8 @@ from contactlab.schema.tune_report import Candidate, Standing
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
 from contactlab.studies.effects.effects_request import AblationSetup
 from contactlab.studies.session import Session, Values
-from contactlab.studies.tune.limits import Limits
 from contactlab.studies.tune.profile import costs_without
-from contactlab.studies.tune.tune_request import BASELINE
+from contactlab.studies.tune.tune_request import BASELINE, Limits
 
 ACCURACY: Mapping[str, object] = {"error": "trajectory", "against": "written", "refine": 4}
 """By RK4 at an eighth and a quarter of the model's timestep: as much work as 64 of its steps."""

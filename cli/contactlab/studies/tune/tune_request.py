@@ -1,16 +1,20 @@
-"""What is tuned, how well, and how long that may take."""
+"""What is tuned, how well, how long that may take, and what configurations must keep."""
 
+import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from contactlab.errors import SceneError, SweepFileError, did_you_mean
+from contactlab.errors import ExpectationError, SceneError, SweepFileError, did_you_mean
 from contactlab.measure import METRICS
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.drive import Drive
+from contactlab.schema.effects_report import MetricChange
 from contactlab.schema.tune_report import Goal
+from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effects_request import AblationSetup
+from contactlab.studies.effects.metric_changes import difference
 
 BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 """Seeds: of the model as written, of what the search finds, and of the proof."""
@@ -48,3 +52,78 @@ class TuneRequest:
             if name not in METRICS:
                 raise SweepFileError(f"no metric '{name}'{did_you_mean(name, METRICS)}")
         return AblationSetup(scenes, self.model, tuple(BASELINE))
+
+
+_LEAST_ERROR = 1e-6  # errors up to this count as none [m]
+_EQUAL = 1.05  # ratio of errors up to which both are as good
+_CHAOTIC = 2.0
+"""How much farther than a nudged start a configuration may part, where that is too far already."""
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What every run of a feasible configuration keeps."""
+
+    sizes: Mapping[str, float]  # error or metric to its largest size
+    # Those that runs may have: `stable`, and what runs of the model as written have.
+    labels: frozenset[str]
+    divergence: float = 0.0  # how far a start 1e-8 away parts from the model as written [m]
+    # Whether divergence is more than the error that is asked for, so that metrics decide too.
+    chaotic: bool = False
+
+    def excess(self, rows: ConfigurationRows) -> float:
+        """Return the largest size over its limit; infinite if a run fails or was not measured."""
+        if self.failed(rows):
+            return math.inf
+        sizes = [(row[name], limit) for row in rows.flat for name, limit in self.sizes.items()]
+        return max(
+            math.inf if size is None else abs(size) / limit if limit else math.inf * bool(size)
+            for size, limit in sizes
+        )
+
+    def broken(self, rows: ConfigurationRows, now: ConfigurationRows) -> str:
+        """Say why runs are not as good as those of the model as written; empty if they are."""
+        if why := self.failed(rows):
+            return why
+        for row in rows.flat:
+            for name, limit in self.sizes.items():
+                if row[name] is None or abs(row[name]) > limit:
+                    size = "unknown" if row[name] is None else f"{abs(row[name]):.3g}"
+                    return f"{name} is {size} with seed {row['seed']} (limit {limit:.3g})"
+        change = difference({}, now, rows)
+        worse = replace(change, changes=tuple(filter(_is_worse, change.changes)), labels={})
+        return worse.reason if self.chaotic and worse.matters else ""
+
+    def failed(self, rows: ConfigurationRows) -> str:
+        """Say which run fails as none of the model as written does; empty if none does."""
+        for row in rows.flat:
+            if row["label"] not in self.labels:
+                return f"seed {row['seed']} is {row['label']}: {row['label_reason']}"
+        return ""
+
+
+def limits_of(request: TuneRequest, now: ConfigurationRows) -> Limits:
+    """Return what configurations must keep, from what runs of the model as written do."""
+    for row in now.flat:
+        if row["error_peak"] is None:
+            raise ExpectationError(
+                f"{request.model} as written ends as {row['label']} ({row['label_reason']}), so "
+                f"there is nothing to compare with; contactlab check {request.model} says more"
+            )
+    own = max(_LEAST_ERROR, *(_EQUAL * row["error_peak"] for row in now.flat))
+    error = own if request.error is None else request.error
+    divergence = max(row["divergence"] or 0.0 for row in now.flat)
+    chaotic = divergence > error
+    return Limits(
+        sizes={"error_peak": _CHAOTIC * divergence if chaotic else error, **request.tolerances},
+        labels=frozenset({"stable", *(row["label"] for row in now.flat)}),
+        divergence=divergence,
+        chaotic=chaotic,
+    )
+
+
+def _is_worse(change: MetricChange) -> bool:
+    """Return whether a metric changes other than for the better."""
+    better = METRICS[change.metric].better if change.metric in METRICS else ""
+    sign = {"lower": -1, "higher": 1}.get(better, 0)
+    return not (change.change or 0.0) * sign > 0

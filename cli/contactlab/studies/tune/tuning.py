@@ -22,10 +22,9 @@ from contactlab.schema.tune_report import (
 )
 from contactlab.studies.session import Session, Values
 from contactlab.studies.tune.knobs import space_of
-from contactlab.studies.tune.limits import limits_of
 from contactlab.studies.tune.study import Study, motion_of
 from contactlab.studies.tune.trials import ACCURACY, PRUNING, Contender, Trials
-from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest
+from contactlab.studies.tune.tune_request import BASELINE, FRESH, TuneRequest, limits_of
 
 _SAFE = 0.8  # largest share of its limits that the safer choice takes
 
