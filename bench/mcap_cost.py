@@ -34,7 +34,7 @@ from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
 STEPS = 1500
 TIMESTEP = 0.002
 RNG = np.random.default_rng(0)
-EXTRAS = TraceExtras(b'{"run_id": "bench"}', b'{"type": "object"}', {"seed": "0"}, b"<mujoco/>")
+EXTRAS = TraceExtras(b'{"run_id": "bench"}', {"seed": "0"}, b"<mujoco/>")
 
 STEP_ARRAYS = (
     "kinetic",

@@ -129,7 +129,7 @@ def reshape(spec: mujoco.MjSpec) -> None:
 
 def free_turn(spec: mujoco.MjSpec) -> None:
     spec.option.timestep, spec.option.integrator = 0.00123456789, mujoco.mjtIntegrator.mjINT_RK4
-    spec.option.gravity = [0, 0, -1.625]
+    spec.option.gravity[:] = 0, 0, -1.625
     spec.option.enableflags |= mujoco.mjtEnableBit.mjENBL_INVDISCRETE
     spec.option.disableflags |= mujoco.mjtDisableBit.mjDSBL_MIDPHASE
     spec.joints[[each.name for each in spec.joints].index("knee")].damping[0] = 1 / 3
@@ -139,7 +139,7 @@ def rub(spec: mujoco.MjSpec) -> None:
     spec.pairs[0].condim = 6
     spec.pairs[0].solimp = [0.8, 0.9, 0.01, 0.4, 3]
     for geom in named(spec, "hand"):
-        geom.friction = [0.1, 0.2, 0.3]
+        geom.friction[:] = 0.1, 0.2, 0.3
 
 
 CASES: Mapping[str, tuple[ModelEdits, Change]] = {
@@ -200,7 +200,7 @@ def test_contact_parameters_reach_every_monitored_geom(
     base = robot.base({})
     meant = compiled(tmp_path / "own" / "robot.xml")
     for name, value in settings.items():
-        half = value / 2 if name == "margin" else value
+        half = np.array(value) / 2 if name == "margin" else value
         getattr(meant, f"geom_{name}")[list(base.targets.geoms)] = half
         getattr(meant, {"condim": "pair_dim"}.get(name, f"pair_{name}"))[:] = value
     mujoco.mj_setConst(meant, mujoco.MjData(meant))
@@ -245,7 +245,7 @@ def test_every_parameter_arrives_exactly(tmp_path: Path) -> None:
     written = compiled(write_model(scene, ModelEdits(SETTINGS), tmp_path / "out").path)
     for name, value in SETTINGS.items():
         if name in CONTACT:
-            half = value / 2 if name in ("margin", "gap") else value
+            half = np.array(value, float) / 2 if name in ("margin", "gap") else value
             assert np.array_equal(np.ravel(getattr(written.geom("ball"), name)), np.ravel(half))
         else:
             found = getattr(written.opt, name)

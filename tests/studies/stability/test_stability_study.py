@@ -1,5 +1,6 @@
 """The study of hard cases as a function: one report, a line for each case, and names that exist."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,6 +55,7 @@ def test_a_model_starts_where_it_says_and_slightly_off(tmp_path: Path) -> None:
 
 
 def test_settings_are_not_for_shipped_cases(tmp_path: Path) -> None:
-    for given in ({"assign": ("duration=1",)}, {"drive": "hold"}):
+    asked = StabilityRequest(("free_fall",))
+    for request in (replace(asked, assign=("duration=1",)), replace(asked, drive="hold")):
         with pytest.raises(SweepFileError, match="'free_fall' is a case with settings and a drive"):
-            run(StabilityRequest(("free_fall",), **given), Session(tmp_path))
+            run(request, Session(tmp_path))

@@ -111,7 +111,7 @@ def test_a_search_that_ends_early_has_what_was_best_so_far(calls: int) -> None:
 def test_of_changes_that_do_the_same_one_is_made() -> None:
     """A solver that stops early saves nothing beside one that needs few iterations."""
     law = Law(3)
-    law.errors = dict.fromkeys(KNOBS, 1.0)
+    law.errors.update(dict.fromkeys(KNOBS, 1.0))
 
     def clock(configurations: Sequence[Values]) -> list[float]:
         return [
