@@ -242,7 +242,7 @@ def _start_process(process: BaseProcess) -> None:
     """
     with _replaced(sys.modules, "__main__", ModuleType("__main__")):
         for _ in range(_START_ATTEMPTS):
-            with contextlib.suppress(ConnectionRefusedError):
+            with contextlib.suppress(ConnectionError, EOFError):
                 process.start()
                 return
             time.sleep(_START_PAUSE)
