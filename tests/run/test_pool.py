@@ -5,12 +5,14 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Sequence
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 from textwrap import dedent
 from typing import Any
 
 import pytest
 
+from contactlab.run import worker_pool
 from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool
 from contactlab.store.verify_store import verify
@@ -160,3 +162,24 @@ def test_a_long_temporary_path_is_no_hindrance(
     code, _, err = command.run("sweep", "small.yaml", "-o", "store", "--workers", "1")
     assert (code, err) == (0, "")
     assert list(folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "error", [ConnectionRefusedError, ConnectionResetError, BrokenPipeError, EOFError]
+)
+def test_a_fork_server_that_dies_while_it_answers_is_asked_again(
+    sweeper: Any, ball: str, monkeypatch: pytest.MonkeyPatch, error: type[Exception]
+) -> None:
+    start = BaseProcess.start
+    failures = iter([error] * 3)
+
+    def interrupted(process: BaseProcess) -> None:
+        if (failure := next(failures, None)) is not None:
+            raise failure
+        start(process)
+
+    monkeypatch.setattr(BaseProcess, "start", interrupted)
+    monkeypatch.setattr(worker_pool, "_START_PAUSE", 0.001)
+    sweeper.run(ball, workers=1)
+    assert next(failures, None) is None
+    assert verify(sweeper.folder / "store") == []
