@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import contactlab
+from contactlab.ci_output import annotations
 
 MOST_CELLS = 12  # a side of the map
 SQUARES = "🟥🟧🟨🟪🟦🟫⬛"
@@ -32,7 +33,7 @@ def main(sweep: str, output: Path) -> None:
     ]
     (output / "comment.md").write_text("\n".join(parts) + "\n", encoding="utf-8")
     failures = _failed_checks(output / "compare.json") if compared.exists() else _unmet(runs)
-    text = "".join(f"{line}\n" for line in annotations(sweep, failures))
+    text = "".join(f"{line}\n" for line in placed_annotations(sweep, failures))
     (output / "annotations.txt").write_text(text, encoding="utf-8")
     print(re.sub(r"[^A-Za-z0-9._-]+", "-", definition["name"]))  # noqa: T201
 
@@ -114,21 +115,18 @@ def _unmet(runs: Sequence[dict[str, Any]]) -> list[tuple[str, str]]:
     ]
 
 
-def annotations(sweep: str, failures: Sequence[tuple[str, str]]) -> Iterator[str]:
+def placed_annotations(sweep: str, failures: Sequence[tuple[str, str]]) -> Iterator[str]:
     """Return GitHub's annotations of failures, at the line of the sweep file that is to blame.
 
-    GitHub shows ten of a step; the last says how many more there are.
+    What says how many more there are stands at the line of the first of these.
     """
     file = Path(sweep)
     lines = file.read_text(encoding="utf-8").splitlines() if file.is_file() else []
     keys = {"expectations still met": "expect", "tolerances still met": "tolerances"}
-    for name, message in failures[:9]:
-        place = (
-            f"file={_data(sweep)},line={_line(lines, keys.get(name, 'scene'))}," if lines else ""
-        )
-        yield f"::error {place}title=contactlab::{_data(message)}"
-    if len(failures) > 9:
-        yield f"::error title=contactlab::and {len(failures) - 9} more; see the summary"
+    shown = annotations("contactlab", [message for _, message in failures], []).splitlines()
+    for annotation, (name, _) in zip(shown, failures, strict=False):
+        place = f"file={_property(sweep)},line={_line(lines, keys.get(name, 'scene'))},"
+        yield annotation.replace("::error ", f"::error {place if lines else ''}", 1)
 
 
 def _line(lines: Sequence[str], key: str) -> int:
@@ -136,8 +134,8 @@ def _line(lines: Sequence[str], key: str) -> int:
     return next(found, 1)
 
 
-def _data(text: str) -> str:
-    return text.replace("%", "%25").replace("\r", "%0D").replace("\n", "%0A")
+def _property(text: str) -> str:
+    return text.replace("%", "%25").replace(":", "%3A").replace(",", "%2C")
 
 
 if __name__ == "__main__":
