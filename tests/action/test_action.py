@@ -160,3 +160,8 @@ def test_no_input_is_pasted_into_a_script() -> None:
     # What a pull request names would be run as code; as environment variables it is text.
     scripts = [step["run"] for step in ACTION["runs"]["steps"] if "run" in step]
     assert all("${{" not in script for script in scripts)
+
+
+def test_what_is_installed_can_draw_the_page() -> None:
+    (install,) = (step for step in ACTION["runs"]["steps"] if "Install" in step.get("name", ""))
+    assert "${GITHUB_ACTION_PATH}[figures]" in install["run"]
