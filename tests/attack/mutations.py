@@ -5,22 +5,22 @@ hashes of the files that changed; 2 has it state the counts and the digest of th
 """
 
 import hashlib
-import itertools
 import json
 import random
 import shutil
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
+import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
-from mcap.reader import make_reader
-from mcap.writer import Writer
 
-from contactlab.store.mcap.trace_writer import copy_trace
+from contactlab.store.mcap.file_parts import encode_file
+from contactlab.store.mcap.mcap_check import message_stream, start_of
+from contactlab.store.mcap.stored_messages import stored_file
+from contactlab.store.mcap.trace_messages import HEADER_SIZE
 from contactlab.store.row_journal import is_sealed, row_size, sealed
 from contactlab.store.runs_table import count_outcomes, rows_digest
 
@@ -369,22 +369,16 @@ def _plan_hash(store: Path) -> str:
 
 def _write_changed(path: Path, chance: random.Random) -> int:
     """Write a trace again with one bit of one message changed; return where in the message."""
-    with path.open("rb") as file:
-        count = sum(1 for _ in make_reader(file).iter_messages())
-    add, which, numbers = Writer.add_message, chance.randrange(count), itertools.count()
-    places: list[int] = []
-
-    def changed(writer: Writer, channel: int, time: int, data: bytes, *others: int) -> None:
-        if next(numbers) == which:
-            places.append(chance.randrange(len(data)))
-            bent = bytearray(data)
-            bent[places[0]] ^= 1 << chance.randrange(8)
-            data = bytes(bent)
-        add(writer, channel, time, data, *others)
-
-    with patch.object(Writer, "add_message", changed):
-        copy_trace(path, path, [])
-    return places[0]
+    file = stored_file(path.read_bytes())
+    stream = message_stream(file)
+    rows, columns = np.nonzero(stream.sizes)
+    which = chance.randrange(len(rows))
+    row, column = int(rows[which]), int(columns[which])
+    place = chance.randrange(int(stream.sizes[row, column]) - HEADER_SIZE)
+    data = stream.data.copy()
+    data[stream.offsets[row, column] + HEADER_SIZE + place] ^= 1 << chance.randrange(8)
+    path.write_bytes(encode_file(start_of(file), replace(stream, data=data))[0])
+    return place
 
 
 def _read(path: Path) -> Any:

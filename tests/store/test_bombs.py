@@ -12,7 +12,7 @@ import zstandard
 from contactlab.errors import StoreError
 from contactlab.store import runs_table
 from contactlab.store.finished_store import Store
-from contactlab.store.mcap.mcap_survey import unpacked
+from contactlab.store.mcap.stored_messages import unpacked
 from contactlab.store.verify_store import verify
 
 

@@ -13,11 +13,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
-from tests.written_traces import write_trace
+from tests.written_traces import assert_viewable, write_trace
 
 from contactlab.contact.trace_arrays import PairSeries, Trace
 from contactlab.palette import MODE_COLOURS
-from contactlab.store.mcap.mcap_check import check_trace
 from contactlab.store.mcap.trace_reader import read_trace
 from contactlab.store.mcap.trace_writer import TraceExtras
 from contactlab.view.drawn_motion import BodyMotion
@@ -162,7 +161,7 @@ def test_python_reads_the_motion_and_all_that_was_there(
     rows = sorted(data.draw(st.sets(st.integers(0, steps), min_size=1)))
     motion = make_motion(trace, rows, seed=seed)
     write_with_layer(source, target, motion)
-    assert check_trace(target) == []
+    assert_viewable(target)
     found = read(target)
     assert_transforms(found, motion)
     assert_scene(found, motion)

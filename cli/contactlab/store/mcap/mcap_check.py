@@ -1,51 +1,40 @@
-"""Check a trace file: its structure, independently of the writer, and its record.
+"""Check a trace file: its structure, and its record.
 
 Viewers rely on more than readable messages: they seek by the summary, the message indexes and the
-statistics, and expect messages in order of time.
+statistics, and expect messages in order of time. So a file must be, byte for byte, what is written
+of its messages.
 """
 
 import json
-import zlib
-from collections import Counter, defaultdict
-from collections.abc import Collection, Iterable, Iterator
-from itertools import groupby
+from collections import Counter
+from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import (
-    Attachment,
-    AttachmentIndex,
-    Channel,
-    ChunkIndex,
-    McapRecord,
-    MessageIndex,
-    Metadata,
-    MetadataIndex,
-    Schema,
-    Statistics,
-    SummaryOffset,
-)
 
 from contactlab.contact.trace_arrays import hash_of_states
 from contactlab.errors import StoreError
 from contactlab.schema.evidence import EvidenceRecord, TraceFile
 from contactlab.store.atomic_files import sha256_of
-from contactlab.store.mcap.mcap_survey import (
+from contactlab.store.mcap.file_parts import (
+    FileStart,
+    MessageStream,
+    encode_file,
+    file_start,
+    with_metadata,
+)
+from contactlab.store.mcap.message_encoder import STATE_CHANNEL
+from contactlab.store.mcap.stored_messages import (
     UNREADABLE,
-    ChunkRecords,
-    FileRecords,
-    RawRecord,
+    StoredFile,
     find_damage,
-    read_records,
+    stored_file,
 )
 from contactlab.store.mcap.trace_messages import EVIDENCE_TOPIC, STATE_TOPIC, contacts_topic
 from contactlab.store.mcap.trace_reader import ACTIVATIONS, StoredTrace, read_trace
 
-_Record = TypeVar("_Record", bound=McapRecord)
-
-_CRC_SIZE = 4
 # What a record has only once its trace is written; so that equal runs have equal traces.
 _LATER = ("trace", "cost", "started", "finished", "accuracy", "timing")
 
@@ -59,158 +48,41 @@ def check_trace(path: Path) -> list[str]:
     if damage := find_damage(data):
         return [damage]
     try:
-        return list(_find_problems(read_records(data)))
+        again = written_again(stored_file(data))
     except UNREADABLE as error:
         return [f"a record cannot be decoded: {error}"]
+    return [] if again == data else ["its chunks, indexes or summary are not those of its messages"]
 
 
-def _find_problems(file: FileRecords) -> Iterator[str]:
-    for chunk in file.chunks:
-        where = f"chunk at byte {chunk.raw.offset}"
-        yield from (f"{where}: {problem}" for problem in _check_chunk(chunk))
-    yield from _check_order(file)
-    yield from _check_definitions(file)
-    yield from _check_indexes(file)
-    yield from _check_statistics(file)
-    yield from _check_attachments(file)
-    yield from _check_summary_offsets(file)
+def written_again(file: StoredFile) -> bytes:
+    """Return the file that stored messages give, whose chunks are compressed as they were."""
+    stream = message_stream(file)
+    begins = [chunk.message_start_time for chunk in file.summary.chunk_indexes]
+    rows = np.searchsorted(stream.times, np.array(begins, np.uint64)).tolist()
+    return encode_file(start_of(file), stream, dict(zip(rows, file.chunks, strict=True)))[0]
 
 
-def _check_chunk(chunk: ChunkRecords) -> Iterator[str]:
-    if not chunk.intact:
-        yield "its content does not match its checksum"
-    if _span(chunk.messages) != (chunk.chunk.message_start_time, chunk.chunk.message_end_time):
-        yield "its time span is not that of its messages"
-    messages: defaultdict[int, list[tuple[int, int]]] = defaultdict(list)
-    for time, channel, offset in chunk.messages:
-        messages[channel].append((time, offset))
-    indexed = {each.channel_id: each.records for each in _of(chunk.indexes, MessageIndex)}
-    if len(indexed) < len(chunk.indexes):
-        yield "a channel has two message indexes"
-    for channel in sorted(messages.keys() | indexed.keys()):
-        if channel not in indexed:
-            yield f"channel {channel} has messages but no message index"
-        elif sorted(indexed[channel]) != sorted(messages[channel]):
-            yield f"the message index of channel {channel} does not point at its messages"
+def start_of(file: StoredFile) -> FileStart:
+    """Return how a file begins that has these schemas, channels, model and metadata."""
+    schemas, channels = file.summary.schemas.values(), file.summary.channels.values()
+    start = file_start([*schemas], [*channels], file.model)
+    return with_metadata(start, file.metadata.name, file.metadata.metadata)
 
 
-def _span(messages: Collection[tuple[int, int, int]]) -> tuple[int, int]:
-    """Return the first and the last log time; zeros if there is no message."""
-    times = [time for time, _, _ in messages] or [0]
-    return min(times), max(times)
-
-
-def _check_order(file: FileRecords) -> Iterator[str]:
-    if any(raw.opcode == Opcode.MESSAGE for raw in file.data):
-        yield "a message lies outside of the chunks, where no index finds it"
-    latest = 0
-    for time in (time for chunk in file.chunks for time, _, _ in chunk.messages):
-        if time < latest:
-            yield f"a message of {time} ns lies after one of {latest} ns"
-            return
-        latest = time
-
-
-def _check_definitions(file: FileRecords) -> Iterator[str]:
-    schemas = {record.id: record for record in _of(file.data, Schema)}
-    channels = {record.id: record for record in _of(file.data, Channel)}
-    if schemas != {record.id: record for record in _of(file.summary, Schema)}:
-        yield "the summary's schemas are not those of the data section"
-    if channels != {record.id: record for record in _of(file.summary, Channel)}:
-        yield "the summary's channels are not those of the data section"
-    for channel in channels.values():
-        if channel.schema_id not in schemas:
-            yield f"channel {channel.topic} has no schema"
-    used = {channel for chunk in file.chunks for _, channel, _ in chunk.messages}
-    for number in sorted(used - set(channels)):
-        yield f"channel {number} has messages but no definition"
-
-
-def _check_indexes(file: FileRecords) -> Iterator[str]:
-    """Compare the summary's indexes with the records that they point at."""
-    expected: dict[type[McapRecord], list[McapRecord]] = {
-        ChunkIndex: [_chunk_index(chunk) for chunk in file.chunks],
-        AttachmentIndex: [],
-        MetadataIndex: [],
-    }
-    for raw in file.data:
-        offset, length, record = raw.offset, len(raw.data), raw.record
-        if isinstance(record, Attachment):
-            described = {name: each for name, each in vars(record).items() if name != "data"}
-            index = AttachmentIndex(offset, length, data_size=len(record.data), **described)
-            expected[AttachmentIndex].append(index)
-        elif isinstance(record, Metadata):
-            expected[MetadataIndex].append(MetadataIndex(offset, length, record.name))
-    for kind, records in expected.items():
-        if _of(file.summary, kind) != records:
-            yield f"the summary's {kind.__name__} records do not match the data section"
-
-
-def _chunk_index(chunk: ChunkRecords) -> ChunkIndex:
-    record, offsets = chunk.chunk, [raw.offset for raw in chunk.indexes]
-    channels = [index.channel_id for index in _of(chunk.indexes, MessageIndex)]
-    return ChunkIndex(
-        chunk_length=len(chunk.raw.data),
-        chunk_start_offset=chunk.raw.offset,
-        compression=record.compression,
-        compressed_size=len(record.data),
-        message_end_time=record.message_end_time,
-        message_index_length=sum(len(raw.data) for raw in chunk.indexes),
-        message_index_offsets=dict(zip(channels, offsets, strict=True)),
-        message_start_time=record.message_start_time,
-        uncompressed_size=record.uncompressed_size,
-    )
-
-
-def _check_statistics(file: FileRecords) -> Iterator[str]:
-    stored = _of(file.summary, Statistics)
-    if len(stored) != 1:
-        yield f"the summary has {len(stored)} Statistics records but should have one"
-        return
-    messages = [message for chunk in file.chunks for message in chunk.messages]
-    start, end = _span(messages)
-    expected = Statistics(
-        attachment_count=len(_of(file.data, Attachment)),
-        channel_count=len({record.id for record in _of(file.data, Channel)}),
-        channel_message_counts=dict(Counter(channel for _, channel, _ in messages)),
-        chunk_count=len(file.chunks),
-        message_count=len(messages),
-        message_end_time=end,
-        message_start_time=start,
-        metadata_count=len(_of(file.data, Metadata)),
-        schema_count=len({record.id for record in _of(file.data, Schema)}),
-    )
-    for name, value in vars(expected).items():
-        found = vars(stored[0])[name]
-        if name == "channel_message_counts":
-            found = {channel: count for channel, count in found.items() if count}
-        if found != value:
-            yield f"the statistics say {name} is {found}, but it is {value}"
-
-
-def _check_attachments(file: FileRecords) -> Iterator[str]:
-    for raw in file.data:
-        if raw.opcode == Opcode.ATTACHMENT:
-            content, crc = raw.body[:-_CRC_SIZE], int.from_bytes(raw.body[-_CRC_SIZE:], "little")
-            if zlib.crc32(content) != crc:
-                yield f"attachment at byte {raw.offset} does not match its checksum"
-
-
-def _check_summary_offsets(file: FileRecords) -> Iterator[str]:
-    """Compare the summary offsets with the groups of equal records in the summary."""
-    expected: list[SummaryOffset] = []
-    for opcode, group in groupby(file.summary, key=lambda raw: raw.opcode):
-        records = list(group)
-        length = sum(len(raw.data) for raw in records)
-        expected.append(SummaryOffset(opcode, records[0].offset, length))
-    expected = [each for each in expected if each.group_opcode != Opcode.SUMMARY_OFFSET]
-    stored = [each for each in _of(file.summary, SummaryOffset) if each.group_length]
-    if stored != expected:
-        yield "the summary offsets do not point at the summary's groups"
-
-
-def _of(records: Iterable[RawRecord], kind: type[_Record]) -> list[_Record]:
-    return [record for raw in records if isinstance(record := raw.record, kind)]
+def message_stream(file: StoredFile) -> MessageStream:
+    """Return stored messages as they are to lie in the chunks, one after the other."""
+    state = file.messages[STATE_CHANNEL]
+    times = state.heads["log_time"]
+    if np.any(times[1:] <= times[:-1]):
+        raise ValueError("its states are not in order of time")
+    sizes = np.zeros((len(times), len(file.messages)), np.int64)
+    for channel, each in file.messages.items():
+        heads = each.heads
+        if np.any((heads["opcode"] != Opcode.MESSAGE) | (heads["channel"] != channel)):
+            raise ValueError("a message index points at something else")
+        sizes[np.searchsorted(times, heads["log_time"]), channel - 1] = each.sizes
+    ends = np.cumsum(sizes)
+    return MessageStream(state.data[: ends[-1]], ends.reshape(sizes.shape) - sizes, sizes, times)
 
 
 def trace_problems(

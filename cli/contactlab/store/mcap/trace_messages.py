@@ -208,6 +208,12 @@ def _value_spans(kind: np.dtype[np.void], start: int = 0) -> Iterator[slice]:
         yield slice(start, start + kind.itemsize)
 
 
+HEAD = MessageLayout(
+    bytes(HEADER_SIZE), (("opcode", "u1", 0), ("length", "<u8", 1), *_HEADER)
+).dtype
+"""The start of any Message record, before its content."""
+
+
 def message_record(body: MessageLayout) -> MessageLayout:
     """Return the layout of the Message record around a message; its sequence number is zero."""
     head = _FRAME.pack(Opcode.MESSAGE, HEADER_SIZE - _FRAME.size + body.size)

@@ -2,34 +2,29 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
-from mcap.reader import SeekingReader
-from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import FOUND, POINT_FIELDS, SLOT_WIDTH, Floats, Integers
 from contactlab.errors import StoreError, did_you_mean
-from contactlab.store.mcap.file_parts import CHUNK_HEAD, INDEX_HEAD, overlapping
-from contactlab.store.mcap.mcap_survey import UNREADABLE, find_damage, unpacked
 from contactlab.store.mcap.message_encoder import MOMENTUM_ARRAYS, PAIR_ARRAYS, STEP_ARRAYS
+from contactlab.store.mcap.stored_messages import (
+    UNREADABLE,
+    ChannelMessages,
+    find_damage,
+    stored_file,
+)
 from contactlab.store.mcap.trace_messages import (
-    CONTACTS,
     EVIDENCE_TOPIC,
-    HEADER_SIZE,
-    STATE,
     STATE_TOPIC,
-    MessageLayout,
     contacts_record,
-    file_descriptor_set,
     last_state_record,
     pair_of_topic,
     state_record,
 )
-from contactlab.store.store_files import MOST_TRACE
 
 ACTIVATIONS = "activations"
 """Entry of a trace's metadata: actuator activations, which are hashed but not in the trace."""
@@ -127,7 +122,6 @@ class StoredTrace:
         raise StoreError(f"no pair '{name}' was recorded{hint}")
 
 
-_FRAME_SIZE = 9
 _PAIR_ARRAYS = {"found": ("found", np.int32), **PAIR_ARRAYS}
 
 
@@ -149,16 +143,12 @@ def read_trace(path: Path, shown_path: object = None) -> StoredTrace:
 
 
 def _decode(data: bytes) -> StoredTrace:
-    reader = SeekingReader(BytesIO(data))
-    summary = reader.get_summary()
-    assert summary is not None, "find_damage() finds a missing summary"
-    _check_schemas(summary)
-    by_id = channel_messages(data, summary)
-    messages = {channel.topic: by_id[channel.id] for channel in summary.channels.values()}
-    [state] = [each for each in summary.channels.values() if each.topic == STATE_TOPIC]
+    file = stored_file(data)
+    channels = file.summary.channels.values()
+    messages = {channel.topic: file.messages[channel.id] for channel in channels}
+    [state] = [each for each in channels if each.topic == STATE_TOPIC]
     sizes = int(state.metadata["nq"]), int(state.metadata["nv"])
     arrays, times = _state_arrays(messages[STATE_TOPIC], *sizes)
-    [metadata], [model] = reader.iter_metadata(), reader.iter_attachments()
     return StoredTrace(
         **arrays,
         pairs=tuple(
@@ -167,70 +157,9 @@ def _decode(data: bytes) -> StoredTrace:
             if (pair := pair_of_topic(topic)) is not None
         ),
         record_json=messages[EVIDENCE_TOPIC].content(),
-        metadata=metadata.metadata,
-        model_xml=model.data,
+        metadata=file.metadata.metadata,
+        model_xml=file.model.data,
     )
-
-
-def _check_schemas(summary: Summary) -> None:
-    stored = {schema.data for schema in summary.schemas.values()}
-    for message in (STATE, CONTACTS):
-        if file_descriptor_set(message) not in stored:
-            raise ValueError(f"it has another schema of {message.name}")
-
-
-@dataclass(frozen=True)
-class ChannelMessages:
-    """The Message records of one channel, scattered over a buffer."""
-
-    data: NDArray[np.uint8]  # (bytes,) the content of all chunks
-    offsets: NDArray[np.int64]  # (M,) where each record starts, in time order
-
-    @property
-    def sizes(self) -> NDArray[np.int64]:
-        """(M,) length of each record, opcode and length included."""
-        lengths = overlapping(self.data, 8)[self.offsets + 1].view("<u8")
-        if np.any(lengths > len(self.data)):
-            raise ValueError("a message is larger than its chunk")
-        return lengths.astype(np.int64) + _FRAME_SIZE
-
-    def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
-        """Return the chosen records, all of which must have this layout."""
-        items = overlapping(self.data, layout.size)[self.offsets[chosen]]
-        bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
-        template = np.frombuffer(layout.template, np.uint8)
-        if np.any(bytes_of[:, layout.constant] != template[layout.constant]):
-            raise ValueError("a message has other fields than its schema")
-        return items.view(layout.dtype)
-
-    def content(self) -> bytes:
-        """Return the content of the one message."""
-        [start], [size] = self.offsets.tolist(), self.sizes.tolist()
-        return self.data[start + HEADER_SIZE : start + size].tobytes()
-
-
-def channel_messages(data: bytes, summary: Summary) -> dict[int, ChannelMessages]:
-    """Return the messages by channel id, in order of time."""
-    offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
-    contents: list[bytes] = []
-    base = 0
-    if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
-        raise ValueError("its chunks claim to hold more than any run records")
-    for chunk in summary.chunk_indexes:
-        start = chunk.chunk_start_offset + CHUNK_HEAD.size
-        compressed = memoryview(data)[start : start + chunk.compressed_size]
-        contents.append(unpacked(compressed, chunk.uncompressed_size))
-        for channel, start in chunk.message_index_offsets.items():
-            *_, length = INDEX_HEAD.unpack_from(data, start)
-            entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
-            offsets[channel].append(entries[1::2].astype(np.int64) + base)
-        base += chunk.uncompressed_size
-    stream = np.frombuffer(b"".join(contents), np.uint8)
-    none = np.empty(0, np.int64)
-    return {
-        channel: ChannelMessages(stream, np.concatenate((none, *parts)))
-        for channel, parts in offsets.items()
-    }
 
 
 def _state_arrays(

@@ -1,0 +1,167 @@
+"""What a trace file holds as it lies there: checksums, messages, and what describes them."""
+
+import struct
+import zlib
+from collections.abc import Mapping
+from dataclasses import dataclass
+from io import BytesIO
+
+import numpy as np
+import zstandard
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.reader import SeekingReader
+from mcap.records import Attachment, Metadata
+from mcap.summary import Summary
+from mcap.writer import MCAP0_MAGIC
+from numpy.typing import NDArray
+
+from contactlab.store.mcap.file_parts import CHUNK_HEAD, INDEX_HEAD, overlapping
+from contactlab.store.mcap.trace_messages import (
+    CONTACTS,
+    HEAD,
+    STATE,
+    MessageLayout,
+    file_descriptor_set,
+)
+from contactlab.store.store_files import MOST_TRACE
+
+UNREADABLE = (
+    McapError,
+    struct.error,
+    zstandard.ZstdError,
+    ValueError,
+    LookupError,
+    ArithmeticError,
+    MemoryError,
+)
+"""What a file can raise that has its checksums, but is not ours."""
+_FRAME_SIZE = 9
+_FOOTER = struct.Struct("<BQQQI")
+_DATA_END = struct.Struct("<BQI")
+_MIN_SIZE = 2 * len(MCAP0_MAGIC) + _DATA_END.size + _FOOTER.size
+_CRC_SIZE = 4
+_MOST_CHUNK = 64 << 20
+"""Bytes that a chunk may hold: one that is written has 1 MiB, and as much as one step records."""
+
+
+def find_damage(data: bytes) -> str | None:
+    """Return what is wrong with a file's magic bytes or checksums; None if nothing is.
+
+    The two checksums cover all bytes, so any flipped byte is found.
+    """
+    if len(data) < _MIN_SIZE or not data.startswith(MCAP0_MAGIC):
+        return "this is no MCAP file"
+    if not data.endswith(MCAP0_MAGIC):
+        return "the file is truncated, or its end is damaged"
+    end = len(data) - len(MCAP0_MAGIC)
+    opcode, length, summary_start, _, summary_crc = _FOOTER.unpack_from(data, end - _FOOTER.size)
+    if (opcode, length) != (Opcode.FOOTER, _FOOTER.size - _FRAME_SIZE):
+        return "the footer is damaged"
+    if summary_start == 0:
+        return "the summary is missing"
+    if summary_crc != zlib.crc32(data[summary_start : end - _CRC_SIZE]):
+        return "the summary does not match its checksum"
+    return _find_data_damage(data, summary_start)
+
+
+def _find_data_damage(data: bytes, summary_start: int) -> str | None:
+    data_end = summary_start - _DATA_END.size
+    if not 0 <= data_end <= len(data) - _MIN_SIZE + len(MCAP0_MAGIC):
+        return "the footer points outside the file"
+    opcode, length, crc = _DATA_END.unpack_from(data, data_end)
+    if (opcode, length) != (Opcode.DATA_END, _CRC_SIZE):
+        return "the data section does not end right before the summary"
+    if crc != zlib.crc32(memoryview(data)[:data_end]):
+        return "the data section does not match its checksum"
+    return None
+
+
+@dataclass(frozen=True)
+class ChannelMessages:
+    """The Message records of one channel, scattered over a buffer."""
+
+    data: NDArray[np.uint8]  # (bytes,) the content of all chunks
+    offsets: NDArray[np.int64]  # (M,) where each record starts, in time order
+
+    @property
+    def heads(self) -> NDArray[np.void]:
+        """(M,) the start of each record, before its content."""
+        return overlapping(self.data, HEAD.itemsize)[self.offsets].view(HEAD)
+
+    @property
+    def sizes(self) -> NDArray[np.int64]:
+        """(M,) length of each record, opcode and length included."""
+        lengths = self.heads["length"]
+        if np.any(lengths > len(self.data)):
+            raise ValueError("a message is larger than its chunk")
+        return lengths.astype(np.int64) + _FRAME_SIZE
+
+    def pick(self, chosen: slice | NDArray[np.bool_], layout: MessageLayout) -> NDArray[np.void]:
+        """Return the chosen records, all of which must have this layout."""
+        items = overlapping(self.data, layout.size)[self.offsets[chosen]]
+        bytes_of = items.view(np.uint8).reshape(len(items), layout.size)
+        template = np.frombuffer(layout.template, np.uint8)
+        if np.any(bytes_of[:, layout.constant] != template[layout.constant]):
+            raise ValueError("a message has other fields than its schema")
+        return items.view(layout.dtype)
+
+    def content(self) -> bytes:
+        """Return the content of the one message."""
+        [start], [size] = self.offsets.tolist(), self.sizes.tolist()
+        return self.data[start + HEAD.itemsize : start + size].tobytes()
+
+
+@dataclass(frozen=True)
+class StoredFile:
+    """A trace file, by its own summary and indexes."""
+
+    summary: Summary
+    metadata: Metadata
+    model: Attachment
+    chunks: tuple[bytes, ...]  # compressed, in order of time
+    messages: Mapping[int, ChannelMessages]  # by the id of their channel
+
+
+def stored_file(data: bytes) -> StoredFile:
+    """Return what a file holds in which `find_damage` finds nothing; see `UNREADABLE`."""
+    reader = SeekingReader(BytesIO(data))
+    summary = reader.get_summary()
+    assert summary is not None, "find_damage() finds a missing summary"
+    _check_schemas(summary)
+    [metadata], [model] = reader.iter_metadata(), reader.iter_attachments()
+    if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
+        raise ValueError("its chunks claim to hold more than any run records")
+    offsets: dict[int, list[NDArray[np.int64]]] = {channel: [] for channel in summary.channels}
+    chunks: list[bytes] = []
+    base = 0
+    for chunk in summary.chunk_indexes:
+        start = chunk.chunk_start_offset + CHUNK_HEAD.size
+        chunks.append(data[start : start + chunk.compressed_size])
+        for channel, start in chunk.message_index_offsets.items():
+            *_, length = INDEX_HEAD.unpack_from(data, start)
+            entries = np.frombuffer(data, "<u8", length // 8, start + INDEX_HEAD.size)
+            offsets[channel].append(entries[1::2].astype(np.int64) + base)
+        base += chunk.uncompressed_size
+    sizes = (chunk.uncompressed_size for chunk in summary.chunk_indexes)
+    stream = np.frombuffer(b"".join(map(unpacked, chunks, sizes)), np.uint8)
+    none = np.empty(0, np.int64)
+    messages = {
+        channel: ChannelMessages(stream, np.concatenate((none, *parts)))
+        for channel, parts in offsets.items()
+    }
+    return StoredFile(summary, metadata, model, tuple(chunks), messages)
+
+
+def _check_schemas(summary: Summary) -> None:
+    stored = {schema.data for schema in summary.schemas.values()}
+    for message in (STATE, CONTACTS):
+        if file_descriptor_set(message) not in stored:
+            raise ValueError(f"it has another schema of {message.name}")
+
+
+def unpacked(compressed: bytes, size: int) -> bytes:
+    """Return the content of a chunk, whose size both the chunk and the compressed data state."""
+    if size > _MOST_CHUNK or zstandard.frame_content_size(compressed) != size:
+        raise ValueError(f"a chunk claims to hold {size:,} bytes")
+    return zstandard.decompress(compressed)
