@@ -30,6 +30,7 @@ from contactlab.run.worker import Worker
 from contactlab.run.worker_pool import LocalPool
 from contactlab.scene.effects.effect_table import EFFECTS
 from contactlab.scene.scene import Scene
+from contactlab.schema.drive import drive_word
 from contactlab.schema.evidence import (
     RECORD_VERSION,
     LabelEntry,
@@ -125,7 +126,7 @@ def identity_of(request: SweepRequest, index: RunIndex) -> SweepIdentity:
     """Return the definition of a sweep's runs; see `run_sweep` for errors."""
     scene, sweep = request.scene, request.plan.sweep
     manifest, drive = scene.source.manifest, scene.drive.drive
-    timed = bool(manifest and manifest.control) or drive not in ("none", "hold")
+    timed = bool(manifest and manifest.control) or drive_word(drive) not in ("none", "hold")
     identity = SweepIdentity(
         name=request.name,
         source=request.source,

@@ -32,7 +32,7 @@ from contactlab.scene.expected_contacts import Asked, expected_contacts
 from contactlab.scene.initial_states import quaternions
 from contactlab.scene.model_names import is_address
 from contactlab.scene.resolution import ResolvedRun
-from contactlab.schema.drive import FileDrive
+from contactlab.schema.drive import FileDrive, drive_word
 from contactlab.schema.scene_manifest import SceneManifest
 
 _GEOM = mujoco.mjtGeom
@@ -61,7 +61,7 @@ def make_setup(
         iterations=np.array([model.opt.iterations for model in models], np.int32),
         gravity=np.array([_gravity(model) for model in models]),
         moving_mass=np.array([model.body_mass[model.body_weldid != 0].sum() for model in models]),
-        steered=any(run.drive not in _STEADY for run in runs),
+        steered=any(drive_word(run.drive) not in _STEADY for run in runs),
         passive=passive,
         conservative=passive and all(map(is_conservative, models)),
         quaternions=quaternions(base.model),

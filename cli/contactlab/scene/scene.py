@@ -53,7 +53,14 @@ from contactlab.scene.resolution import (
 )
 from contactlab.scene.scene_source import SceneSource, find_scene
 from contactlab.scene.setting_values import Settings, as_number
-from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_identity
+from contactlab.schema.drive import (
+    Drive,
+    FileDrive,
+    PolicyDrive,
+    drive_identity,
+    drive_word,
+    with_springs,
+)
 
 BARE_DURATION = 2.0
 """How long runs of a model without a manifest take, unless its drive has a duration [s]."""
@@ -143,20 +150,27 @@ class Scene:
             raise SceneError(
                 f"{self.source.model}: the model has no actuators for a policy to control"
             )
-        self.drive = LocatedDrive("none") if asked == "hold" and not model.nu else drive
+        self.drive = LocatedDrive("none") if drive_word(asked) == "hold" and not model.nu else drive
         self._table = None
         if isinstance(asked, FileDrive):
             (file,) = drive.files
             if self._tables is None:
                 raise SceneError(f"{file.name}: tables of controls cannot be read here")
             self._table = DriveTable(file.name, self._tables(file))
-        end = exercise_duration(model) if asked == "exercise" else self._table and self._table.end
+        moves = drive_word(asked) == "exercise"
+        end = exercise_duration(model) if moves else self._table and self._table.end
         self.duration = manifest.duration if manifest else end or BARE_DURATION
         with self.source.named_in_errors():
             run = replace(self.resolve({}, 0, None), drive=asked)
             driving = self._driving_of(run) if is_driven(asked) else None
         if driving and not self.source.content.copied and (unheld := driving.unheld(run)):
             warn_once(self.source, f"not held: {unheld}", UnheldWarning)
+
+    def handed_on(self, drive: Drive) -> Drive:
+        """Return a drive of this scene as it is for its model, to drive another model by it."""
+        if not is_driven(drive) or not self.base({}).model.nu:
+            return drive
+        return with_springs(drive, self._driving_of(self.resolve({}, 0, None)).springs)
 
     def base(
         self, structure: Mapping[str, object], without: frozenset[str] = frozenset()

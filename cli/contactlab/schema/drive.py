@@ -23,6 +23,28 @@ def _checked_class(text: str) -> str:
     return text
 
 
+class Springs(Model):
+    """What holds the start of a model, as it was found for that one and is given to others."""
+
+    actuators: tuple[int, ...] = about("those with a spring along their length")
+    stiffness: tuple[Number, ...] = about("force by length, of each")
+    damping: tuple[Number, ...] = about("force by rate of length, of each")
+    forces: tuple[Number, ...] = about("of all actuators, beside those against gravity")
+    settling: Number = about("how long the model settles first [s]")
+
+
+def _handed_on() -> Any:  # noqa: ANN401 - a field of its own type
+    what = "those of another model; those that suit the model itself if left out"
+    return about(what, default=None, exclude_if=lambda springs: springs is None)
+
+
+class HeldDrive(Model):
+    """A hold, or an exercise, with given springs."""
+
+    drive: Literal["hold", "exercise"] = about("what it does")
+    springs: Springs = about("what holds the start")
+
+
 class NoiseDrive(Model):
     """Band-limited random controls around those that hold the start posture."""
 
@@ -30,6 +52,7 @@ class NoiseDrive(Model):
         "root mean square over half the range of each control"
     )
     rate: Positive = about("highest frequency [Hz]", default=10.0)
+    springs: Springs | None = _handed_on()
 
 
 class FileDrive(Model):
@@ -42,6 +65,7 @@ class FileDrive(Model):
     interpolation: Literal["linear", "hold"] = about(
         "between rows: linear, or each row held until the next", default="linear"
     )
+    springs: Springs | None = _handed_on()
     sha256: FileHash = None
 
 
@@ -84,6 +108,7 @@ DRIVE_FORMS: Mapping[str, type[Model]] = {
     "policy": PolicyDrive,
     "file": FileDrive,
     "noise": NoiseDrive,
+    "drive": HeldDrive,
 }
 
 
@@ -100,7 +125,8 @@ Drive = Annotated[
     Annotated[Literal["none", "hold", "exercise"], Tag("@word")]
     | Annotated[NoiseDrive, Tag("@noise")]
     | Annotated[FileDrive, Tag("@file")]
-    | Annotated[PolicyDrive, Tag("@policy")],
+    | Annotated[PolicyDrive, Tag("@policy")]
+    | Annotated[HeldDrive, Tag("@drive")],
     Discriminator(
         _form,
         custom_error_type="drive_form",
@@ -151,6 +177,24 @@ def drive_data(drive: Drive) -> object:
     return drive if isinstance(drive, str) else drive.model_dump(exclude_none=True)
 
 
+def drive_word(drive: Drive) -> str | None:
+    """Return the word that names a drive; None for one that has numbers or files."""
+    return (
+        drive.drive if isinstance(drive, HeldDrive) else drive if isinstance(drive, str) else None
+    )
+
+
+def with_springs(drive: Drive, springs: Springs) -> Drive:
+    """Return a drive that holds by given springs, if it holds anything."""
+    match drive:
+        case "none" | PolicyDrive():
+            return drive
+        case "hold" | "exercise":
+            return HeldDrive(drive=drive, springs=springs)
+        case _:
+            return drive.model_copy(update={"springs": springs})
+
+
 def drive_file(drive: Drive) -> str | None:
     """Return the file that a drive names; None for others."""
     return next(iter(drive_files(drive)), None)
@@ -175,7 +219,7 @@ def drive_identity(drive: Drive) -> object:
     match drive:
         case str():
             return None if drive == "none" else drive
-        case NoiseDrive():
+        case NoiseDrive() | HeldDrive():
             return drive.model_dump()
         case FileDrive():
             return drive.model_dump(exclude={"file"})
@@ -189,6 +233,8 @@ def drive_text(drive: Drive) -> str:
     match drive:
         case str():
             return drive
+        case HeldDrive():
+            return drive.drive
         case NoiseDrive():
             return f"noise={drive.noise:g},rate={drive.rate:g}"
         case FileDrive(file=file, interpolation=interpolation):

@@ -64,8 +64,7 @@ class Proof(Model):
     holds: bool
     reason: str
     same_runs: int = Field(
-        description="Runs of the file that are those of the settings, bit for bit; another "
-        "timestep may have the drive hold a posture by other springs."
+        description="Runs of the file equal to those of the settings, bit for bit."
     )
     now: Candidate
     tuned: Candidate

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from contactlab.engines import Buffers, PreparedRuns, find_engine
-from contactlab.errors import UnheldWarning
+from contactlab.errors import SceneError, UnheldWarning
 from contactlab.scene.drive.hold import find_servos, hold_posture
 from contactlab.scene.scene import Scene
-from contactlab.schema.drive import NoiseDrive
+from contactlab.schema.drive import Drive, NoiseDrive, drive_data, parse_drive
 
 # Two links of 1 kg, stretched out against gravity: 2 kg at 0.5 m on average, 9.81 N m and more.
 ARM = """<mujoco><option timestep="0.002" {option}/><worldbody>
@@ -42,6 +42,30 @@ def arm(folder: Path, actuators: str, option: str = "", joint: str = "") -> Scen
     path = folder / "arm.xml"
     path.write_text(ARM.format(actuators=actuators, option=option, joint=joint))
     return Scene.open(str(path)).with_drive("hold", folder)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("drive", ["hold", "exercise", NoiseDrive(noise=0.2)])
+def test_another_model_is_driven_by_what_holds_the_first(
+    drive: Drive, kind: str, tmp_path: Path
+) -> None:
+    """The file that has a timestep moves as the first one does at that timestep, to the bit."""
+    first = arm(tmp_path, "".join(KINDS[kind].format(joint=each) for each in ("upper", "lower")))
+    first = first.with_drive(drive, tmp_path)
+    text = (tmp_path / "arm.xml").read_text()
+    (tmp_path / "other.xml").write_text(text.replace("0.002", "0.006"))
+    other = Scene.open(str(tmp_path / "other.xml"))
+    given = parse_drive(drive_data(first.handed_on(drive)))
+    wanted = end_of(first, 0.6, 0.006)
+    np.testing.assert_array_equal(end_of(other.with_drive(given, tmp_path), 0.6, 0.006), wanted)
+
+
+def test_springs_of_another_model_are_refused(tmp_path: Path) -> None:
+    first = arm(tmp_path, KINDS["motors"].format(joint="upper"))
+    given = first.handed_on("hold")
+    other = arm(tmp_path, KINDS["motors"].format(joint="upper") * 2)
+    with pytest.raises(SceneError, match="of a model with 1 actuators, but this one has 2"):
+        other.with_drive(given, tmp_path)
 
 
 def end_of(scene: Scene, seconds: float, timestep: float = 0.002) -> np.ndarray:

@@ -10,6 +10,7 @@ import numpy as np
 from contactlab.errors import SceneError
 from contactlab.scene.drive.hold import (
     Posture,
+    Servos,
     Support,
     find_servos,
     find_support,
@@ -31,7 +32,15 @@ from contactlab.scene.initial_states import (
 )
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.timed_inputs import Signals
-from contactlab.schema.drive import Drive, FileDrive, NoiseDrive, PolicyDrive
+from contactlab.schema.drive import (
+    Drive,
+    FileDrive,
+    HeldDrive,
+    NoiseDrive,
+    PolicyDrive,
+    Springs,
+    drive_word,
+)
 
 _HOLDING = 0.1  # share of an exercise in which it holds first
 _TURN, _SHIFT = 1.0, 0.2  # speeds with which what has no actuators starts an exercise [rad/s, m/s]
@@ -56,21 +65,39 @@ class Driving:
         Raises a SceneError if the drive's file does not suit the model.
         """
         self._model, self._drive, self._rule, self._recorded = model, drive, rule, None
+        self._word = drive_word(drive)
         if isinstance(drive, FileDrive) and table is not None:
             self._recorded = read_recorded(model, table, held=drive.interpolation == "hold")
         own = rule.driven_inputs
         own |= set(self._recorded.signals.places.tolist() if self._recorded else ())
         self._held = np.array([each for each in range(model.nu) if each not in own], np.intp)
-        self.servos = find_servos(model, rule.qpos).of(self._held)
+        held = isinstance(drive, HeldDrive | NoiseDrive | FileDrive)
+        self._given = drive.springs if held else None
+        servos = self._given and _servos(model, self._given)
+        self.servos = (servos or find_servos(model, rule.qpos)).of(self._held)
         self._postures = dict[tuple[float, ...], tuple[Posture, ControlRoom]]()
         self._shared = dict[tuple[float, ...], Signals]()
 
     @cached_property
     def _support(self) -> Support:
         """How a robot stands, found once: for its start as written."""
+        if self._given:
+            return Support(np.array(self._given.forces), self._given.settling)
         if not self._held.size:
             return Support(np.zeros(self._model.nu), 0.0)
         return find_support(self._model, self.servos, self._rule.qpos, self._rule.held_ctrl)
+
+    @property
+    def springs(self) -> Springs:
+        """What holds the start, to be given to another model."""
+        servos, support = self.servos, self._support
+        return Springs(
+            actuators=tuple(servos.actuators.tolist()),
+            stiffness=tuple(servos.stiffness.tolist()),
+            damping=tuple(servos.damping.tolist()),
+            forces=tuple(support.forces.tolist()),
+            settling=support.settling,
+        )
 
     def starts(self, runs: Sequence[ResolvedRun]) -> InitialStates:
         """Return the initial states of runs, driven.
@@ -91,7 +118,7 @@ class Driving:
                 signals[place] = signals[place].joined(driven)
         for coordinate, value in self._recorded.start if self._recorded else ():
             fields[coordinate.field][:, coordinate.index] = value
-        if self._drive == "exercise" and not self._model.nu and not starts.qvel.any():
+        if self._word == "exercise" and not self._model.nu and not starts.qvel.any():
             fields["qvel"][:] = _free_motion(self._model)
         return at_begin(starts._replace(signals=tuple(signals)))
 
@@ -106,7 +133,7 @@ class Driving:
 
     def unheld(self, run: ResolvedRun) -> str:
         """Return what of a run's start is not held, though nothing else drives it."""
-        if self._recorded or (self._drive == "exercise" and not self._model.nu):
+        if self._recorded or (self._word == "exercise" and not self._model.nu):
             return ""
         posture, _ = self._posture(run.initial)
         return unheld(self._model, self.servos, self._rule.nominal(run.initial), posture)
@@ -135,7 +162,7 @@ class Driving:
     def _seedless(self, posture: Posture, room: ControlRoom, run: ResolvedRun) -> Signals:
         if self._recorded is not None:
             return self._recorded.during(run.duration, run.timestep)
-        if self._drive != "exercise" or not self._model.nu:
+        if self._word != "exercise" or not self._model.nu:
             return Signals.none()
         begin = min(max(self._support.settling, _HOLDING * run.duration), 0.4 * run.duration)
         return self._of_held(exercise_signals(self._model, posture, room, begin, run.duration))
@@ -144,6 +171,17 @@ class Driving:
         if len(self._held) == len(signals.places):
             return signals
         return signals.without(~np.isin(signals.places, self._held))
+
+
+def _servos(model: mujoco.MjModel, springs: Springs) -> Servos:
+    """Return given springs for a model; a SceneError if they are of other actuators."""
+    if len(springs.forces) != model.nu or any(each >= model.nu for each in springs.actuators):
+        raise SceneError(
+            f"drive: its springs are of a model with {len(springs.forces)} actuators, but this one "
+            f"has {model.nu}; leave them out"
+        )
+    gains = np.array(springs.stiffness), np.array(springs.damping)
+    return Servos.of_model(model, np.array(springs.actuators, np.intp), *gains)
 
 
 def _pace(run: ResolvedRun) -> tuple[float, ...]:

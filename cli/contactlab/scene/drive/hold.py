@@ -63,6 +63,15 @@ class Servos:
     damping: Floats  # (S,) force by rate of length, added to the actuator's own
     forces: Floats  # (S, 2) what they may exert, as their range of controls allows
 
+    @classmethod
+    def of_model(
+        cls, model: mujoco.MjModel, actuators: NDArray[np.intp], stiffness: Floats, damping: Floats
+    ) -> "Servos":
+        """Return springs of some actuators, whose forces a model limits."""
+        gain, bias = model.actuator_gainprm[:, 0], model.actuator_biasprm[:, 0]
+        limits = np.stack(_force_limits(model, gain, bias), axis=1)
+        return cls(actuators, stiffness, damping, limits[actuators])
+
     def of(self, actuators: NDArray[np.intp]) -> "Servos":
         """Return those of some actuators."""
         kept = np.isin(self.actuators, actuators)
@@ -112,9 +121,9 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     for column, unit in zip(inertia, np.eye(model.nv), strict=True):
         mujoco.mj_mulM(model, data, column, unit)
     # Those that get a spring have a fixed gain, and no bias at rest but a constant one.
-    gain, bias = np.array(model.actuator_gainprm[:, 0]), np.array(model.actuator_biasprm[:, 0])
     moving = np.abs(moment).max(axis=1, initial=0) > 0
-    chosen = np.flatnonzero(moving & (gain != 0) & _without_feedback(model))
+    moving &= model.actuator_gainprm[:, 0] != 0
+    chosen = np.flatnonzero(moving & _without_feedback(model))
     rows = moment[chosen]
     # Inertia and damping of the motion that the actuator's own joints make, along its length.
     along = rows / np.square(rows).sum(axis=1, keepdims=True)
@@ -129,8 +138,7 @@ def find_servos(model: mujoco.MjModel, qpos: Floats) -> Servos:
     stiffness = np.minimum(wanted, _SPRING_LIMIT / step**2 * carried)
     damping = np.minimum(2 * np.sqrt(stiffness * masses), _DAMPER_LIMIT / step * carried)
     damping = np.maximum(damping + model.actuator_biasprm[chosen, 2], 0.0)
-    low, high = _force_limits(model, gain, bias)
-    return Servos(chosen, stiffness, damping, np.stack([low, high], axis=1)[chosen])
+    return Servos.of_model(model, chosen, stiffness, damping)
 
 
 def hold_posture(

@@ -271,7 +271,7 @@ def _verified(
     if isinstance(written, WrittenModel):
         about = {*settings, *(each for name in free for each in EFFECTS[name].switch.settings)}
         kept = {name: value for name, value in setup.base.items() if name not in about}
-        as_text = replace(fresh, reference=written.reference, base=kept)
+        as_text = fresh.written(written.reference, kept)
         text = "The model with the smallest set in its files"
         rows = trials.run("written", text, [BASE], as_text)
         pasted = difference(setup.tolerances, outcomes[BASE], rows[BASE], free)

@@ -89,6 +89,14 @@ class AblationSetup:
         """The scene, with every effect that its model has."""
         return self.scenes.open(self.reference).with_effects("all")
 
+    def written(self, reference: str, base: Values) -> "AblationSetup":
+        """Return the setup of a model that was written from this one, driven as this one is."""
+        scene, given = self.scene, self.scenes.drive
+        drive = scene.handed_on(given or scene.drive.drive)
+        folder = self.scenes.drive_folder if given else scene.source.path.parent
+        scenes = SceneLoader(self.scenes.folder, drive, folder, self.scenes.bare)
+        return replace(self, scenes=scenes, reference=reference, base=base)
+
 
 def _scenarios(plan: Plan) -> tuple[Values, ...]:
     names = [axis.name for axis in plan.axes if axis.role == "scenario"]

@@ -53,14 +53,14 @@ class Study:
             return
         try:
             written = write_model(scene, edits, self.session.folder / name, MODEL)
-            rows = self.trials.run_file(f"{name}-runs", written.source, BASELINE)
+            rows = self.trials.run_file(f"{name}-runs", written, BASELINE)
         except SceneError as error:
             self.kept.append(Kept(name=_NEVER, reason=str(error)))
             return
         if _same_runs(self.now.rows, rows) < len(BASELINE):
             self.kept.append(Kept(name=_NEVER, reason="runs differ"))
             return
-        self.savers, self.lighter = edits, self.trials.scene_of(written.source)
+        self.savers, self.lighter = edits, self.trials.scene_of(written)
 
     def search(self) -> Search:
         """Search for as long as the budget lasts, less what contenders and proof will take."""
@@ -159,11 +159,13 @@ class Study:
         self._say(f"proving it from {len(FRESH)} fresh seeds")
         both = [{}, contender.changed]
         now, rows = self.trials.run("proof", both, FRESH, accuracy=dict(ACCURACY))
-        file = self.trials.run_file("tuned-runs", written.source, FRESH)
-        (cost,) = self.trials.costs([(self.trials.scene_of(written.source), {})])
+        file = self.trials.run_file("tuned-runs", written, FRESH)
+        (cost,) = self.trials.costs([(self.trials.scene_of(written), {})])
         limits = self.trials.limits = limits_of(self.request, now)
         why = limits.broken(rows, now) if contender.changed else ""
-        why = why or limits.failed(file)
+        same = _same_runs(rows, file)
+        if not why and same < len(FRESH):
+            why = f"{len(FRESH) - same} runs of the file are others than those of the settings"
         most = 1.0 if self.request.goal == "most-accurate" else GAIN
         if not why and cost.ratio > most:
             why = f"takes {cost.ratio:.2f} times as long"
@@ -171,7 +173,7 @@ class Study:
             seeds=tuple(FRESH),
             holds=not why,
             reason=why or "every run is within the limits",
-            same_runs=_same_runs(rows, file),
+            same_runs=same,
             now=Contender({}, now).reported("now", self.trials),
             tuned=replace(contender, rows=rows, cost=cost).reported("recommended", self.trials),
         )

@@ -12,8 +12,8 @@ from contactlab.engines.engine import Segments, TimesSteps
 from contactlab.engines.single_run import time_segments
 from contactlab.errors import StoppedError
 from contactlab.run.evidence_record import as_written
+from contactlab.scene.model_writer import WrittenModel
 from contactlab.scene.scene import Scene
-from contactlab.scene.scene_source import SceneSource
 from contactlab.schema.effects_report import Ratio
 from contactlab.schema.tune_report import Candidate, Standing
 from contactlab.studies.configuration_runs import ConfigurationRows, Measure, run_configurations
@@ -66,16 +66,16 @@ class Trials:
         self.runs += sum(len(each.flat) for each in found)
         return found
 
-    def run_file(self, name: str, source: SceneSource, seeds: Sequence[int]) -> ConfigurationRows:
+    def run_file(self, name: str, model: WrittenModel, seeds: Sequence[int]) -> ConfigurationRows:
         """Run a written model as it is into a store, and return its rows."""
-        written = replace(self, setup=replace(self.setup, reference=_reference(source)))
+        written = replace(self, setup=self.setup.written(model.reference, self.setup.base))
         (found,) = written.run(name, [{}], seeds)
         self.runs = written.runs
         return found
 
-    def scene_of(self, source: SceneSource) -> Scene:
+    def scene_of(self, model: WrittenModel) -> Scene:
         """Return the scene of a written model, driven as the others."""
-        return replace(self.setup, reference=_reference(source)).scene
+        return self.setup.written(model.reference, self.setup.base).scene
 
     def judge(self, configurations: Sequence[Values]) -> list[float]:
         """Return the excess of configurations, from one seed; an OutOfTimeError without time."""
@@ -107,11 +107,6 @@ class Trials:
     def profile(self) -> dict[str, Ratio]:
         """Return the time of a step of the model as written without one part each."""
         return costs_without(_segments(self.setup.scene, {}, BASELINE), time_segments, {})
-
-
-def _reference(source: SceneSource) -> str:
-    """Return what a sweep calls a written model."""
-    return f"{source.path.parent}/" if source.manifest else str(source.path)
 
 
 def _segments(scene: Scene, changed: Values, seeds: Sequence[int]) -> list[Segments]:
