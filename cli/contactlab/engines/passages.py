@@ -6,8 +6,6 @@ flex, where the centre crosses its mid-surface.
 """
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import islice
 
 import mujoco
 import numpy as np
@@ -15,7 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.rotations import rotate, rotate_back
 from contactlab.contact.trace_arrays import Floats, Passage
-from contactlab.scene.contact_pairs import half_extent, may_touch, reaches
+from contactlab.scene.contact_pairs import geom_pairs, half_extents, may_touch, reaches
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _SLOW = 0.5  # Share of the half thickness of two geoms by which a step must move them to matter
@@ -43,8 +41,7 @@ class Passages:
         self._lengths, self._reach = _lengths(model), reaches(model)
         half[np.isin(model.geom_type, (_PLANE, _HFIELD))] = 0
         self._least = _SLOW * (half[:, None] + half)
-        self._least[np.tril_indices(len(half))] = np.inf
-        self._touch: dict[tuple[int, int], bool] = {}
+        self._least[~np.triu(may_touch(model), 1)] = np.inf
         self.found = [tuple[Passage, ...]()] * runs
 
     def enter(self, run: int, model: mujoco.MjModel, starts: InitialStates, states: Floats) -> None:
@@ -81,20 +78,13 @@ class Passages:
 
     def _fast_pairs(
         self, model: mujoco.MjModel, position: Floats, rotation: Floats
-    ) -> Iterator[tuple[int, int]]:
-        """Yield pairs of geoms that can touch, and that a step may carry through each other."""
+    ) -> list[tuple[int, int]]:
+        """Return pairs of geoms that can touch, and that a step may carry through each other."""
         shift = np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=2).max(axis=0, initial=0))
         cosine = np.abs((rotation[1:] * rotation[:-1]).sum(axis=2)).min(axis=0, initial=1)
         moved = shift + 2 * np.arccos(np.minimum(cosine, 1)) * self._reach
         moved = moved[model.geom_bodyid]
-        fast = np.argwhere(moved[:, None] + moved > self._least).tolist()
-        pairs = ((first, second) for first, second in fast)
-        yield from islice(filter(partial(self._may_touch, model), pairs), _MOST_PAIRS)
-
-    def _may_touch(self, model: mujoco.MjModel, pair: tuple[int, int]) -> bool:
-        if pair not in self._touch:
-            self._touch[pair] = may_touch(model, *pair)
-        return self._touch[pair]
+        return geom_pairs(moved[:, None] + moved > self._least)[:_MOST_PAIRS]
 
 
 def _poses(model: mujoco.MjModel, path: Floats, acting: Floats) -> tuple[Floats, Floats, Floats]:
@@ -168,9 +158,7 @@ def _half_extents(model: mujoco.MjModel) -> Floats:
     """Return (ngeom,) half the smallest extents [m]; infinite for geoms that nothing meets."""
     meets = (np.asarray(model.geom_contype) | np.asarray(model.geom_conaffinity)) != 0
     meets[[*model.pair_geom1, *model.pair_geom2]] = True
-    return np.array(
-        [half_extent(model, geom) if meets[geom] else np.inf for geom in range(len(meets))]
-    )
+    return np.where(meets, half_extents(model), np.inf)
 
 
 def _lengths(model: mujoco.MjModel) -> Floats:

@@ -20,7 +20,7 @@ from contactlab.engines.engine import Buffers, PreparedRuns, Proceed, Rollout, p
 from contactlab.engines.mujoco_batch import STATE, driven, roll_out, start_batch
 from contactlab.engines.rollout_trace import make_trace
 from contactlab.scene.compiled_scene import CompiledScene
-from contactlab.scene.contact_pairs import colliding
+from contactlab.scene.contact_pairs import colliding, may_touch
 from contactlab.scene.initial_states import InitialStates, apply_inputs
 
 _JACOBIAN_SAMPLES = 16
@@ -201,8 +201,9 @@ def _geometry(
     # Effects that are off where nothing needs them take the function that measures distances along.
     model = copy.copy(model)
     model.opt.disableflags &= ~_NATIVE_CCD | base.model.opt.disableflags
+    touch = may_touch(model)
     collided = (
-        (colliding(model, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
+        (colliding(touch, pair), made) for pair, made in zip(base.pairs, trace.pairs, strict=True)
     )
     fields = np.flatnonzero(np.isin(model.geom_type, _FIELDS))
     monitored = [each for each in collided if each[0] and not np.isin(each[0], fields).any()]

@@ -8,10 +8,11 @@ has. Source: MuJoCo's documentation, Modeling > Contact parameters.
 
 from collections import Counter
 from dataclasses import dataclass
-from itertools import combinations, pairwise, product
+from itertools import pairwise, product
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import SceneError
@@ -29,6 +30,7 @@ _MOST_SLOTS = 50
 _SLOTS_ON_FIELDS = 400
 """Slots for all that touches height fields, each of which takes 184 bytes a step."""
 _GEOM = mujoco.mjtGeom
+_FLAT = (int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD))
 
 
 @dataclass(frozen=True)
@@ -60,7 +62,7 @@ def detected_pairs(model: mujoco.MjModel, keyframe: str = QPOS0) -> tuple[Monito
     The runs start at qpos0 and at the keyframe: what touches depends on the posture, such as
     whether fingers are open or closed.
     """
-    pairs = [each for each in combinations(range(model.ngeom), 2) if may_touch(model, *each)]
+    pairs = geom_pairs(may_touch(model))
     if len(pairs) > MAX_PAIRS:
         pairs = _touching(model, {QPOS0, keyframe})[:MAX_PAIRS]
     rough = [bool((model.geom_type[[*each]] == _GEOM.mjGEOM_HFIELD).any()) for each in pairs]
@@ -117,16 +119,14 @@ def _default_slots(first: int, second: int) -> int:
     return 2 if _GEOM.mjGEOM_CAPSULE in shapes else 8
 
 
-def colliding(model: mujoco.MjModel, pair: MonitoredPair) -> list[tuple[int, int]]:
-    """Return the geoms of a pair, one of each side, that MuJoCo's collision filters let touch."""
-    return [geoms for geoms in product(*pair.geoms) if may_touch(model, *geoms)]
+def colliding(touch: NDArray[np.bool_], pair: MonitoredPair) -> list[tuple[int, int]]:
+    """Return the geoms of a pair, one of each side, that may touch; `touch` is from `may_touch`."""
+    return [geoms for geoms in product(*pair.geoms) if touch[geoms]]
 
 
-def half_extent(model: mujoco.MjModel, geom: int) -> float:
-    """Return half the smallest extent of a geom [m]; infinite for what has no other side."""
-    if model.geom_type[geom] in (_GEOM.mjGEOM_PLANE, _GEOM.mjGEOM_HFIELD):
-        return np.inf
-    return float(model.geom_aabb[geom, 3:].min())
+def half_extents(model: mujoco.MjModel) -> Floats:
+    """Return (ngeom,) half the smallest extents [m]; infinite for what has no other side."""
+    return np.where(np.isin(model.geom_type, _FLAT), np.inf, model.geom_aabb[:, 3:].min(axis=1))
 
 
 def reaches(model: mujoco.MjModel) -> Floats:
@@ -137,31 +137,40 @@ def reaches(model: mujoco.MjModel) -> Floats:
     return reach
 
 
-def may_touch(model: mujoco.MjModel, first: int, second: int) -> bool:
-    """Return whether MuJoCo's collision filters let two geoms touch."""
-    if explicit_pair(model, first, second) is not None:
-        return True
-    bits = (model.geom_contype[first] & model.geom_conaffinity[second]) | (
-        model.geom_contype[second] & model.geom_conaffinity[first]
-    )
-    flat = {int(_GEOM.mjGEOM_PLANE), int(_GEOM.mjGEOM_HFIELD)}
-    both_flat = {int(model.geom_type[first]), int(model.geom_type[second])} <= flat
-    bodies = (int(model.geom_bodyid[first]), int(model.geom_bodyid[second]))
-    return bool(bits) and not both_flat and not _excluded(model, *bodies)
+def may_touch(model: mujoco.MjModel, *, listed: bool = True) -> NDArray[np.bool_]:
+    """Return (ngeom, ngeom) whether MuJoCo's collision filters let two geoms touch.
+
+    Those of <pair> elements touch whatever their masks say; if not listed, they do not count.
+    Source: MuJoCo's documentation, Computation > Collision > Selection.
+    """
+    bodies = np.asarray(model.geom_bodyid)
+    welds, flat = model.body_weldid[bodies], np.isin(model.geom_type, _FLAT)
+    moving = model.body_dofnum[welds] > 0
+    touch = masks_meet(model) & (welds[:, None] != welds) & ~(flat[:, None] & flat)
+    touch &= moving[:, None] | moving
+    if not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT:
+        parents = model.body_weldid[model.body_parentid[welds]]
+        below = (welds > 0) & (welds == parents[:, None])
+        touch &= ~(below | below.T)
+    for signature in model.exclude_signature:
+        first, second = (bodies == body for body in divmod(int(signature), 1 << 16))
+        touch &= ~(first[:, None] & second | second[:, None] & first)
+    for pair in zip(model.pair_geom1, model.pair_geom2, strict=True):
+        touch[pair] = touch[pair[::-1]] = listed
+    return touch
 
 
-def _excluded(model: mujoco.MjModel, first: int, second: int) -> bool:
-    """Apply the filters of MuJoCo's documentation, Computation > Collision > Selection."""
-    weld1, weld2 = int(model.body_weldid[first]), int(model.body_weldid[second])
-    if weld1 == weld2 or not model.body_dofnum[[weld1, weld2]].any():
-        return True
-    signature = (min(first, second) << 16) + max(first, second)
-    if signature in model.exclude_signature:
-        return True
-    parent1 = int(model.body_weldid[model.body_parentid[weld1]])
-    parent2 = int(model.body_weldid[model.body_parentid[weld2]])
-    filtered = not model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_FILTERPARENT
-    return bool(filtered and 0 not in (weld1, weld2) and (weld1 == parent2 or weld2 == parent1))
+def masks_meet(model: mujoco.MjModel) -> NDArray[np.bool_]:
+    """Return (ngeom, ngeom) whether contype and conaffinity of two geoms let them touch."""
+    kinds, affinities = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
+    bits = kinds[:, None] & affinities
+    return (bits | bits.T) != 0
+
+
+def geom_pairs(touch: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return the pairs of geoms for which a symmetric (ngeom, ngeom) mask holds, in order."""
+    pairs: list[list[int]] = np.argwhere(np.triu(touch, 1)).tolist()
+    return [(first, second) for first, second in pairs]
 
 
 def _touching(model: mujoco.MjModel, keyframes: set[str]) -> list[tuple[int, int]]:

@@ -25,7 +25,8 @@ from contactlab.scene.contact_pairs import (
     MonitoredPair,
     colliding,
     effective_parameters,
-    half_extent,
+    half_extents,
+    may_touch,
     reaches,
 )
 from contactlab.scene.expected_contacts import Asked, expected_contacts
@@ -67,7 +68,7 @@ def make_setup(
         quaternions=quaternions(base.model),
         free_bodies=tuple(bodies.values()),
         barriers=tuple(_barriers(base, bodies)),
-        thickness=np.array([_thickness(base.model, pair) for pair in base.pairs]),
+        thickness=_thicknesses(base),
         widths=np.array([effective_parameters(models[0], pair).solimp[2] for pair in base.pairs]),
         grounded=np.array([_is_grounded(base.model, pair) for pair in base.pairs], np.bool_),
         weights=np.array([_weight(base.model, pair) for pair in base.pairs]),
@@ -149,10 +150,11 @@ def _barriers(base: CompiledScene, bodies: Mapping[int, FreeBody]) -> Iterator[B
                 yield Barrier(index, body, point, axes[:, thin].copy(), reach, centre)
 
 
-def _thickness(model: mujoco.MjModel, pair: MonitoredPair) -> float:
-    """Return half the smallest extent of the pair's thinnest geom that can collide [m]."""
-    touching = {geom for both in colliding(model, pair) for geom in both}
-    return min((half_extent(model, geom) for geom in touching), default=np.inf)
+def _thicknesses(base: CompiledScene) -> Floats:
+    """Return (P,) half the smallest extent of each pair's thinnest geom that can collide [m]."""
+    touch, halves = may_touch(base.model), half_extents(base.model)
+    touching = (np.array(colliding(touch, pair), np.intp) for pair in base.pairs)
+    return np.array([halves[geoms].min(initial=np.inf) for geoms in touching])
 
 
 def _is_grounded(model: mujoco.MjModel, pair: MonitoredPair) -> bool:

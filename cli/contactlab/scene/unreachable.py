@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.scene.contact_pairs import explicit_pair, may_touch
+from contactlab.scene.contact_pairs import geom_pairs, may_touch
 
 GeomPair = tuple[int, int]
 _JOINT, _GEOM, _OFF = mujoco.mjtJoint, mujoco.mjtGeom, mujoco.mjtDisableBit
@@ -29,18 +29,8 @@ _FIRST_BOXES, _ALL_FIRST_BOXES = 128, 1 << 16
 
 
 def filtered_pairs(model: mujoco.MjModel) -> list[GeomPair]:
-    """Return the pairs of geoms, the lower id first, that may touch because their masks say so.
-
-    Those of <pair> elements touch whatever their masks say.
-    """
-    kind, affinity = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
-    bits = (kind[:, None] & affinity) | (kind & affinity[:, None])
-    pairs: list[list[int]] = np.argwhere(np.triu(bits, 1)).tolist()
-    return [
-        (first, second)
-        for first, second in pairs
-        if may_touch(model, first, second) and explicit_pair(model, first, second) is None
-    ]
+    """Return the pairs of geoms, the lower id first, that may touch because their masks say so."""
+    return geom_pairs(may_touch(model, listed=False))
 
 
 class Clearance:

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from contactlab.scene.compile_model import PREFIX
+from contactlab.scene.contact_pairs import masks_meet
 
 _GEOM = mujoco.mjtGeom
 _JOINT = mujoco.mjtJoint
@@ -68,10 +69,8 @@ class ModelFacts:
             return None
         if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_OVERRIDE:
             return None
-        kind, affinity = np.asarray(model.geom_contype), np.asarray(model.geom_conaffinity)
         weld = np.asarray(model.body_weldid)[model.geom_bodyid]
-        bits = (kind[:, None] & affinity[None, :]) | (kind[None, :] & affinity[:, None])
-        possible = (bits != 0) & (weld[:, None] != weld[None, :])
+        possible = masks_meet(model) & (weld[:, None] != weld)
         filtered = np.argwhere(np.triu(possible, 1))
         listed = np.stack([model.pair_geom1, model.pair_geom2], axis=1)
         return np.concatenate([filtered, listed]).astype(np.intp)
