@@ -5,7 +5,7 @@ A message says what is wrong, where, and what to write instead.
 
 import difflib
 import traceback
-from collections.abc import Generator, Iterable
+from collections.abc import Collection, Generator, Iterable
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -14,6 +14,17 @@ class ContactlabError(Exception):
     """A failure that the user can act on; printed as one clear message, without a traceback."""
 
     exit_code = 2
+
+    @classmethod
+    def unless_known(
+        cls, name: str, known: Collection[str], message: str, otherwise: str = ""
+    ) -> None:
+        """Raise it for a name that is not known, with the closest one that is, or something else.
+
+        Both follow the message.
+        """
+        if name not in known:
+            raise cls(f"{message}{did_you_mean(name, known) or otherwise}")
 
 
 class SweepFileError(ContactlabError):

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.comparison.checks import Mask
-from contactlab.errors import PolicyError, StoreError, did_you_mean
+from contactlab.errors import PolicyError, StoreError
 from contactlab.schema.compare_policy import ComparePolicy, Sameness
 from contactlab.schema.comparison_report import RunPair
 from contactlab.schema.evidence import Setting
@@ -120,11 +120,10 @@ def groups(baseline: Store, pairing: Pairing, axes: Sequence[str]) -> Iterator[t
         return
     swept = baseline.columns.axis_names
     for axis in axes:
-        if axis not in swept:
-            hint = did_you_mean(axis, swept) or f"; its axes are {', '.join(swept) or 'none'}"
-            raise PolicyError(
-                f"the policy groups by '{axis}', which is not an axis of the baseline{hint}"
-            )
+        message = f"the policy groups by '{axis}', which is not an axis of the baseline"
+        PolicyError.unless_known(
+            axis, swept, message, f"; its axes are {', '.join(swept) or 'none'}"
+        )
     columns = [_codes((baseline,), axis) for axis in axes]
     stacked = np.stack([codes for codes, _ in columns], axis=1)
     combinations, member = np.unique(stacked, axis=0, return_inverse=True)

@@ -10,7 +10,7 @@ from typing import TypeVar
 from ruamel.yaml import YAML
 from ruamel.yaml.comments import CommentedMap, CommentedSeq
 
-from contactlab.errors import PolicyError, did_you_mean
+from contactlab.errors import PolicyError
 from contactlab.measure import METRICS
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.schema.compare_policy import (
@@ -57,11 +57,8 @@ def check_names(policy: ComparePolicy, metrics: Iterable[str], labels: Iterable[
         ("allows a transition of", "label", moved, list(labels)),
     ):
         for name in names:
-            if name not in known:
-                raise PolicyError(
-                    f"the policy {what} '{name}', but the stores have no such {kind}"
-                    f"{did_you_mean(name, known)}"
-                )
+            message = f"the policy {what} '{name}', but the stores have no such {kind}"
+            PolicyError.unless_known(name, known, message)
 
 
 @dataclass(frozen=True)
@@ -115,9 +112,8 @@ def acceptance(
     if not reason.strip():
         raise PolicyError('an accepted check needs a reason: --reason "..."')
     checks = [check for check in report.checks if check.name == name]
-    if not checks:
-        names = [check.name for check in report.checks]
-        raise PolicyError(f"there is no check '{name}'{did_you_mean(name, names)}")
+    names = [check.name for check in report.checks]
+    PolicyError.unless_known(name, names, f"there is no check '{name}'")
     failing = [check for check in checks if check.outcome in _FAILING]
     if not failing:
         raise PolicyError(f"'{name}' did not fail ({checks[0].message}): nothing to accept")
@@ -168,9 +164,8 @@ def apply_acceptances(
     """
     names = {*known, *(check.name for check in checks)}
     for entry in accepted:
-        if entry.check not in names:
-            hint = did_you_mean(entry.check, names)
-            raise PolicyError(f"the policy accepts '{entry.check}', which is not a check{hint}")
+        message = f"the policy accepts '{entry.check}', which is not a check"
+        PolicyError.unless_known(entry.check, names, message)
     return [_accepted(check, accepted, today) for check in checks]
 
 

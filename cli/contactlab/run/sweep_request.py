@@ -7,7 +7,7 @@ from itertools import chain, starmap
 from pathlib import Path
 
 from contactlab.engines import ENGINES
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.measure import LABELS, METRICS, ORACLES, THRESHOLDS, limits
 from contactlab.plan.grid import Plan
 from contactlab.plan.overrides import Overrides
@@ -177,11 +177,9 @@ def _check_names(scene: Scene) -> None:
         return
     limits(manifest.thresholds)
     for name in manifest.tolerances:
-        if name not in METRICS:
-            raise SceneError(f"no metric '{name}'{did_you_mean(name, METRICS)}")
-    oracle = manifest.oracle
-    if oracle and oracle.name not in ORACLES:
-        raise SceneError(f"no oracle '{oracle.name}'{did_you_mean(oracle.name, ORACLES)}")
+        SceneError.unless_known(name, METRICS, f"no metric '{name}'")
+    if oracle := manifest.oracle:
+        SceneError.unless_known(oracle.name, ORACLES, f"no oracle '{oracle.name}'")
 
 
 def starter_sweep(reference: str, loader: SceneLoader) -> str:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, RecordedControls
 from contactlab.contact.trace_setup import Joints
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.expression import Expression
 from contactlab.scene.model_names import match_coordinates
 from contactlab.scene.timed_inputs import (
@@ -42,10 +42,9 @@ def default_keyframe(model: mujoco.MjModel, manifest: SceneManifest | None) -> s
     known = keyframe_names(model)
     if manifest is None:
         return next(iter(known), QPOS0)
-    if manifest.keyframe is not None and manifest.keyframe not in known:
-        hint = did_you_mean(manifest.keyframe, known)
-        raise SceneError(f"the model has no keyframe '{manifest.keyframe}'{hint}")
-    return manifest.keyframe or QPOS0
+    keyframe = manifest.keyframe or QPOS0
+    SceneError.unless_known(keyframe, (*known, QPOS0), f"the model has no keyframe '{keyframe}'")
+    return keyframe
 
 
 def start_data(model: mujoco.MjModel, keyframe: str) -> mujoco.MjData:

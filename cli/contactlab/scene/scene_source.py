@@ -16,7 +16,7 @@ from ruamel.yaml import YAML
 from ruamel.yaml.error import YAMLError
 
 from contactlab import resources
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.scene.model_files import SceneFiles, collect_files, relative_path
 from contactlab.scene.model_guards import check_places
 from contactlab.schema.drive import drive_files
@@ -45,13 +45,12 @@ def menagerie_model(reference: str) -> Path:
     package = _package(reference)
     robot, _, entry = reference.removeprefix(_SCHEME).partition("/")
     robots: list[str] = package.names()
-    if robot not in robots:
-        hint = did_you_mean(robot, robots) or "; `mujoco-menagerie names` lists them"
-        raise SceneError(f"MuJoCo Menagerie has no robot '{robot}'{hint}")
+    message, listing = f"MuJoCo Menagerie has no robot '{robot}'", "`mujoco-menagerie names`"
+    SceneError.unless_known(robot, robots, message, f"; {listing} lists them")
     known: list[str] = package.get(robot).entry_names
-    if entry and entry not in known:
-        hint = did_you_mean(entry, known) or f"; write one of {', '.join(known)}"
-        raise SceneError(f"{robot} of MuJoCo Menagerie has no entry '{entry}'{hint}")
+    if entry:
+        message = f"{robot} of MuJoCo Menagerie has no entry '{entry}'"
+        SceneError.unless_known(entry, known, message, f"; write one of {', '.join(known)}")
     try:
         path = Path(package.get(robot).xml(entry or None))
     except (package.MenagerieError, OSError) as error:

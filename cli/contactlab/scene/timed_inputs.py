@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.expression import Expression, ExpressionError
 from contactlab.scene.model_names import StateCoordinate, match_coordinates
 from contactlab.schema.pair_expectation import Term
@@ -222,11 +222,8 @@ def find_hold(
         raise SceneError("hold needs a subject; name the held body in `subject`")
     holder = manifest.hold.relative_to or "world"
     bodies = [model.body(each).name for each in range(model.nbody)]
-    if holder not in bodies:
-        hint = did_you_mean(holder, bodies)
-        raise SceneError(
-            f"hold: relative_to names '{holder}', which is not a body of the model{hint}"
-        )
+    message = f"hold: relative_to names '{holder}', which is not a body of the model"
+    SceneError.unless_known(holder, bodies, message)
     holding = HoldSpec(
         subject=bodies[subject],
         holder=holder,

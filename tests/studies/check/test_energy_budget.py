@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.store.mcap.trace_reader import StoredTrace
-from contactlab.studies.check.free_motion_runs import convergence_order, energy_budget
+from contactlab.studies.check.free_motion import convergence_order, energy_budget
 
 
 def stored(

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from contactlab.errors import SceneError, did_you_mean
+from contactlab.errors import SceneError
 from contactlab.scene.setting_values import number
 from contactlab.schema.drive import Drive, FileDrive, PolicyDrive, drive_files, drive_text
 from contactlab.schema.vocabulary import AxisSpec
@@ -111,9 +111,8 @@ def with_values(drive: Drive, values: Mapping[str, object]) -> Drive:
         return drive
     known = drive_settings(drive)
     for name in values:
-        if name not in known:
-            hint = did_you_mean(name, known) or "; `drive` says what drives a run"
-            raise SceneError(f"{name}: the drive {drive_text(drive)} has no such number{hint}")
+        message = f"{name}: the drive {drive_text(drive)} has no such number"
+        SceneError.unless_known(name, known, message, "; `drive` says what drives a run")
     assert not isinstance(drive, str)
     data = drive.model_dump()
     for name, value in values.items():

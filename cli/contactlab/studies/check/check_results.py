@@ -6,11 +6,9 @@ warning is a rule of thumb of people who simulate contact with MuJoCo.
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import NamedTuple
 
-from contactlab.errors import SweepFileError, did_you_mean
 from contactlab.run.evidence_record import as_written
 from contactlab.schema.check_report import (
     CheckName,
@@ -21,8 +19,6 @@ from contactlab.schema.check_report import (
     Severity,
 )
 from contactlab.schema.compare_policy import CheckOutcome
-
-_SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
 
 
 class Limit(NamedTuple):
@@ -61,43 +57,8 @@ LIMITS: Mapping[str, Limit] = MappingProxyType(
 """By the name of a measure, which is unique among all checks."""
 
 
-@dataclass(frozen=True)
-class Limits:
-    """The limits of one request, some of them its own."""
-
-    given: Mapping[str, float] = field(default_factory=dict[str, float])
-
-    def __post_init__(self) -> None:
-        known = [*(name for name, each in LIMITS.items() if each.value is not None), "timestep"]
-        for name in (each for each in self.given if each not in known):
-            hint = did_you_mean(name, known)
-            raise SweepFileError(f"no limit '{name}'{hint}; there are {', '.join(known)}")
-
-    def measure(
-        self,
-        name: str,
-        value: float,
-        of: str | None = None,
-        *,
-        limit: float | None = None,
-        severity: Severity | None = None,
-    ) -> Measure:
-        """Return a value, and whether it meets its limit; NaN never does.
-
-        A limit or severity that is given replaces that of the table, but not that of the request.
-        """
-        rule = LIMITS[name]
-        bound = self.given.get(name, rule.value if limit is None else limit)
-        assert bound is not None
-        return Measure(
-            name=name,
-            of=of,
-            value=value if math.isfinite(value) else None,
-            unit=rule.unit,
-            limit=bound,
-            holds=bool(value < bound if rule.strict else value <= bound * _SLACK),
-            severity=severity or rule.severity,
-        )
+REPLACEABLE = [*(name for name, each in LIMITS.items() if each.value is not None), "timestep"]
+"""The limits that a request may replace by its own."""
 
 
 def informative(name: str, value: float, unit: str, of: str | None = None) -> Measure:
@@ -125,6 +86,7 @@ def in_words(measure: Measure) -> str:
     return f"{measure.name.replace('_', ' ')} {value} ({of}limit {limit})"
 
 
+# What it means for a finding, and for its check, that a limit of some severity is missed.
 _OUTCOMES: Mapping[str, CheckOutcome] = {"error": "failed", "warning": "warned", "note": "noted"}
 _VERDICTS: Mapping[str, CheckVerdict] = {"error": "fail", "warning": "warning", "note": "pass"}
 

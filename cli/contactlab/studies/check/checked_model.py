@@ -1,5 +1,6 @@
 """The model under check, with its settings and initial state, and its runs."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -16,9 +17,9 @@ from contactlab.scene.resolution import ResolvedRun, steps_of
 from contactlab.scene.run_setup import make_setup
 from contactlab.scene.scene import Scene
 from contactlab.scene.setting_values import Settings, as_number
-from contactlab.schema.check_report import TaskKind
+from contactlab.schema.check_report import Measure, Severity, TaskKind
 from contactlab.schema.drive import Drive, drive_data
-from contactlab.studies.check.check_results import Limits
+from contactlab.studies.check.check_results import LIMITS
 from contactlab.studies.check.check_runs import CheckRun, Holding, holding_of
 from contactlab.studies.session import Session, Values
 
@@ -38,6 +39,9 @@ def most_steps(model: mujoco.MjModel) -> int:
 def _at_most(steps: int, model: mujoco.MjModel) -> int:
     """Return how many steps of a model take as long as so many of a small one."""
     return steps * _SMALL // max(_SMALL, model.nv)
+
+
+_SLACK = 1 + 1e-9  # keeps a value that equals its limit within it, whatever its rounding error
 
 
 class TooLongError(SweepFileError):
@@ -62,7 +66,8 @@ class CheckedModel:
     values: Mapping[str, object]  # the settings as requested, by axis
     duration: float  # simulated time of its nominal run [s]
     drive: Drive | None  # what drives it; the scene's own if None
-    limits: Limits
+    # Limits that replace those of the checks, by the name of the measure.
+    limits: Mapping[str, float]
     kind: TaskKind
     kind_reason: str  # why it is for that kind of task, in words
     notes: tuple[str, ...] = ()  # what is to be said of how it is run
@@ -182,6 +187,32 @@ class CheckedModel:
         self._written.add(name)
         driven = self.scenes.driven(scene or self.reference, drive)
         return [CheckRun(driven, driven.resolve(row, 0, seconds), store) for row in whole]
+
+    def measure(
+        self,
+        name: str,
+        value: float,
+        of: str | None = None,
+        *,
+        limit: float | None = None,
+        severity: Severity | None = None,
+    ) -> Measure:
+        """Return a value, and whether it meets its limit; NaN never does.
+
+        A limit or severity that is given replaces that of the check, but not that of the request.
+        """
+        rule = LIMITS[name]
+        bound = self.limits.get(name, rule.value if limit is None else limit)
+        assert bound is not None
+        return Measure(
+            name=name,
+            of=of,
+            value=value if math.isfinite(value) else None,
+            unit=rule.unit,
+            limit=bound,
+            holds=bool(value < bound if rule.strict else value <= bound * _SLACK),
+            severity=severity or rule.severity,
+        )
 
     def stores(self, *names: str) -> tuple[str, ...]:
         """Return which of these stores were written."""

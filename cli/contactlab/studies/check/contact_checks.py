@@ -24,7 +24,7 @@ from contactlab.studies.check.checked_model import (
 )
 from contactlab.studies.session import Values
 
-_REFSAFE_STEPS = 2.0  # timesteps to which refsafe raises a shorter time constant
+REFSAFE_STEPS = 2.0  # timesteps to which refsafe raises a shorter time constant
 _IMPEDANCE_RANGE = (1e-4, 0.9999)  # bounds that the engine holds an impedance to
 _LEAST_WIDTH = 1e-15
 
@@ -70,7 +70,7 @@ def effective_solref(checked: CheckedModel, solref: tuple[float, ...]) -> tuple[
     """Return a solref as the engine uses it: refsafe raises time constants to two timesteps."""
     if solref[0] <= 0 or not checked.resolved.flags["refsafe"]:
         return solref
-    return max(solref[0], _REFSAFE_STEPS * checked.resolved.timestep), solref[1]
+    return max(solref[0], REFSAFE_STEPS * checked.resolved.timestep), solref[1]
 
 
 def _clipped(solimp: tuple[float, ...]) -> tuple[float, ...]:
@@ -98,10 +98,9 @@ def stiff_solref(
 
     The load F [N] is that on one contact, the inverse mass A [1/kg] is 1/m1 + 1/m2 of its bodies.
     """
-    if max(STIFF_SOLREF[0], _REFSAFE_STEPS * timestep) == STIFF_SOLREF[0]:
-        found = rest_penetration(load, inverse_mass, STIFF_SOLREF, solimp)
-        if float(found) < depth:
-            return STIFF_SOLREF
+    found = float(rest_penetration(load, inverse_mass, STIFF_SOLREF, solimp))
+    if found < depth and REFSAFE_STEPS * timestep <= STIFF_SOLREF[0]:
+        return STIFF_SOLREF
     stiffness = load / _load_by_stiffness(depth, inverse_mass, solimp)
     return rounded_down(_BELOW / math.sqrt(stiffness)), 1.0
 
@@ -122,11 +121,6 @@ def _load_by_stiffness(depth: float, inverse_mass: float, solimp: Floats) -> flo
     end = float(np.clip(solimp[1], *_IMPEDANCE_RANGE))
     d = float(impedance(depth, solimp))
     return depth * d * d / (inverse_mass * (1 - d) * end**2)
-
-
-def longest_timestep(timeconst: float) -> float:
-    """Return the longest timestep at which refsafe leaves a time constant [s] as it is."""
-    return timeconst / _REFSAFE_STEPS
 
 
 def rounded_down(value: float) -> float:
@@ -189,7 +183,7 @@ def _measures(checked: CheckedModel, contact: ContactSet, run: CheckRun) -> Iter
     for name in ("penetration_steady", "penetration_growth"):
         value = run.record.metrics[name]
         found = math.nan if value is None else value
-        yield checked.limits.measure(name, found, contact.name)
+        yield checked.measure(name, found, contact.name)
     # The closed form for elliptic cones.
     load, each = _load(checked), 1 / checked.subject_mass
     expected = rest_penetration(load, each, contact.solref, contact.record.solimp)
@@ -209,13 +203,12 @@ def stiffer_rest(checked: CheckedModel, result: CheckResult) -> Iterator[Values]
     """
     failed = {each.of for each in violated(result.measures)}
     depths = {each.of: each for each in result.measures if each.name == "penetration_steady"}
-    solrefs = [
-        _stiff_solref(checked, contact, depths[contact.name])
-        for contact in contact_sets(checked)
-        if contact.name in failed
-    ]
-    solref = min(solrefs)
-    yield _stiffer(checked, solref, rounded_down(longest_timestep(solref[0])))
+    solref = min(
+        _stiff_solref(checked, each, depths[each.name])
+        for each in contact_sets(checked)
+        if each.name in failed
+    )
+    yield _stiffer(checked, solref)
 
 
 def _stiff_solref(
@@ -227,10 +220,13 @@ def _stiff_solref(
     return stiff_solref(load, each, solimp, checked.resolved.timestep, depth.limit or 0.0)
 
 
-def _stiffer(checked: CheckedModel, solref: tuple[float, ...], timestep: float) -> Values:
+def _stiffer(checked: CheckedModel, solref: tuple[float, ...]) -> Values:
     """Return a solref, and the timestep for it if refsafe would raise it at the model's own."""
     kept = effective_solref(checked, solref) == solref
-    return {"solref": solref} if kept else {"solref": solref, "timestep": timestep}
+    return {
+        "solref": solref,
+        **({} if kept else {"timestep": rounded_down(solref[0] / REFSAFE_STEPS)}),
+    }
 
 
 _SHELLS = "shells"
@@ -254,12 +250,12 @@ def check_contact_margin(checked: CheckedModel) -> CheckResult:
     ]
     measures: list[Measure] = []
     for name, record in pairs.items():
-        measures.append(checked.limits.measure("shell", record.margin, name))
+        measures.append(checked.measure("shell", record.margin, name))
         if record.margin > 0:
             measures.append(informative("pushes_from", distances.get(name, 0.0), "m", name))
         stiffness = float(stiffness_damping(effective_solref(checked, record.solref))[0])
         soft = stiffness**-0.5 if stiffness > 0 else math.inf
-        measures.append(checked.limits.measure("softness", soft, name))
+        measures.append(checked.measure("softness", soft, name))
     return check_result(_SHELLS, _PUSHES, measures, notes, checked.stores(NOMINAL_STORE))
 
 
@@ -280,4 +276,4 @@ def touch_only(_: CheckedModel, __: CheckResult) -> Iterator[Values]:
 
 def stiffer(checked: CheckedModel, _: CheckResult) -> Iterator[Values]:
     """Yield the guideline's solref, and a timestep at which refsafe does not raise it."""
-    yield _stiffer(checked, STIFF_SOLREF, longest_timestep(STIFF_SOLREF[0]))
+    yield _stiffer(checked, STIFF_SOLREF)

@@ -28,6 +28,11 @@ from contactlab.scene.written_inertia import (
     open_triangle,
     written_inertia_faults,
 )
+from contactlab.schema.check_report import Measure
+from contactlab.studies.check.checked_model import CheckedModel
+
+_IMPOSSIBLE = ("not_positive", "triangle", "balanced")
+"""Faults of an inertia itself; the others compare it with shapes, which are simplified."""
 
 LIGHTEST, DENSEST = 50.0, 20000.0
 """Densities [kg/m^3] from foam and hollow shells to osmium, rounded."""
@@ -50,6 +55,27 @@ class BodyInertia(NamedTuple):
     moments: Floats
     axes: Floats
     centre: Floats
+
+
+def judged_inertias(checked: CheckedModel) -> tuple[list[Measure], list[str]]:
+    """Return measures of the inertias that none can be, as written and simulated, and all notes."""
+    written = scene_inertia_faults(checked.scene.source, checked.resolved.structure)
+    found = (*inertia_faults(checked.prepared.model), *written)
+    faults = {(each.body, each.kind): each for each in found}.values()
+    measures = [
+        Measure(
+            name=f"inertia_{each.kind}",
+            of=each.body,
+            value=each.value,
+            unit=each.unit,
+            limit=float(each.limit),
+            holds=False,
+            severity="error",
+        )
+        for each in faults
+        if each.kind in _IMPOSSIBLE
+    ]
+    return measures, [f"body '{each.body}': {each.reason}" for each in faults]
 
 
 def density_faults(model: mujoco.MjModel, index: int, body: BodyInertia) -> Iterator[InertiaFault]:

@@ -1,7 +1,7 @@
 """All checks of a model."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,7 +24,7 @@ from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import Drive
 from contactlab.store.table_layout import record_to_row
 from contactlab.studies.check.check_page import page
-from contactlab.studies.check.check_results import LIMITS, Limits, check_result, findings_of
+from contactlab.studies.check.check_results import LIMITS, REPLACEABLE, check_result, findings_of
 from contactlab.studies.check.checked_model import (
     NOMINAL_STORE,
     CheckedModel,
@@ -33,7 +33,7 @@ from contactlab.studies.check.checked_model import (
     most_steps,
 )
 from contactlab.studies.check.contact_checks import check_contact_margin, check_flat_contact
-from contactlab.studies.check.free_motion_check import check_free_motion
+from contactlab.studies.check.free_motion import check_free_motion
 from contactlab.studies.check.remedies import Check, find_remedies
 from contactlab.studies.check.run_checks import (
     check_hold,
@@ -122,6 +122,7 @@ def open_model(request: CheckRequest, session: Session) -> CheckedModel:
     Raises a SceneError if there is no such scene, or it does not compile; a SweepFileError if a
     setting is wrong (all are named).
     """
+    _require_known("limit", request.limits, REPLACEABLE)
     scenes, reference = SceneLoader(Path()), request.model
     scene = scenes.open(reference)
     values, sweep = read_settings(scenes, reference, request.assign, ("duration",))
@@ -153,7 +154,7 @@ def open_model(request: CheckRequest, session: Session) -> CheckedModel:
         values=_settings(resolved, values),
         duration=most if shorter else sweep.duration or scene.duration,
         drive="exercise" if bare and request.drive is None else request.drive,
-        limits=Limits(request.limits),
+        limits=request.limits,
         kind=kind,
         kind_reason=reason,
         notes=(note,) * shorter,
@@ -182,11 +183,14 @@ def _kind(base: CompiledScene, asked: TaskKind | None) -> tuple[TaskKind, str]:
 
 
 def _chosen(only: Sequence[str]) -> list[CheckName]:
-    for name in only:
-        if name not in _CHECKS:
-            hint = did_you_mean(name, _CHECKS)
-            raise SweepFileError(f"no check '{name}'{hint}; there are {', '.join(_CHECKS)}")
+    _require_known("check", only, _CHECKS)
     return [name for name in _CHECKS if name in only or not only]
+
+
+def _require_known(kind: str, names: Iterable[str], known: Iterable[str]) -> None:
+    for name in (each for each in names if each not in known):
+        hint = did_you_mean(name, known)
+        raise SweepFileError(f"no {kind} '{name}'{hint}; there are {', '.join(known)}")
 
 
 def _not_exercised(checked: CheckedModel) -> Iterator[str]:

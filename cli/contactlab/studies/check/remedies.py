@@ -12,7 +12,7 @@ from contactlab.schema.check_report import CheckName, CheckResult, Edit, Finding
 from contactlab.studies.check.check_results import findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError
 from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
-from contactlab.studies.check.free_motion_check import steadier
+from contactlab.studies.check.free_motion import steadier
 from contactlab.studies.check.run_checks import firmer, harder, shorter_steps, shorter_timestep
 from contactlab.studies.session import Values
 

@@ -16,7 +16,6 @@ from contactlab.scene.run_setup import make_setup
 from contactlab.scene.setting_values import as_vector
 from contactlab.schema.check_report import CheckResult, Measure, Reference, TaskKind
 from contactlab.studies.check.check_results import (
-    Limits,
     check_result,
     informative,
     utilization,
@@ -36,7 +35,7 @@ def check_timestep(checked: CheckedModel) -> CheckResult:
     """Compare the timestep with the kind of task, the thinnest geoms and the stiffest contact."""
     step, limit = checked.resolved.timestep, LONGEST[checked.kind]
     measures = [
-        checked.limits.measure("timestep", step, checked.kind, limit=limit),
+        checked.measure("timestep", step, checked.kind, limit=limit),
         *_ratios(checked),
         *_travels(checked),
     ]
@@ -52,7 +51,7 @@ def _ratios(checked: CheckedModel) -> Iterator[Measure]:
     for each in contact_sets(checked):
         stiffness, _ = stiffness_damping(each.solref)
         ratio = checked.resolved.timestep * math.sqrt(max(float(stiffness), 0.0))
-        yield checked.limits.measure("step_ratio", ratio, each.name)
+        yield checked.measure("step_ratio", ratio, each.name)
 
 
 def _travels(checked: CheckedModel) -> Iterator[Measure]:
@@ -66,7 +65,7 @@ def _travels(checked: CheckedModel) -> Iterator[Measure]:
     for pair, speed, half in zip(base.pairs, speeds, thickness, strict=True):
         if math.isfinite(half):
             travel = float(speed) * step
-            yield checked.limits.measure("travel", travel, pair.name, limit=float(half))
+            yield checked.measure("travel", travel, pair.name, limit=float(half))
     gravity = float(np.linalg.norm(as_vector(checked.settings["gravity"])))
     fall = math.sqrt(2 * gravity * model.stat.extent)
     yield informative("travel_of_a_fall", fall * step, "m", "over the model's extent")
@@ -103,40 +102,41 @@ _STAYS = "what is held or stands stays: below 5 mode switches a second, 1 mm dee
 
 def check_hold(checked: CheckedModel) -> CheckResult:
     """Measure the pairs that are held or stand in the window of a hold."""
-    limits, runs = checked.limits, (checked.nominal, checked.standing)
+    runs = checked.nominal, checked.standing
     incomplete = next((run for run in runs if not run.is_complete), None)
     stores = checked.stores(NOMINAL_STORE, HOLD_STORE)
     if incomplete:
         lost = incomplete.record.steps_asked - incomplete.record.steps
         notes = [f"the run is not complete: {incomplete.record.status_reason}"]
-        measures = [limits.measure("steps_lost", max(lost, 1))]
+        measures = [checked.measure("steps_lost", max(lost, 1))]
         return check_result("hold", _STAYS, measures, notes, stores)
     holding = checked.holding
-    measures = [each for pair in holding.held for each in _hold_measures(pair, holding, limits)]
+    measures = [each for pair in holding.held for each in _hold_measures(checked, pair)]
     if holding.declared:
-        measures += _declared(checked.standing, limits)
+        measures += _declared(checked)
     if not measures:
         return check_result("hold", _STAYS, [], [holding.nothing], stores)
     notes = [f"measured from {holding.window[0]:g} to {holding.window[1]:g} s", *_bands(holding)]
     return check_result("hold", _STAYS, measures, notes, stores)
 
 
-def _hold_measures(held: HeldPair, holding: Holding, limits: Limits) -> list[Measure]:
-    severity = "error" if holding.declared else None
+def _hold_measures(checked: CheckedModel, held: HeldPair) -> list[Measure]:
+    severity = "error" if checked.holding.declared else None
     return [
-        limits.measure("mode_switches", held.switches, held.name),
-        limits.measure("penetration_mean", held.depth, held.name),
-        limits.measure("slip", held.slip, held.name, severity=severity),
+        checked.measure("mode_switches", held.switches, held.name),
+        checked.measure("penetration_mean", held.depth, held.name),
+        checked.measure("slip", held.slip, held.name, severity=severity),
         informative("force_mean", held.force, "N", held.name),
     ]
 
 
-def _declared(run: CheckRun, limits: Limits) -> list[Measure]:
+def _declared(checked: CheckedModel) -> list[Measure]:
     """Return the measures of a hold that the scene declares."""
-    contact, drop = (run.record.metrics.get(name) for name in ("hold_contact", "hold_drop"))
+    metrics = checked.standing.record.metrics
+    contact, drop = (metrics.get(name) for name in ("hold_contact", "hold_drop"))
     share = np.nan if contact is None else contact
     more = [] if drop is None else [informative("drop", drop, "m")]
-    return [limits.measure("loose_share", 1 - share), *more]
+    return [checked.measure("loose_share", 1 - share), *more]
 
 
 def _bands(holding: Holding) -> Iterator[str]:
@@ -182,8 +182,7 @@ def check_repeat(checked: CheckedModel) -> CheckResult:
     if (repeats := nominal.record.metrics.get("repeats")) is not None:
         differing["in the same process"] = 1.0 - repeats
     measures = [
-        checked.limits.measure("trajectories_differ", value, where)
-        for where, value in differing.items()
+        checked.measure("trajectories_differ", value, where) for where, value in differing.items()
     ]
     note = f"reference.json has what a parallel engine must reproduce within {TOLERANCE:.0%}"
     stores = checked.stores(NOMINAL_STORE, "repeat")

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from contactlab.errors import ExpectationError, SceneError, SweepFileError, did_you_mean
+from contactlab.errors import ExpectationError, SceneError, SweepFileError
 from contactlab.measure import METRICS
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.schema.drive import Drive
@@ -49,8 +49,7 @@ class TuneRequest:
         if not scenes.open(self.model).base({}).model.nv:
             raise SceneError(f"{self.model} has no joints: nothing moves, so nothing can be tuned")
         for name in self.tolerances:
-            if name not in METRICS:
-                raise SweepFileError(f"no metric '{name}'{did_you_mean(name, METRICS)}")
+            SweepFileError.unless_known(name, METRICS, f"no metric '{name}'")
         return AblationSetup(scenes, self.model, tuple(BASELINE))
 
 
