@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from contactlab.run.tasks import Finished
     from contactlab.schema.evidence import StoreManifest
     from contactlab.store.object_client import ObjectClient
-    from contactlab.store.store_address import ObjectAddress
+    from contactlab.store.store_files import ObjectAddress
 
 # A busy machine is no defect of the code under test. HYPOTHESIS_PROFILE=thorough, as in CI's run
 # with the lowest versions, looks at twice as many examples.

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.store.store_address import ObjectAddress, parse_address
+from contactlab.store.store_files import ObjectAddress, parse_address
 
 
 @pytest.fixture

@@ -18,7 +18,7 @@ from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Task
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_files import ObjectAddress
 from contactlab.store.verify_store import verify
 
 pytestmark = pytest.mark.usefixtures("forgotten")

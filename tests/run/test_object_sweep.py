@@ -16,7 +16,7 @@ from contactlab.run.sweep_runner import run_sweep
 from contactlab.run.tasks import Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 from contactlab.store import store_lease
-from contactlab.store.store_address import Address, ObjectAddress, parse_address
+from contactlab.store.store_files import Address, ObjectAddress, parse_address
 from contactlab.store.store_lease import LockHolder
 from contactlab.store.verify_store import verify
 

@@ -14,7 +14,7 @@ import pytest
 from contactlab.run import ray_worker, worker_pool
 from contactlab.run.tasks import Crashed, PlannedRun, Task
 from contactlab.scene.scene_source import stored_scene
-from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_files import ObjectAddress
 
 # Above what any system counts to.
 NO_PROCESS = 1 << 23

@@ -26,7 +26,7 @@ from contactlab.schema.evidence import (
     TraceFile,
 )
 from contactlab.store.mcap.trace_writer import TraceExtras
-from contactlab.store.store_address import ObjectAddress, parse_address
+from contactlab.store.store_files import ObjectAddress, parse_address
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.table_layout import (
     REAL,

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.errors import OutputError
-from contactlab.store.store_address import SCHEMES, ObjectAddress, parse_address
+from contactlab.store.store_files import SCHEMES, ObjectAddress, parse_address
 
 NAMES = st.text("abcdefghij0123456789-_. ", min_size=1, max_size=12).filter(
     lambda name: name not in {".", ".."}

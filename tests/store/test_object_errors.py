@@ -14,7 +14,7 @@ import pytest
 
 from contactlab.errors import ContactlabError, OutputError, StoreError
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_files import Address, parse_address
 from contactlab.store.store_writer import open_writer
 
 KEYS = "AWS_ACCESS_KEY_ID, AWS_SECRET_ACCESS_KEY and AWS_REGION"

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from contactlab.errors import OutputError
-from contactlab.store.store_address import ObjectAddress, parse_address
-from contactlab.store.store_files import LOCK
+from contactlab.store.store_files import LOCK, ObjectAddress, parse_address
 from contactlab.store.store_lease import LockHolder, StoreLease, hold_lease
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import pytest
 from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import ObjectAddress
+from contactlab.store.store_files import ObjectAddress
 from contactlab.store.store_writer import StoreWriter, open_writer
 from contactlab.store.verify_store import verify
 

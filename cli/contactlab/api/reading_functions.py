@@ -10,7 +10,7 @@ from contactlab.reporting.report import PageRequest, write_page
 from contactlab.schema.compare_policy import ComparePolicy
 from contactlab.schema.comparison_report import ComparisonReport
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_files import Address, parse_address
 
 
 def open(store: str | Address) -> Store:

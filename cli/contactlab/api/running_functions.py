@@ -17,7 +17,7 @@ from contactlab.schema.compare_policy import AcceptedCheck
 from contactlab.schema.effects_report import EffectsReport
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_files import Address, parse_address
 from contactlab.studies import stability_cases, tradeoff_sweep
 from contactlab.studies.check import model_check
 from contactlab.studies.effects import ablation

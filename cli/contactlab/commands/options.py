@@ -14,7 +14,7 @@ from contactlab.errors import OutputError, SweepFileError
 if TYPE_CHECKING:
     from contactlab.pareto.criteria import Criteria
     from contactlab.store.finished_store import Store
-    from contactlab.store.store_address import Address
+    from contactlab.store.store_files import Address
 else:
     # The parser turns text into an address. Its type, which typer wants to see at import time,
     # would load Arrow before any command is chosen.
@@ -25,7 +25,7 @@ Format = Literal["text", "json"]
 
 def store_at(text: str) -> "Address":
     """Return the address of a store; raise OutputError for what is none."""
-    from contactlab.store.store_address import parse_address
+    from contactlab.store.store_files import parse_address
 
     return parse_address(text)
 

@@ -118,7 +118,7 @@ def _write(path: Path, report: "TradeoffReport") -> None:
     from contactlab.schema.evidence import ERRORS
     from contactlab.store.atomic_files import atomic_write
     from contactlab.store.finished_store import Store
-    from contactlab.store.store_address import parse_address
+    from contactlab.store.store_files import parse_address
 
     store = Store.open(parse_address(report.store))
     text = recommended_sweep(store, report, path.parent)

@@ -37,7 +37,7 @@ from contactlab.schema.comparison_report import (
     Verdict,
 )
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import Address
+from contactlab.store.store_files import Address
 from contactlab.store.verify_store import verify
 
 DEFAULT_POLICY = ComparePolicy(version=1)

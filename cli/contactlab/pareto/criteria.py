@@ -11,7 +11,7 @@ from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import ErrorMeasure, TimeMeasure
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import Address, parse_address
+from contactlab.store.store_files import Address, parse_address
 
 MODELLING = "oracle_error"
 TIMED = "time_median"

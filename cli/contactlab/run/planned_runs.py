@@ -31,8 +31,7 @@ from contactlab.schema.evidence import SweepIdentity
 from contactlab.schema.sweep_schema import Sweep, effects_base
 from contactlab.store.controls_file import read_control_table, read_controls
 from contactlab.store.folder_backend import backend_at
-from contactlab.store.store_address import Address
-from contactlab.store.store_files import SCENES
+from contactlab.store.store_files import SCENES, Address
 
 MAX_RUNS = 32  # runs of a job at most
 # Recorded states and sensors of a job; with temporary arrays a worker needs three times as much.

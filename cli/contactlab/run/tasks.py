@@ -17,7 +17,7 @@ from contactlab.plugins import Plugin
 from contactlab.scene.drive.located_drive import LocatedDrive
 from contactlab.schema.evidence import Provenance, SweepIdentity
 from contactlab.schema.sweep_schema import Expectation, Sweep
-from contactlab.store.store_address import Address
+from contactlab.store.store_files import Address
 
 
 class Stop:

@@ -47,8 +47,7 @@ from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
-from contactlab.store.store_address import Address
-from contactlab.store.store_files import TRACES, time_now
+from contactlab.store.store_files import TRACES, Address, time_now
 from contactlab.store.table_layout import record_to_row
 
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]

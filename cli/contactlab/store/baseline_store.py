@@ -12,13 +12,13 @@ from contactlab.store.atomic_files import exchange_folders, sha256_of, sync_file
 from contactlab.store.controls_file import controls_name
 from contactlab.store.finished_store import Store
 from contactlab.store.runs_table import rows_digest, write_compact_table
-from contactlab.store.store_address import Address
 from contactlab.store.store_files import (
     IDENTITY,
     MANIFEST,
     SCENES,
     TABLE,
     TRACES,
+    Address,
     check_tree,
     document_json,
 )

@@ -27,13 +27,14 @@ from contactlab.store.runs_table import (
     count_outcomes,
     iterate_rows,
 )
-from contactlab.store.store_address import Address, parse_address
 from contactlab.store.store_files import (
     IDENTITY,
     MANIFEST,
     SCENES,
     TABLE,
+    Address,
     check_tree,
+    parse_address,
     parse_manifest,
     stored_file,
 )

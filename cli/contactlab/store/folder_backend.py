@@ -18,7 +18,6 @@ from contactlab.store.atomic_files import (
     target_name,
     write_errors,
 )
-from contactlab.store.store_address import Address
 from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
@@ -30,6 +29,7 @@ from contactlab.store.store_files import (
     SCENES,
     TABLE,
     TRACES,
+    Address,
     check_tree,
     document_json,
     read_stored,

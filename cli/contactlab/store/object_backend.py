@@ -20,7 +20,6 @@ from contactlab.errors import OutputError, StoreError
 from contactlab.schema.evidence import StoreManifest, SweepIdentity
 from contactlab.schema.strict_model import is_inner_name
 from contactlab.store.object_client import ObjectClient
-from contactlab.store.store_address import ObjectAddress
 from contactlab.store.store_files import (
     CONTROLS,
     IDENTITY,
@@ -31,6 +30,7 @@ from contactlab.store.store_files import (
     SCENES,
     TABLE,
     TRACES,
+    ObjectAddress,
     check_same_sweep,
     document_json,
     parse_manifest,

@@ -23,8 +23,7 @@ from obstore.exceptions import (
 from obstore.store import AzureStore, GCSStore, ObjectStore, S3Store
 
 from contactlab.errors import ContactlabError
-from contactlab.store.store_address import ObjectAddress
-from contactlab.store.store_files import MOST_DOCUMENT
+from contactlab.store.store_files import MOST_DOCUMENT, ObjectAddress
 
 if TYPE_CHECKING:
     from obstore import UpdateVersion

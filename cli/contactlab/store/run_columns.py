@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 
 from contactlab.errors import StoreError
 from contactlab.store.runs_table import shared_fields, table_errors
-from contactlab.store.store_address import Address
-from contactlab.store.store_files import TABLE, stored_file
+from contactlab.store.store_files import TABLE, Address, stored_file
 from contactlab.store.table_layout import Column, column_of
 
 _MAX_CATEGORIES = 64  # a bit each in a 64-bit mask

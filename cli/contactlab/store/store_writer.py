@@ -30,7 +30,6 @@ from contactlab.store.row_journal import (
 )
 from contactlab.store.run_columns import RunColumns
 from contactlab.store.runs_table import OUTCOME_COLUMNS, count_outcomes, iterate_rows, write_table
-from contactlab.store.store_address import Address
 from contactlab.store.store_files import (
     IDENTITY,
     JOURNAL,
@@ -38,6 +37,7 @@ from contactlab.store.store_files import (
     NOTES,
     SCENES,
     TABLE,
+    Address,
     check_same_sweep,
     parse_identity,
     parse_manifest,

@@ -14,12 +14,12 @@ from contactlab.store.controls_file import read_controls
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import trace_problems
 from contactlab.store.runs_table import iterate_rows, rows_digest
-from contactlab.store.store_address import Address
 from contactlab.store.store_files import (
     IDENTITY,
     MANIFEST,
     SCENES,
     TABLE,
+    Address,
     parse_identity,
     stored_file,
 )

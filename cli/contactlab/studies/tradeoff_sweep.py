@@ -27,7 +27,7 @@ from contactlab.schema.evidence import ERRORS
 from contactlab.schema.sweep_schema import Sweep
 from contactlab.schema.tradeoff_report import Recommendation, TradeoffReport
 from contactlab.store.finished_store import Store
-from contactlab.store.store_address import Address
+from contactlab.store.store_files import Address
 from contactlab.studies.session import Session
 
 

@@ -39,7 +39,6 @@ UNREADABLE = (
 _FRAME_SIZE = 9
 _FOOTER = struct.Struct("<BQQQI")
 _DATA_END = struct.Struct("<BQI")
-_MIN_SIZE = 2 * len(MCAP0_MAGIC) + _DATA_END.size + _FOOTER.size
 _CRC_SIZE = 4
 _MOST_CHUNK = 64 << 20
 """Bytes that a chunk may hold: one that is written has 1 MiB, and as much as one step records."""
@@ -50,29 +49,23 @@ def find_damage(data: bytes) -> str | None:
 
     The two checksums cover all bytes, so any flipped byte is found.
     """
-    if len(data) < _MIN_SIZE or not data.startswith(MCAP0_MAGIC):
+    end = len(data) - len(MCAP0_MAGIC)
+    tail = end - _FOOTER.size
+    if tail < len(MCAP0_MAGIC) + _DATA_END.size or not data.startswith(MCAP0_MAGIC):
         return "this is no MCAP file"
     if not data.endswith(MCAP0_MAGIC):
         return "the file is truncated, or its end is damaged"
-    end = len(data) - len(MCAP0_MAGIC)
-    opcode, length, summary_start, _, summary_crc = _FOOTER.unpack_from(data, end - _FOOTER.size)
-    if (opcode, length) != (Opcode.FOOTER, _FOOTER.size - _FRAME_SIZE):
-        return "the footer is damaged"
-    if summary_start == 0:
-        return "the summary is missing"
-    if summary_crc != zlib.crc32(data[summary_start : end - _CRC_SIZE]):
+    *_, start, offsets, _ = _FOOTER.unpack_from(data, tail)
+    data_end = start - _DATA_END.size
+    if not 0 <= data_end <= tail - _DATA_END.size:
+        return "the footer does not say where the summary is"
+    view, length = memoryview(data), _FOOTER.size - _FRAME_SIZE
+    crc = zlib.crc32(view[start : end - _CRC_SIZE])
+    if data[tail:end] != _FOOTER.pack(Opcode.FOOTER, length, start, offsets, crc):
         return "the summary does not match its checksum"
-    return _find_data_damage(data, summary_start)
-
-
-def _find_data_damage(data: bytes, summary_start: int) -> str | None:
-    data_end = summary_start - _DATA_END.size
-    if not 0 <= data_end <= len(data) - _MIN_SIZE + len(MCAP0_MAGIC):
-        return "the footer points outside the file"
-    opcode, length, crc = _DATA_END.unpack_from(data, data_end)
-    if (opcode, length) != (Opcode.DATA_END, _CRC_SIZE):
-        return "the data section does not end right before the summary"
-    if crc != zlib.crc32(memoryview(data)[:data_end]):
+    if data[data_end:start] != _DATA_END.pack(
+        Opcode.DATA_END, _CRC_SIZE, zlib.crc32(view[:data_end])
+    ):
         return "the data section does not match its checksum"
     return None
 
