@@ -52,7 +52,7 @@ def run_labels(codes: list[int]) -> RunLabels:
 
 
 def quantity(values: list[float], better: str = "lower") -> Quantity:
-    return Quantity(Column("q", REAL, "m", "", better), "", np.array(values))
+    return Quantity(Column("q", REAL, "m", "", better), np.array(values))
 
 
 Runs = list[tuple[int, int, int, float]]

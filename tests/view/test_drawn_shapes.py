@@ -9,7 +9,7 @@ import pytest
 
 from contactlab.contact.trace_arrays import Floats
 from contactlab.scene.model_names import name_by_address
-from contactlab.view.drawn_shapes import BodyShape, body_names, moving_bodies, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, poses, shapes
 
 GEOMS = {
     "box": 'type="box" size="0.1 0.2 0.3"',
@@ -132,12 +132,6 @@ def test_what_viewers_hide_is_left_out_unless_a_body_has_nothing_else() -> None:
     names = {each.name for each in shapes(compiled("box"))}
     assert not names & {"hidden", "clear"}
     assert "proxy" in names
-
-
-def test_every_body_has_a_name_of_its_own() -> None:
-    model = compiled("box")
-    assert body_names(model) == ("world", "thing", "body[2]", "body[3]")
-    assert moving_bodies(model).tolist() == [False, True, True, True]
 
 
 def loop_poses(model: mujoco.MjModel, qpos: Floats) -> Sequence[Floats]:

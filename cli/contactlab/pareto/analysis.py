@@ -142,22 +142,12 @@ def _blockers(evaluated: Sequence[Evaluated]) -> Iterator[Blocker]:
     """Yield what keeps configurations from being feasible, the most frequent first."""
     exceeded = Counter(name for each in evaluated for name in each.exceeded)
     failed = Counter(label for each in evaluated for label in each.failures)
-    blockers = [
-        Blocker(
-            name=name,
-            kind="tolerance" if name in exceeded else "label",
-            configurations=count,
-            best=_best(evaluated, name),
-        )
-        for name, count in (*exceeded.items(), *failed.items())
-    ]
-    yield from sorted(blockers, key=lambda each: -each.configurations)
-
-
-def _best(evaluated: Sequence[Evaluated], name: str) -> float | None:
-    """Return the smallest of the worst values of a metric; None for a label."""
-    worst = (each.summary.worst.get(name) for each in evaluated)
-    return min((value for value in worst if value is not None), default=None)
+    for name, count in (exceeded + failed).most_common():
+        # Of a metric, the smallest of the worst values.
+        worst = (each.summary.worst.get(name) for each in evaluated)
+        best = min((value for value in worst if value is not None), default=None)
+        kind = "tolerance" if name in exceeded else "label"
+        yield Blocker(name=name, kind=kind, configurations=count, best=best)
 
 
 _NOISY = 0.05  # spread of the rounds of a timing pass from which a note says so

@@ -63,16 +63,14 @@ def error_measure(
     if not _is_measured(store, name) and not _all_failed(store):
         hint = "; sweep with `accuracy: {error: auto}`" if name in ERRORS else ""
         raise StoreError(f"no run in {store.address} has a value of {name}{hint}")
-    described = store.columns.measured.get(name)
-    schema = store.columns.schema
-    metadata = (schema.field(name).metadata if name in schema.names else None) or {}
+    described = store.columns.described.get(name)
     # What the errors measure is the same for all runs of a sweep.
     kinds = store.columns.strings("error_kind").categories if name in ERRORS else ()
     asked = Sweep.model_validate(store.manifest.sweep.resolved).accuracy
     modelling = "modelling" if name == MODELLING else "metric"
     return ErrorMeasure(
         name=name,
-        unit=metadata.get(b"unit", b"").decode(),
+        unit=described.unit if described else "",
         kind="discretisation" if name in ERRORS else modelling,
         against=next(iter(kinds), None),
         reference=asked.against if name in ERRORS and asked else "own",

@@ -58,7 +58,7 @@ def html_page(store: Store, request: PageRequest) -> tuple[str, tuple[str, ...]]
     outcomes = report.configurations if report else ()
     changes = knob_changes(data.axes, data.labels, data.quantities)
     text = environment.get_template("page.html").render(
-        number=number_text,
+        number=lambda value: "-" if value is None else f"{value:.3g}",
         with_unit=number_with_unit,
         heading=with_unit,
         setting=setting_text,
@@ -144,8 +144,3 @@ def ratio_names(data: ReportData, changes: Sequence[KnobChange]) -> list[str]:
     known = {name for each in changes for name, ratio in each.ratios.items() if ratio is not None}
     wanted = dict.fromkeys((*first, *summary_metrics()))
     return [name for name in wanted if name in known][:_MOST_RATIOS]
-
-
-def number_text(value: float | None) -> str:
-    """Return a number to three digits; a dash where there is none."""
-    return "-" if value is None else f"{value:.3g}"

@@ -57,7 +57,10 @@ def page_content(
     with_series = list(dict.fromkeys(_by_interest(data)))[:traces] if traces else []
     rows = _selected_runs(data, with_series) if is_aggregated else np.arange(total)
     positions = {row: position for position, row in enumerate(rows.tolist())}
-    records = {positions[row]: record for row, record in _records(data.store, with_series).items()}
+    stored = data.store.columns
+    records = {
+        positions[row]: row_to_record(stored.row(row), stored.shared) for row in sorted(with_series)
+    }
     axes = aggregated_axes(data.axes) if is_aggregated else data.axes
     table = data.tolerance_table()
     columns = _columns(data, axes, rows, table)
@@ -80,7 +83,7 @@ def page_content(
         },
         "modes": list(MODE_NAMES.values()),
         "quantities": [
-            [each.name, column.unit, column.better, column.resolution, each.description]
+            [each.name, column.unit, column.better, column.resolution, column.description]
             for each in data.quantities
             for column in [each.column]
         ],
@@ -186,11 +189,6 @@ def _tradeoff(report: TradeoffReport) -> dict[str, Any]:
         "equallyAccurate": MORE_ACCURATE,
         "safeMargin": SAFE_MARGIN,
     }
-
-
-def _records(store: Store, rows: Sequence[int]) -> dict[int, EvidenceRecord]:
-    columns = store.columns
-    return {row: row_to_record(columns.row(row), columns.shared) for row in sorted(rows)}
 
 
 def _details(record: EvidenceRecord) -> dict[str, Any]:

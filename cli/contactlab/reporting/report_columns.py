@@ -52,7 +52,6 @@ class Quantity:
     """One measured column of n runs; values (n,) are NaN where there is no finite one."""
 
     column: Column
-    description: str
     values: Floats
 
     @property
@@ -119,8 +118,7 @@ def read_axes(store: Store) -> tuple[GridAxis, ...]:
 
 
 def _axis(columns: RunColumns, name: str, kind: Role) -> GridAxis:
-    metadata = columns.schema.field(name).metadata or {}
-    unit = metadata.get(b"unit", b"").decode()
+    unit = columns.described[name].unit
     if not columns.is_number(name):
         codes, strings = columns.strings(name)
         values = tuple(string.strip() for string in strings)
@@ -171,10 +169,8 @@ def read_quantities(store: Store) -> tuple[Quantity, ...]:
     for column in store.columns.measured.values():
         values = store.columns.numbers(column.name).values
         finite = np.isfinite(values)
-        metadata = store.columns.schema.field(column.name).metadata or {}
-        description = metadata.get(b"description", b"").decode()
         if finite.any():
-            quantities.append(Quantity(column, description, np.where(finite, values, np.nan)))
+            quantities.append(Quantity(column, np.where(finite, values, np.nan)))
     return tuple(quantities)
 
 

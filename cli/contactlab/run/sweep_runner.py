@@ -9,7 +9,7 @@ from pydantic_core import PydanticSerializationError
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import allowed_policy
 from contactlab.errors import SweepFileError
-from contactlab.measure import LABELS, METRICS, Metric
+from contactlab.measure import LABELS, METRICS
 from contactlab.plugins import loaded_plugins
 from contactlab.run.evidence_record import as_written, definitions, engine, metric_units, provenance
 from contactlab.run.passes import SweepSession, run_passes
@@ -181,15 +181,13 @@ def _columns(request: SweepRequest, index: RunIndex) -> list[Column]:
         values |= {name: [value] for name, value in first.items()}
     values |= {axis.name: axis.values for axis in request.plan.axes if axis.name in values}
     axes = [_axis_column(request.scene, name, taken) for name, taken in values.items()]
-    metrics = [_metric_column(metric) for metric in METRICS.values()]
+    metrics = [
+        Column(m.name, REAL, m.unit, m.definition, m.better, m.resolution, m.kind == "check")
+        for m in METRICS.values()
+    ]
     effects = struct_column("effects", dict.fromkeys(EFFECTS, True))
     plugins = [PLUGINS_COLUMN] if loaded_plugins() else []
     return [*axes, *metrics, struct_column("settings", settings), effects, *plugins]
-
-
-def _metric_column(metric: Metric) -> Column:
-    said = metric.unit, metric.definition, metric.better, metric.resolution
-    return Column(metric.name, REAL, *said, second_pass=metric.kind == "check")
 
 
 def _axis_column(scene: Scene, name: str, values: Sequence[object]) -> Column:

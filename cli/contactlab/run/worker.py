@@ -12,7 +12,7 @@ from pydantic_core import to_json
 
 from contactlab.accuracy.discretization import discretization_errors
 from contactlab.accuracy.timing import work_of_runs
-from contactlab.contact.trace_arrays import PairSeries, RecordedControls, SelfChecks, Trace
+from contactlab.contact.trace_arrays import RecordedControls, SelfChecks, Trace
 from contactlab.contact.trace_setup import Setup
 from contactlab.engines import engine_of
 from contactlab.engines.closed_loop import load_policy
@@ -47,7 +47,7 @@ from contactlab.store.controls_file import controls_name, encode_controls
 from contactlab.store.folder_backend import backend_at
 from contactlab.store.mcap.trace_reader import ACTIVATIONS
 from contactlab.store.mcap.trace_writer import TraceExtras, encode_trace
-from contactlab.store.store_files import TRACES, Address, time_now
+from contactlab.store.store_files import TRACES, time_now
 from contactlab.store.table_layout import record_to_row
 
 _GRACE = 1.0  # how long a job's second pass may go on once the sweep should stop [s]
@@ -106,39 +106,6 @@ def _without_momentum(trace: Trace, setup: Setup) -> Trace:
     )
 
 
-class _TraceSink:
-    """Adds traces and recorded controls to a store.
-
-    An OutputError says that the store cannot be reached or written.
-    """
-
-    def __init__(self, store: Address) -> None:
-        self._backend = backend_at(store, OutputError)
-        self._controls: set[str] = set()
-
-    def add(
-        self, run_id: str, trace: Trace, row: int, series: Sequence[PairSeries], extras: TraceExtras
-    ) -> TraceFile:
-        """Store the trace of a run; it is in the store when this returns; see `encode_trace`."""
-        name = _trace_name(run_id)
-        content, messages = encode_trace(trace, row, series, extras)
-        self._backend.put(name, content)
-        sha256 = hashlib.sha256(content).hexdigest()
-        return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
-
-    def add_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
-        """Store what a policy did to (nu) named actuators, unless it is there; return its hash."""
-        sha256 = controls.sha256
-        if sha256 not in self._controls:
-            self._backend.put(controls_name(sha256), encode_controls(controls, actuators))
-            self._controls.add(sha256)
-        return sha256
-
-    def remove(self, run_id: str) -> None:
-        """Remove the trace of a run, if there is one."""
-        self._backend.delete([_trace_name(run_id)])
-
-
 def _trace_name(run_id: str) -> str:
     return f"{TRACES}/{run_id[:2]}/{run_id}.mcap"
 
@@ -150,7 +117,8 @@ class _AbandonedError(Exception):
 class Worker:
     """Runs jobs of one sweep, keeping models and memory between them.
 
-    Raises a PluginError if a plug-in of the sweep is not here.
+    Raises a PluginError if a plug-in of the sweep is not here; an OutputError if its store cannot
+    be reached or written.
     """
 
     def __init__(self, task: Task, marker: Path | None, proceed: Proceed = proceed_always) -> None:
@@ -160,7 +128,8 @@ class Worker:
         self._preparer = Preparer(task, marker)
         self._scene = self._preparer.scene
         self._buffers, self._twin_buffers = Buffers(), Buffers()
-        self._traces = _TraceSink(task.store)
+        self._store = backend_at(task.store, OutputError)
+        self._controls: set[str] = set()  # hashes of those that this process has stored
         self._policy = task.policy and load_policy(task.policy.found_in(self._scene.drive))
         self._model_xml = self._scene.source.model.read_bytes()
 
@@ -263,7 +232,7 @@ class Worker:
 
     def crashed(self, run: PlannedRun, label: LabelEntry) -> Finished:
         """Record a run that crashes every worker; it has no trace."""
-        self._traces.remove(run.run_id)
+        self._store.delete([_trace_name(run.run_id)])
         (plan,) = self._preparer.plans((run,))
         return _finished(crash_record(self._task, plan, label))
 
@@ -273,7 +242,7 @@ class Worker:
         if outcome.controls is not None:
             model = outcome.plan.prepared.model
             names = [model.actuator(each).name for each in range(model.nu)]
-            sha256 = self._traces.add_controls(outcome.controls, names)
+            sha256 = self._write_controls(outcome.controls, names)
             record = record.model_copy(update={"controls": sha256})
         if self._keeps_trace(outcome.plan.run, record):
             record = record.model_copy(update={"trace": self._write_trace(record, outcome)})
@@ -286,16 +255,24 @@ class Worker:
             return run.index * wanted % self._task.identity.runs_asked < wanted
         return rule == "all" or (rule == "flagged" and record.label != "stable")
 
+    def _write_controls(self, controls: RecordedControls, actuators: Sequence[str]) -> str:
+        """Store what a policy did to (nu) named actuators, unless it is there; return its hash."""
+        sha256 = controls.sha256
+        if sha256 not in self._controls:
+            self._store.put(controls_name(sha256), encode_controls(controls, actuators))
+            self._controls.add(sha256)
+        return sha256
+
     def _write_trace(self, record: EvidenceRecord, outcome: RunOutcome) -> TraceFile:
-        """Write a run's trace; its record has neither cost nor times of day, so that it repeats."""
-        extras = TraceExtras(
-            record_json=record.model_dump_json().encode(),
-            metadata=_metadata(record, outcome.plan.prepared.model.na),
-            model_xml=self._model_xml,
-        )
-        group = outcome.group
+        """Store a run's trace; its record has neither cost nor times of day, so that it repeats."""
+        metadata = _metadata(record, outcome.plan.prepared.model.na)
+        extras = TraceExtras(record.model_dump_json().encode(), metadata, self._model_xml)
+        group, name = outcome.group, _trace_name(record.run_id)
         series = group.assessment.series
-        return self._traces.add(record.run_id, group.trace, outcome.row, series, extras)
+        content, messages = encode_trace(group.trace, outcome.row, series, extras)
+        self._store.put(name, content)
+        sha256 = hashlib.sha256(content).hexdigest()
+        return TraceFile(file=name, sha256=sha256, bytes=len(content), messages=dict(messages))
 
 
 def _finished(record: EvidenceRecord) -> Finished:

@@ -173,8 +173,7 @@ class Store:
     @property
     def units(self) -> dict[str, str]:
         """The unit of every column that holds numbers; `1` for counts and ratios."""
-        units = {field.name: (field.metadata or {}).get(b"unit") for field in self.table.schema}
-        return {name: unit.decode() for name, unit in units.items() if unit}
+        return {name: each.unit for name, each in self.columns.described.items() if each.unit}
 
     @property
     def scene_folder(self) -> Path:

@@ -69,10 +69,14 @@ class RunColumns:
         return shared_fields(self.schema)
 
     @cached_property
+    def described(self) -> Mapping[str, Column]:
+        """All columns by name, in table order."""
+        return {each.name: each for each in map(column_of, self.schema)}
+
+    @cached_property
     def measured(self) -> Mapping[str, Column]:
         """The columns of measured values by name, in table order."""
-        found = map(column_of, self.schema)
-        return {each.name: each for each in found if each.better}
+        return {name: each for name, each in self.described.items() if each.better}
 
     def arrow(self, names: Sequence[str] | None = None) -> pa.Table:
         """Return the table, or some of its columns."""

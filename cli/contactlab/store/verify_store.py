@@ -23,7 +23,7 @@ from contactlab.store.store_files import (
     parse_identity,
     stored_file,
 )
-from contactlab.store.table_layout import column_of, record_to_row, row_to_record
+from contactlab.store.table_layout import record_to_row, row_to_record
 
 MOST_PROBLEMS = 1000
 _READ_BYTES = 256 << 20
@@ -157,7 +157,7 @@ def _check_sweep(store: Store) -> Iterator[str]:
         if others := {*columns.strings(name).categories} - {stated}:
             yield f"{TABLE}: runs of scene {', '.join(sorted(others))} too"
     shared, versions = columns.shared, sweep.metric_versions
-    units = {name: column_of(columns.schema.field(name)).unit for name in versions}
+    units = {name: columns.described[name].unit for name in versions}
     stated = {"sweep": sweep.name, "metric_versions": versions, "units": units}
     stated |= {name: shared.get(name) for name in ("schema_version", "severity")}
     # Older stores say it in the manifest alone.

@@ -11,7 +11,7 @@ from contactlab.contact.trace_arrays import FORCE, NORMAL, POSITION, TANGENT, Fl
 from contactlab.errors import StoreError
 from contactlab.scene.compiled_scene import PreparedModel
 from contactlab.store.mcap.trace_reader import StoredPair, StoredTrace
-from contactlab.view.drawn_shapes import BodyShape, body_names, moving_bodies, poses, shapes
+from contactlab.view.drawn_shapes import BodyShape, poses, shapes
 
 Rows = NDArray[np.intp]
 
@@ -82,12 +82,12 @@ def read_motion(
         raise StoreError(f"run {trace.metadata['run_id']} has no finite state to draw")
     rows = frame_rows(trace.time[:sound], rate, times)
     positions, rotations = poses(model, trace.qpos[rows])
-    parts, moving = shapes(model), moving_bodies(model)
+    parts, moving = shapes(model), model.body_weldid != 0
     forces = peak_forces(trace.pairs, rows)
     centre, radius = scene_sphere(parts, moving, positions, forces.position)
     scale, longest = arrow_scale(forces.force, radius)
     return BodyMotion(
-        bodies=body_names(model),
+        bodies=tuple(model.body(index).name for index in range(model.nbody)),
         moving=moving,
         shapes=parts,
         rows=rows,

@@ -6,7 +6,6 @@ from typing import Literal
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from contactlab.contact.trace_arrays import Floats, Integers
 
@@ -43,16 +42,6 @@ _SOLIDS: dict[int, tuple[Form, list[int]]] = {
 _SURFACES = {int(each) for each in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_SDF, _GEOM.mjGEOM_HFIELD)}
 _NO_VERTICES = np.empty((0, 3))
 _NO_TRIANGLES = np.empty((0, 3), np.int32)
-
-
-def body_names(model: mujoco.MjModel) -> tuple[str, ...]:
-    """Return the name or address of every body of a scene; the first is the world."""
-    return tuple(model.body(index).name for index in range(model.nbody))
-
-
-def moving_bodies(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return (B,) whether each body can move."""
-    return model.body_weldid != 0
 
 
 def poses(model: mujoco.MjModel, qpos: Floats) -> tuple[Floats, Floats]:

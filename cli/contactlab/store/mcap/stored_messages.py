@@ -121,7 +121,10 @@ def stored_file(data: bytes) -> StoredFile:
     reader = SeekingReader(BytesIO(data))
     summary = reader.get_summary()
     assert summary is not None, "find_damage() finds a missing summary"
-    _check_schemas(summary)
+    schemas = {schema.data for schema in summary.schemas.values()}
+    for message in (STATE, CONTACTS):
+        if file_descriptor_set(message) not in schemas:
+            raise ValueError(f"it has another schema of {message.name}")
     [metadata], [model] = reader.iter_metadata(), reader.iter_attachments()
     if sum(chunk.uncompressed_size for chunk in summary.chunk_indexes) > MOST_TRACE:
         raise ValueError("its chunks claim to hold more than any run records")
@@ -144,13 +147,6 @@ def stored_file(data: bytes) -> StoredFile:
         for channel, parts in offsets.items()
     }
     return StoredFile(summary, metadata, model, tuple(chunks), messages)
-
-
-def _check_schemas(summary: Summary) -> None:
-    stored = {schema.data for schema in summary.schemas.values()}
-    for message in (STATE, CONTACTS):
-        if file_descriptor_set(message) not in stored:
-            raise ValueError(f"it has another schema of {message.name}")
 
 
 def unpacked(compressed: bytes, size: int) -> bytes:
