@@ -24,7 +24,7 @@ from bench.made_up import Rows, ids_of, parts_of, real_store, tables, write_stor
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.report_formats import as_junit, as_markdown, as_text
 from contactlab.measure import LABELS, METRICS
-from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.finished_store import Store
 
 SIZES = (10_000, 1_000_000)

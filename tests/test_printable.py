@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from contactlab.ci_output import annotations, junit, junit_case
 from contactlab.printable import in_markdown, in_one_line, printable, visible
-from contactlab.schema.compare_policy import JudgedCheck
+from contactlab.schema.comparison import JudgedCheck
 
 TERMINAL = ("\n", "\r", " ", "\x1b[31m", "\x9b2J", "\u202e", "\u2066", "\u2028", "\ud800")
 MARKUP = ("@admin", "#12", "https://evil.example", "|", "`", "<script>", "&#64;me", "%0A", "]]>")

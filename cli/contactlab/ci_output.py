@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from xml.etree import ElementTree as ET
 
 from contactlab.printable import visible
-from contactlab.schema.compare_policy import JudgedCheck
+from contactlab.schema.comparison import JudgedCheck
 
 _MOST_ANNOTATIONS = 9  # a step shows ten errors and ten warnings, and silently drops the others
 # XML cannot represent these characters, not even escaped.

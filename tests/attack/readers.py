@@ -20,7 +20,7 @@ from contactlab.contact.trace_arrays import RecordedControls
 from contactlab.plan.sweep_file import read_sweep, read_yaml_as
 from contactlab.run.sweep_request import SceneLoader
 from contactlab.scene.scene_source import find_scene, read_manifest
-from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.controls_file import encode_controls, read_control_table
 from contactlab.store.finished_store import Store
 from contactlab.store.mcap.mcap_check import check_trace

@@ -14,7 +14,7 @@ from contactlab.comparison.policies import accept, acceptance
 from contactlab.resources import scene_folder
 from contactlab.run.sweep_request import read_request
 from contactlab.run.sweep_runner import run_sweep
-from contactlab.schema.comparison_report import ComparisonReport
+from contactlab.schema.comparison import ComparisonReport
 from contactlab.store.finished_store import Store
 
 Run = Callable[..., Any]

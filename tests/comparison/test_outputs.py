@@ -18,8 +18,7 @@ from contactlab.comparison.compare_stores import compare, unreadable_report
 from contactlab.comparison.report_formats import as_annotations, as_junit, as_markdown, as_text
 from contactlab.errors import StoreError
 from contactlab.printable import visible
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import Check, ComparisonReport, PairCounts, RunPair
+from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport, PairCounts, RunPair
 from contactlab.schema.json_schemas import json_schemas
 
 XSD = xmlschema.XMLSchema(Path(__file__).with_name("junit.xsd"))

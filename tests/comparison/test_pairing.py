@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.pairing import pair, rounded
 from contactlab.errors import StoreError
-from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison import ComparePolicy
 
 BY_AXES = ComparePolicy(version=1, match="axes")
 KEYS = st.lists(st.integers(0, 30), unique=True)

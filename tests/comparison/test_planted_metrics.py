@@ -10,8 +10,7 @@ import pytest
 
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.report_formats import as_text
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import Check, ComparisonReport
+from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

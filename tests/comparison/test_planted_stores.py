@@ -11,8 +11,7 @@ import pytest
 from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.report_formats import as_text
 from contactlab.errors import ContactlabError, PolicyError, StoreError
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import Check, ComparisonReport
+from contactlab.schema.comparison import Check, ComparePolicy, ComparisonReport
 from contactlab.schema.evidence import EvidenceRecord
 from contactlab.store.atomic_files import sha256_of
 

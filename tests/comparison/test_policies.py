@@ -12,7 +12,7 @@ from contactlab.comparison.compare_stores import compare
 from contactlab.comparison.policies import accept, acceptance, effective_rule, kind_of
 from contactlab.errors import PolicyError, SweepFileError
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.schema.compare_policy import ComparePolicy
+from contactlab.schema.comparison import ComparePolicy
 from contactlab.store.table_layout import REAL, Column
 
 Runs = Callable[[], Any]

@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 
 from contactlab.comparison.compare_stores import compare
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import Check
+from contactlab.schema.comparison import Check, ComparePolicy
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

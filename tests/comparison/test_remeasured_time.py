@@ -18,7 +18,7 @@ from contactlab.comparison.metric_checks import Remeasure, median_interval
 from contactlab.comparison.report_formats import as_text
 from contactlab.errors import PolicyError, StoreError
 from contactlab.run.stored_runs import timing_process
-from contactlab.schema.comparison_report import Check, ComparisonReport
+from contactlab.schema.comparison import Check, ComparisonReport
 
 Runs = Callable[[], Any]
 Stored = Callable[..., Path]

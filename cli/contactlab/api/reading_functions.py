@@ -7,8 +7,7 @@ from contactlab.comparison.compare_stores import DEFAULT_POLICY
 from contactlab.comparison.compare_stores import compare as compare_stores
 from contactlab.plan.sweep_file import read_yaml_as
 from contactlab.reporting.report import PageRequest, write_page
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import ComparisonReport
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.store.finished_store import Store
 from contactlab.store.store_files import Address, parse_address
 

@@ -16,8 +16,7 @@ from contactlab.errors import ExpectationError, OutputError, PolicyError, StoreE
 
 if TYPE_CHECKING:
     from contactlab.comparison.metric_checks import Remeasure
-    from contactlab.schema.compare_policy import ComparePolicy
-    from contactlab.schema.comparison_report import ComparisonReport
+    from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 
 ReportFormat = Literal["text", "json", "markdown", "junit", "github"]
 Match = Literal["id", "axes"]
@@ -104,7 +103,7 @@ def _timers(
 def _rules(policy: Path | None, given: Mapping[str, str | None]) -> "ComparePolicy":
     from contactlab.comparison.compare_stores import DEFAULT_POLICY
     from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.compare_policy import ComparePolicy
+    from contactlab.schema.comparison import ComparePolicy
 
     read = DEFAULT_POLICY if policy is None else read_yaml_as(policy, ComparePolicy)
     return read.model_copy(update={name: value for name, value in given.items() if value})

@@ -58,7 +58,7 @@ def check(
     """Check a model; exit with 1 if there is an error that is not accepted."""
     from contactlab.plan.overrides import drive_option
     from contactlab.plan.sweep_file import read_yaml_as
-    from contactlab.schema.compare_policy import Acceptances
+    from contactlab.schema.comparison import Acceptances
     from contactlab.studies.check.model_check import CheckRequest, run
     from contactlab.studies.session import model_name
 
@@ -105,10 +105,10 @@ def _print_check(report: "CheckReport", folder: Path, output: CheckFormat) -> No
 
 
 def _print_findings(report: "CheckReport", folder: Path) -> None:
-    from contactlab.studies.check import check_page
+    from contactlab.studies.check import check_results
 
-    echo(f"{report.scene}, {check_page.conditions(report)}")
-    print_table(("", "finding", "result"), list(check_page.summary_rows(report)))
+    echo(f"{report.scene}, {check_results.conditions(report)}")
+    print_table(("", "finding", "result"), list(check_results.summary_rows(report)))
     for each in report.checks:
         for note in each.notes[:_MOST_NOTES]:
             echo(f"{each.name}: {note}")
@@ -117,10 +117,10 @@ def _print_findings(report: "CheckReport", folder: Path) -> None:
     for note in report.notes:
         echo(note)
     if report.remedies:
-        echo(check_page.REMEDIES)
+        echo(check_results.REMEDIES)
     for number, remedy in enumerate(report.remedies, 1):
-        echo("\n".join(check_page.remedy_lines(number, remedy)))
-    echo(check_page.STABILITY.format(model=report.model))
+        echo("\n".join(check_results.remedy_lines(number, remedy)))
+    echo(check_results.STABILITY.format(model=report.model))
     verdict = "passes" if report.passed else "fails"
     echo(f"{report.model} {verdict}; all numbers and evidence are in {folder / 'check.md'}")
 

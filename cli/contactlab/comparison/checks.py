@@ -7,8 +7,7 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from contactlab.schema.compare_policy import CheckOutcome, Level
-from contactlab.schema.comparison_report import Check, CheckKind, RunPair, Verdict
+from contactlab.schema.comparison import Check, CheckKind, CheckOutcome, Level, RunPair, Verdict
 from contactlab.schema.evidence import Setting
 
 Verdicts = NDArray[np.int8]

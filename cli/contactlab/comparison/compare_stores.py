@@ -27,10 +27,10 @@ from contactlab.comparison.run_checks import (
     unpaired_checks,
 )
 from contactlab.errors import ContactlabError, ExpectationError, PolicyError, StoreError
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import (
+from contactlab.schema.comparison import (
     Check,
     ComparedStore,
+    ComparePolicy,
     ComparisonReport,
     Difference,
     PairCounts,

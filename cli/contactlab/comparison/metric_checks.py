@@ -30,7 +30,7 @@ from contactlab.comparison.checks import (
 from contactlab.comparison.pairing import PairedStores, Rows, Value, difference, groups
 from contactlab.comparison.policies import REMEASURED, EffectiveRule, effective_rule, kind_of
 from contactlab.contact.trace_arrays import Floats
-from contactlab.schema.comparison_report import Check, RunPair, Verdict
+from contactlab.schema.comparison import Check, RunPair, Verdict
 from contactlab.store.run_columns import NumberColumn
 from contactlab.store.table_layout import REAL, Column
 

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from contactlab.comparison.checks import Mask
 from contactlab.errors import PolicyError, StoreError
-from contactlab.schema.compare_policy import ComparePolicy, Sameness
-from contactlab.schema.comparison_report import RunPair
+from contactlab.schema.comparison import ComparePolicy, RunPair, Sameness
 from contactlab.schema.evidence import Setting
 from contactlab.store.finished_store import Store
 from contactlab.store.run_columns import NumberColumn

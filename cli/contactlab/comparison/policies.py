@@ -13,16 +13,17 @@ from ruamel.yaml.comments import CommentedMap, CommentedSeq
 from contactlab.errors import PolicyError
 from contactlab.measure import METRICS
 from contactlab.plan.sweep_file import read_yaml_as
-from contactlab.schema.compare_policy import (
+from contactlab.schema.comparison import (
     AcceptedCheck,
+    CheckKind,
     ComparePolicy,
+    ComparisonReport,
     JudgedCheck,
     Level,
     MetricRule,
     Sameness,
     Statistic,
 )
-from contactlab.schema.comparison_report import CheckKind, ComparisonReport
 from contactlab.store.atomic_files import atomic_write
 from contactlab.store.table_layout import Column
 

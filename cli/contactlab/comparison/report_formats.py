@@ -7,8 +7,13 @@ from contactlab.ci_output import annotations, junit, junit_case
 from contactlab.comparison.checks import format_number, format_settings, plural, value_change
 from contactlab.comparison.policies import REMEASURED
 from contactlab.printable import in_markdown, in_one_line
-from contactlab.schema.compare_policy import CheckOutcome
-from contactlab.schema.comparison_report import Check, ComparedStore, ComparisonReport, RunPair
+from contactlab.schema.comparison import (
+    Check,
+    CheckOutcome,
+    ComparedStore,
+    ComparisonReport,
+    RunPair,
+)
 
 MOST_BYTES = 900_000  # a job summary of more than 1 MiB is lost
 _WORDS: dict[CheckOutcome, str] = {

@@ -27,8 +27,7 @@ from contactlab.comparison.checks import (
 from contactlab.comparison.pairing import PairedStores, Rows, difference, groups, unpaired_runs
 from contactlab.errors import ContactlabError
 from contactlab.pareto.analysis import analyse
-from contactlab.schema.compare_policy import AllowedTransition
-from contactlab.schema.comparison_report import Check, Transition
+from contactlab.schema.comparison import AllowedTransition, Check, Transition
 from contactlab.schema.tradeoff_report import TradeoffReport
 from contactlab.store.finished_store import Store
 

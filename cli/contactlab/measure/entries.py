@@ -17,7 +17,7 @@ from contactlab.contact.trace_arrays import Floats
 from contactlab.errors import PluginError, SceneError, did_you_mean
 from contactlab.measure.context import Context, runs_where
 from contactlab.registry import Registry
-from contactlab.schema.compare_policy import MetricRule
+from contactlab.schema.comparison import MetricRule
 
 Direction = Literal["lower", "higher", "none"]
 Kind = Literal["physics", "work", "check", "detail"]

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from contactlab.contact.trace_arrays import Floats
 from contactlab.measure.context import Context, cached, first_step, runs_where
 from contactlab.measure.entries import Finding, Found, MeasuredRuns, Threshold, label, metric
-from contactlab.schema.compare_policy import MetricRule
+from contactlab.schema.comparison import MetricRule
 
 _RESIDUAL = Threshold(
     "residual", 1e-2, "1", "Measured: Newton up to 2e-5, CG 2e-4, PGS 5e-4; stuck ones 4 and more."

@@ -38,8 +38,7 @@ from contactlab.reporting.vega_rendering import (
     themed,
     word_colours,
 )
-from contactlab.schema.compare_policy import CheckOutcome
-from contactlab.schema.comparison_report import Check, ComparisonReport
+from contactlab.schema.comparison import Check, CheckOutcome, ComparisonReport
 from contactlab.store.finished_store import Store
 
 Layered = alt.LayerChart | alt.FacetChart

@@ -18,10 +18,11 @@ from contactlab.errors import SceneError, did_you_mean
 from contactlab.mjcf import OPTIONS
 from contactlab.scene.compile_model import compile_model
 from contactlab.scene.effects.effect_table import remove
-from contactlab.scene.element_origins import Origin, Origins
 from contactlab.scene.model_edits import FIELD_KINDS, FLAGS, is_writable, read_flag, read_option
 from contactlab.scene.model_names import KINDS
 from contactlab.scene.model_text import (
+    Origin,
+    Origins,
     Replacement,
     at_end,
     attributes,

@@ -4,7 +4,7 @@ from typing import Literal
 
 from pydantic import RootModel
 
-from contactlab.schema.compare_policy import JudgedCheck
+from contactlab.schema.comparison import JudgedCheck
 from contactlab.schema.drive import Drive
 from contactlab.schema.evidence import Engine, Provenance, Setting
 from contactlab.schema.strict_model import Model, about

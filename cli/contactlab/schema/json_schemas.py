@@ -8,8 +8,7 @@ from typing import cast
 from pydantic import BaseModel
 
 from contactlab.schema.check_report import CheckReport, Reference
-from contactlab.schema.compare_policy import ComparePolicy
-from contactlab.schema.comparison_report import ComparisonReport
+from contactlab.schema.comparison import ComparePolicy, ComparisonReport
 from contactlab.schema.effects_report import EffectsReport
 from contactlab.schema.evidence import EvidenceRecord, StoreManifest
 from contactlab.schema.scene_manifest import SceneManifest

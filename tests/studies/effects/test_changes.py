@@ -7,12 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from contactlab.studies.configuration_runs import ConfigurationRows
-from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
-from contactlab.studies.effects.metric_changes import (
+from contactlab.studies.effects.effect_toggles import (
     ConfigurationDifference,
     difference,
     judged_metrics,
 )
+from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 
 TOLERANCE = 1e-3
 

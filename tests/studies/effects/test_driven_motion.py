@@ -13,9 +13,8 @@ from contactlab.scene.model_writer import write_model
 from contactlab.schema.effects_report import EffectsReport
 from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects import ablation
-from contactlab.studies.effects.effect_toggles import MOTION
+from contactlab.studies.effects.effect_toggles import MOTION, difference, judged_metrics
 from contactlab.studies.effects.effects_request import EffectsRequest
-from contactlab.studies.effects.metric_changes import difference, judged_metrics
 from contactlab.studies.session import Session
 
 # Gravity pulls both fingers along +y. The tendon holds their mean, the equality their difference.

@@ -19,12 +19,17 @@ from contactlab.scene.parameters import PARAMETERS
 from contactlab.scene.resolution import ResolvedRun
 from contactlab.scene.run_setup import actuated_limbs
 from contactlab.schema.check_report import CheckName, CheckReport, CheckResult, Finding, TaskKind
-from contactlab.schema.compare_policy import AcceptedCheck
+from contactlab.schema.comparison import AcceptedCheck
 from contactlab.schema.coverage import Exercised
 from contactlab.schema.drive import Drive
 from contactlab.store.table_layout import record_to_row
-from contactlab.studies.check.check_page import page
-from contactlab.studies.check.check_results import LIMITS, REPLACEABLE, check_result, findings_of
+from contactlab.studies.check.check_results import (
+    LIMITS,
+    REPLACEABLE,
+    check_result,
+    findings_of,
+    page,
+)
 from contactlab.studies.check.checked_model import (
     NOMINAL_STORE,
     CheckedModel,

@@ -9,7 +9,7 @@ from contactlab.scene.model_draft import Change, ModelEdits
 from contactlab.scene.model_writer import write_model
 from contactlab.scene.setting_values import as_number
 from contactlab.schema.check_report import CheckName, CheckResult, Edit, Finding, Remedy
-from contactlab.studies.check.check_results import findings_of, settings_text
+from contactlab.studies.check.check_results import MODEL, findings_of, settings_text
 from contactlab.studies.check.checked_model import CheckedModel, TooLongError
 from contactlab.studies.check.contact_checks import stiffer, stiffer_rest, touch_only
 from contactlab.studies.check.free_motion import steadier
@@ -36,7 +36,6 @@ _MOVES_FREELY = {"timestep", "integrator", "gravity"}
 """Settings on which free motion depends, where contacts are off."""
 
 _ROUNDS = 5
-MODEL = "remedies/model"  # where the model is written with all changes
 _Found = tuple[Values, tuple[str, ...]]
 
 

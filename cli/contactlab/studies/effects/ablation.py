@@ -25,18 +25,16 @@ from contactlab.studies.configuration_runs import ConfigurationRows
 from contactlab.studies.effects.effect_toggles import (
     BASE,
     Changed,
+    ConfigurationDifference,
     ConfigurationRunner,
     Toggle,
-    find_toggles,
-    settings_sweep,
-)
-from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
-from contactlab.studies.effects.metric_changes import (
-    ConfigurationDifference,
     cost_ratio,
     difference,
+    find_toggles,
+    settings_sweep,
     work_ratios,
 )
+from contactlab.studies.effects.effects_request import AblationSetup, EffectsRequest
 from contactlab.studies.session import Session, Values
 
 

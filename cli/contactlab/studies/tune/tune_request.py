@@ -13,8 +13,8 @@ from contactlab.schema.drive import Drive
 from contactlab.schema.effects_report import MetricChange
 from contactlab.schema.tune_report import Goal
 from contactlab.studies.configuration_runs import ConfigurationRows
+from contactlab.studies.effects.effect_toggles import difference
 from contactlab.studies.effects.effects_request import AblationSetup
-from contactlab.studies.effects.metric_changes import difference
 
 BASELINE, CONTENDERS, FRESH = range(3), range(10), range(10, 20)
 """Seeds: of the model as written, of what the search finds, and of the proof."""
