@@ -3,6 +3,7 @@
 Always real paths, since MuJoCo opens meshes relative to the model file.
 """
 
+import os
 from pathlib import Path
 
 from contactlab.errors import SceneError, SweepFileError, did_you_mean
@@ -16,6 +17,12 @@ _ROOT = _INSTALLED if _INSTALLED.is_dir() else _CHECKOUT
 
 MODELS, SWEEPS, SCHEMAS = _ROOT / "models", _ROOT / "sweeps", _ROOT / "schemas"
 """The folders of shipped scenes, one folder each, of sweep files and of published schemas."""
+
+
+def user_cache() -> Path:
+    """Return the folder for what can be made again; it may not exist."""
+    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(root) / "contactlab"
 
 
 def scene_names() -> list[str]:

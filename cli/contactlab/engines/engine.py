@@ -69,6 +69,8 @@ class Rollout(Told):
         warnings: engine warnings of each run by name, with their counts.
         errors: the error of the engine or of the policy in each run, or None.
         controls: what policies did in each run, None where one failed; empty without policies.
+        slots: (n, N, S, 23) contact slots of each monitored pair, S being as many as are filled; if
+            given, `sensors` begins with the count of all contacts.
     """
 
     state: Floats
@@ -79,6 +81,7 @@ class Rollout(Told):
     warnings: tuple[dict[str, int], ...]
     errors: tuple[str | None, ...]
     controls: tuple[RecordedControls | None, ...] = ()
+    slots: tuple[Floats, ...] | None = None
 
     @classmethod
     def completed(cls, arrays: RolloutArrays, cost: Floats) -> "Rollout":
@@ -95,20 +98,35 @@ class Buffers:
 
     _floats: Floats = field(default_factory=lambda: np.empty(0))
     _integers: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
+    _slots: Floats = field(default_factory=lambda: np.empty(0))
 
-    def arrays(self, model: mujoco.MjModel, runs: int, steps: int) -> RolloutArrays:
-        """Return arrays for n runs of N steps; they share memory with those of the last call."""
+    def arrays(
+        self, model: mujoco.MjModel, runs: int, steps: int, measured: int | None = None
+    ) -> RolloutArrays:
+        """Return arrays for n runs of N steps; they share memory with those of the last call.
+
+        So many numbers are measured in each step, or what all sensors measure.
+        """
         width = 1 + model.nq + model.nv + model.na
-        state, sensors = runs * (steps + 1) * width, runs * steps * model.nsensordata
+        measured = model.nsensordata if measured is None else measured
+        state, sensors = runs * (steps + 1) * width, runs * steps * measured
         if len(self._floats) < state + sensors:
             self._floats = np.empty(state + sensors)
         if len(self._integers) < runs * steps * _ISLANDS:
             self._integers = np.empty(runs * steps * _ISLANDS, np.int32)
         return RolloutArrays(
             state=self._floats[:state].reshape(runs, steps + 1, width),
-            sensors=self._floats[state : state + sensors].reshape(runs, steps, model.nsensordata),
+            sensors=self._floats[state : state + sensors].reshape(runs, steps, measured),
             iterations=self._integers[: runs * steps * _ISLANDS].reshape(runs, steps, _ISLANDS),
         )
+
+    def zeros(self, rows: int, width: int) -> Floats:
+        """Return zeros (rows, width), which share memory with those of the last call."""
+        if len(self._slots) < rows * width:
+            self._slots = np.empty(rows * width)
+        slots = self._slots[: rows * width].reshape(rows, width)
+        slots.fill(0.0)
+        return slots
 
 
 class Policy(Protocol):

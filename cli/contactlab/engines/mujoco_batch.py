@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import mujoco
 import numpy as np
@@ -38,15 +39,25 @@ STATE = (
 _CONTROL = mujoco.mjtState.mjSTATE_CTRL.value
 _APPLIED = mujoco.mjtState.mjSTATE_XFRC_APPLIED.value
 _MOCAP = mujoco.mjtState.mjSTATE_MOCAP_POS.value | mujoco.mjtState.mjSTATE_MOCAP_QUAT.value
-_PERSISTENT = sum(
+PERSISTENT = sum(
     int(getattr(mujoco.mjtEnableBit, name, 0)) for name in ("mjENBL_SLEEP", "mjENBL_IPC")
 )
 _COUNT = 1  # a warning's record is where it was last raised and how often
 
 
+class ReadsContacts(Protocol):
+    """What reads contacts in place of sensors, and all that is measured after them."""
+
+    width: int  # numbers that it records of each step
+
+    def of_run(self, run: int, rows: Floats, /) -> AbstractContextManager[None]:
+        """Record what is stepped meanwhile as a run, into rows (N, width), unless it fails."""
+        ...
+
+
 def start_batch(models: Sequence[mujoco.MjModel], starts: InitialStates) -> Batch:
     """Return a batch of one thread, each run with its own model and at its start."""
-    persistent = any(model.opt.enableflags & _PERSISTENT for model in models)
+    persistent = any(model.opt.enableflags & PERSISTENT for model in models)
     batch = Batch(models[0], len(models), 1, persistent=persistent)
     batch.set_models(list(models))
     # A batch starts all runs as its first model does, down to places of mocap bodies and welds.
@@ -75,21 +86,24 @@ def driven(
     return {"control": inputs[None], "control_spec": spec}
 
 
-def roll_out(
+def roll_out(  # noqa: PLR0913 - those of an engine, and what reads contacts
     models: Sequence[mujoco.MjModel],
     starts: InitialStates,
     steps: int,
     buffers: Buffers,
     watch: Watch = no_limit,
     proceed: Proceed = proceed_always,
+    *,
+    contacts: ReadsContacts | None = None,
 ) -> Rollout:
     """Step every run by itself on this thread, as `SimulationEngine.roll_out` says.
 
     Bit for bit equal to a loop over `mj_step`. The models are of one layout, without autoreset.
+    Sensors record the contacts, unless something else reads them.
     """
     count = len(models)
     batch = start_batch(models, starts)
-    arrays = buffers.arrays(models[0], count, steps)
+    arrays = buffers.arrays(models[0], count, steps, contacts.width if contacts else None)
     record_starts(starts, arrays)
     cost = np.zeros(count)
     errors: list[str | None] = [None] * count
@@ -100,15 +114,20 @@ def roll_out(
             break
         out: dict[Any, np.ndarray] = {
             int(STATE): arrays.state[run : run + 1, 1:],
-            "sensordata": arrays.sensors[run : run + 1],
             "solver_niter": arrays.iterations[run : run + 1],
             **recorder.fields,
         }
+        recording = nullcontext()
+        if contacts is None:
+            out["sensordata"] = arrays.sensors[run : run + 1]
+        else:
+            recording = contacts.of_run(run, arrays.sensors[run])
         inputs = driven(models[run], starts, run, steps)
         watch()
         start = time.thread_time()
         try:
-            batch.rollout(steps, record=list(out), ids=[run], out=out, **inputs)
+            with recording:
+                batch.rollout(steps, record=list(out), ids=[run], out=out, **inputs)
         except SimulationError:
             errors[run] = batch.error(run)
         cost[run] = time.thread_time() - start

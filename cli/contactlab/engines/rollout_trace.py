@@ -24,6 +24,8 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
     Rows of runs that stopped early are not valid beyond `rollout.steps`; cut them with `pick`.
     """
     model, layout, sensors = base.model, base.layout, rollout.sensors
+    if rollout.slots is not None:
+        layout = layout.from_contacts()
     velocity = 1 + model.nq
     # MuJoCo gives as many islands as it could need; there is at most one a tree.
     iterations = rollout.iterations[:, :, : max(1, model.ntree)]
@@ -46,7 +48,7 @@ def make_trace(base: CompiledScene, models: Sequence[PreparedModel], rollout: Ro
         iterations_most=iterations.max(axis=2),
         momentum=_vector(sensors, layout.momentum, mass[:, None, None]),
         angular_momentum=_vector(sensors, layout.angular_momentum, np.ones((1, 1, 1))),
-        pairs=tuple(_pair_trace(base, models, sensors, index) for index in range(len(base.pairs))),
+        pairs=tuple(_pair_trace(base, models, rollout, index) for index in range(len(base.pairs))),
         warnings=rollout.warnings,
         held=held,
         forces=sensors[:, :, layout.forces : layout.forces + model.nu],
@@ -70,13 +72,16 @@ def _vector(sensors: Floats, address: int | None, factor: Floats) -> Floats | No
 
 
 def _pair_trace(
-    base: CompiledScene, models: Sequence[PreparedModel], sensors: Floats, index: int
+    base: CompiledScene, models: Sequence[PreparedModel], rollout: Rollout, index: int
 ) -> PairTrace:
     pair, address = base.pairs[index], base.layout.pairs[index]
-    block = sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
-    shape = (*block.shape[:2], pair.slots, SLOT_WIDTH)
+    if rollout.slots is None:
+        block = rollout.sensors[:, :, address : address + pair.slots * SLOT_WIDTH]
+        slots = block.reshape(*block.shape[:2], pair.slots, SLOT_WIDTH)
+    else:
+        slots = rollout.slots[index]
     return PairTrace(
         name=pair.name,
-        slots=block.reshape(shape),
+        slots=slots,
         friction=np.array([each.pairs[pair.name].friction for each in models]),
     )

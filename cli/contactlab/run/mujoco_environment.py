@@ -49,7 +49,8 @@ def find_interpreter(request: str, notify: Callable[[str], None]) -> Interpreter
     if not _OLDEST <= numbers < _TOO_NEW:
         raise EngineError(f"contactlab runs on MuJoCo 3.3.0 and newer, below 5; not on {request}")
     others = _requirements()
-    folder = _cache() / f"mujoco-{request}-py{platform.python_version()}-{_short_hash(others)}"
+    name = f"mujoco-{request}-py{platform.python_version()}-{_short_hash(others)}"
+    folder = resources.user_cache() / name
     if not folder.is_dir():
         notify(f"setting up MuJoCo {request} in {folder}, once")
         _make(folder, request, others)
@@ -175,18 +176,14 @@ def _isolated_contactlab() -> Path:
     package = Path(resources.__file__).resolve().parent
     own = distribution("contactlab")
     metadata = Path(str(own.locate_file(f"contactlab-{own.version}.dist-info"))).resolve()
-    folder = _cache() / f"contactlab-{own.version}-{_short_hash([str(package), str(metadata)])}"
+    name = f"contactlab-{own.version}-{_short_hash([str(package), str(metadata)])}"
+    folder = resources.user_cache() / name
     folder.mkdir(parents=True, exist_ok=True)
     for target, name in ((package, "contactlab"), (metadata, metadata.name)):
         # Another process may make it, too.
         with suppress(FileExistsError):
             (folder / name).symlink_to(target, target_is_directory=True)
     return folder
-
-
-def _cache() -> Path:
-    root = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(root) / "contactlab"
 
 
 def _short_hash(parts: Sequence[str]) -> str:

@@ -8,7 +8,7 @@ import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -54,6 +54,12 @@ class SensorLayout:
     held: int | None
     forces: int  # of the first actuator's force, which those of the others follow
     lengths: int  # of the first tendon's length, likewise
+
+    def from_contacts(self) -> "SensorLayout":
+        """Return addresses in rows that begin with the count of all contacts, without pairs."""
+        moved = {each: getattr(self, each) for each in (*_NOT_ALWAYS, "forces", "lengths")}
+        moved = {name: each and each - self.contacts for name, each in moved.items()}
+        return replace(self, pairs=(), contacts=0, **moved)
 
 
 def add_sensors(

@@ -61,6 +61,12 @@ def has_contact_sensors() -> bool:
     return _reaches(_CONTACT_SENSORS)
 
 
+def library_file() -> Path:
+    """Return MuJoCo's shared library."""
+    (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
+    return library
+
+
 def missing_flags() -> frozenset[str]:
     """Return the flags that this version lacks; it behaves as with their defaults."""
     return frozenset(each.axis for each in _unsupported() if isinstance(each.value, bool))
@@ -130,7 +136,6 @@ def _install_warning_handler() -> object:
     The cache keeps the function alive that MuJoCo calls.
     """
     ignore = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda _: None)
-    (library,) = Path(mujoco.__file__).parent.glob("libmujoco*.so*")
-    handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library)), "mju_user_warning")
+    handler = ctypes.c_void_p.in_dll(ctypes.CDLL(str(library_file())), "mju_user_warning")
     handler.value = ctypes.cast(ignore, ctypes.c_void_p).value
     return ignore

@@ -1,0 +1,336 @@
+"""The kernel leaves every bit that contact sensors leave, or stays out of the way."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+import pytest
+
+from contactlab import resources
+from contactlab.contact.trace_arrays import Trace
+from contactlab.engines import ENGINES, Buffers, PreparedRuns, Rollout, contact_kernel
+from contactlab.engines.contact_kernel import KernelError, compiled_kernel
+from contactlab.engines.rollout_trace import make_trace
+from contactlab.errors import KernelWarning
+from contactlab.plan.overrides import Overrides
+from contactlab.run.sweep_request import read_request
+from contactlab.run.sweep_runner import run_sweep
+from contactlab.scene.mujoco_versions import has_batch, silence_mujoco
+from contactlab.scene.scene import Scene
+
+pytestmark = pytest.mark.skipif(not has_batch(), reason="needs a batch: MuJoCo 3.17 or newer")
+
+SWITCH = "CONTACTLAB_KERNEL"
+CATALOGUE = sorted((resources.SWEEPS / "stability").glob("*.yaml"))
+# Everything that decides which contacts there are, in what order, and what they bear.
+SETTINGS: list[dict[str, Any]] = [
+    {"integrator": "Euler"},
+    {"integrator": "RK4", "cone": "elliptic"},
+    {"integrator": "implicitfast", "cone": "elliptic", "condim": 6},
+    {"margin": 0.01, "gap": 0.005, "solver": "PGS", "noslip_iterations": 3},
+    {"solver": "CG", "jacobian": "sparse", "gravity": (1.0, 0.5, -9.0), "condim": 1},
+]
+EXPLODING: dict[str, Any] = {"timestep": 0.02, "solref": (-1e12, -1.0)}
+_SHAPES = ("sphere", "capsule", "cylinder", "box", "ellipsoid")
+
+
+@pytest.fixture(autouse=True)
+def anew(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Begin and end as a process does that has not used the kernel yet."""
+    silence_mujoco()
+    monkeypatch.delenv(SWITCH, raising=False)
+    contact_kernel.load_kernel.cache_clear()
+    yield
+    contact_kernel.load_kernel.cache_clear()
+
+
+@pytest.fixture
+def kernel() -> contact_kernel.Kernel:
+    """Return the kernel, where there is a compiler."""
+    try:
+        compiled_kernel()
+    except KernelError as error:
+        pytest.skip(str(error))
+    loaded = contact_kernel.load_kernel()
+    assert loaded is not None
+    return loaded
+
+
+def rolled(runs: PreparedRuns, way: str, monkeypatch: pytest.MonkeyPatch) -> tuple[Rollout, Trace]:
+    monkeypatch.setenv(SWITCH, way)
+    rollout = ENGINES["mujoco"].roll_out(runs, Buffers())
+    return rollout, make_trace(runs.base, runs.prepared, rollout)
+
+
+def assert_same_bits(
+    runs: PreparedRuns, monkeypatch: pytest.MonkeyPatch, *, read: bool = True
+) -> Trace:
+    """Compare all that both ways record, up to where each run stopped; slots left out are empty."""
+    (by_kernel, seen), (by_sensors, expected) = (
+        rolled(runs, way, monkeypatch) for way in ("on", "off")
+    )
+    assert (by_kernel.slots is not None) == read
+    assert by_sensors.slots is None
+    for name in ("steps", "warnings", "errors", "passages"):
+        assert getattr(by_kernel, name) == getattr(by_sensors, name)
+    for run, steps in enumerate(by_sensors.steps):
+        one, other = seen.select([run], steps), expected.select([run], steps)
+        for name, value in vars(other).items():
+            if isinstance(value, np.ndarray):
+                assert getattr(one, name).tobytes() == value.tobytes(), name
+        assert (one.held is None) == (other.held is None)
+        if one.held is not None and other.held is not None:
+            assert one.held.position.tobytes() == other.held.position.tobytes()
+            assert one.held.rotation.tobytes() == other.held.rotation.tobytes()
+        for pair, sensed in zip(one.pairs, other.pairs, strict=True):
+            full = np.zeros_like(sensed.slots)
+            full[:, :, : pair.slots.shape[2]] = pair.slots
+            assert full.tobytes() == sensed.slots.tobytes(), pair.name
+    return expected
+
+
+def runs_of(scene: Scene, *values: dict[str, Any]) -> PreparedRuns:
+    resolved = [scene.resolve(each, seed, None) for seed, each in enumerate(values)]
+    return PreparedRuns.of(scene, *resolved)
+
+
+@pytest.mark.usefixtures("kernel")
+@pytest.mark.parametrize("settings", SETTINGS, ids=str)
+def test_contacts_are_those_of_sensors(
+    settings: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = Scene.open("box_stack")
+    trace = assert_same_bits(runs_of(scene, *[{"boxes": 3, **settings}] * 2), monkeypatch)
+    assert all(pair.touching.any() for pair in trace.pairs)
+
+
+@pytest.mark.usefixtures("kernel")
+@pytest.mark.parametrize("name", ["grasp_mug", "collision_momentum", "free_fall", "ragdoll"])
+def test_what_is_measured_beside_contacts_stays(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Forces of actuators, momenta, held poses, lengths and energies, and pairs of bodies."""
+    scene = Scene.open(name)
+    resolved = scene.resolve({}, 0, 0.3)
+    assert_same_bits(PreparedRuns.of(scene, resolved), monkeypatch)
+
+
+def random_model(seed: int) -> str:
+    """Return shapes that fall onto each other, some of them two to a body or without a floor."""
+    rng = np.random.default_rng(seed)
+    bodies: list[str] = []
+    for number in range(rng.integers(2, 6)):
+        geoms = "".join(
+            f'<geom type="{rng.choice(_SHAPES)}" size=".05 .04 .03" '
+            f'condim="{rng.choice([1, 3, 4, 6])}" pos="{each * 0.05} 0 0"/>'
+            for each in range(rng.integers(1, 3))
+        )
+        place = " ".join(
+            f"{each:.3f}" for each in rng.uniform((-0.05, -0.05, 0), (0.05, 0.05, 0.4))
+        )
+        bodies.append(f'<body name="b{number}" pos="{place}"><freejoint/>{geoms}</body>')
+    floor = '<geom name="floor" type="plane" size="1 1 .1"/>' if rng.random() < 0.8 else ""
+    cone = rng.choice(["pyramidal", "elliptic"])
+    return (
+        f'<mujoco><option cone="{cone}" timestep="0.002"/><worldbody>{floor}'
+        f"{''.join(bodies)}</worldbody></mujoco>"
+    )
+
+
+def assert_same_on_random_models(
+    seeds: range, make_scene: Callable[..., Scene], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    touched = 0
+    for seed in seeds:
+        entries = ["bodies: [b0, b1]", "bodies: [b1, world]"] if seed % 2 else []
+        pairs = "pairs: [" + ", ".join(f"{{{each}, slots: 3}}" for each in entries) + "]\n"
+        model = random_model(seed)
+        if "floor" not in model:
+            pairs = pairs.replace(", {bodies: [b1, world], slots: 3}", "")
+        scene = make_scene(model, pairs if entries else "")
+        trace = assert_same_bits(runs_of(scene, {}, {"gravity": (0, 1, -5)}), monkeypatch)
+        touched += any(pair.touching.any() for pair in trace.pairs)
+    assert touched > len(seeds) / 2
+
+
+@pytest.mark.usefixtures("kernel")
+def test_random_models(make_scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_same_on_random_models(range(8), make_scene, monkeypatch)
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernel")
+def test_many_random_models(make_scene: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert_same_on_random_models(range(8, 200), make_scene, monkeypatch)
+
+
+@pytest.mark.usefixtures("kernel")
+def test_runs_that_stop_or_fail_leave_what_they_did(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Scene.open("ball_drop")
+    runs = runs_of(scene, {}, EXPLODING, {}, {})
+    runs.models[2].geom_condim.fill(20)
+    assert_same_bits(runs, monkeypatch)
+
+
+@pytest.mark.usefixtures("kernel")
+def test_a_pair_may_be_monitored_from_both_sides(
+    make_scene: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model = """<mujoco><worldbody><geom name="floor" type="plane" size="1 1 .1"/>
+    <body name="box" pos="0 0 .05"><freejoint/><geom name="box" type="box" size=".05 .04 .05"/>
+    </body></worldbody></mujoco>"""
+    entries = ("geoms: [floor, box]", "geoms: [box, floor]", "bodies: [box, world], slots: 2")
+    pairs = "pairs: [" + ", ".join(f"{{{each}}}" for each in entries) + "]\n"
+    trace = assert_same_bits(runs_of(make_scene(model, pairs), {}), monkeypatch)
+    assert [int(pair.found.max()) for pair in trace.pairs] == [4, 4, 4]
+
+
+@pytest.mark.usefixtures("kernel")
+def test_what_sleeps_is_left_to_sensors(monkeypatch: pytest.MonkeyPatch) -> None:
+    runs = runs_of(Scene.open("box_stack"), {"boxes": 2, "sleep": True})
+    assert_same_bits(runs, monkeypatch, read=False)
+
+
+def test_without_a_compiler_sensors_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("CC", "")
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    with pytest.raises(KernelError, match="no C compiler"):
+        compiled_kernel()
+    assert_same_bits(runs_of(Scene.open("ball_drop"), {}), monkeypatch, read=False)
+    assert [*(tmp_path / "contactlab").iterdir()] == []
+
+
+def test_a_compiler_that_fails_is_left_aside(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("CC", "/bin/false --never")
+    monkeypatch.setattr("importlib.util.find_spec", lambda _name: None)
+    with pytest.raises(KernelError, match="/bin/false"):
+        compiled_kernel()
+    assert contact_kernel.load_kernel() is None
+
+
+def test_a_cache_that_others_may_write_is_not_trusted(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "contactlab").mkdir()
+    (tmp_path / "contactlab").chmod(0o777)
+    with pytest.raises(KernelError, match="others may write"):
+        compiled_kernel()
+
+
+@pytest.mark.usefixtures("kernel")
+def test_processes_may_compile_it_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    with get_context("fork").Pool(3) as pool:
+        files = set(pool.map(_compiled, range(3), 1))
+    assert [*(tmp_path / "contactlab").iterdir()] == [*files]
+
+
+def _compiled(_: int) -> Path:
+    return compiled_kernel()
+
+
+@pytest.mark.parametrize("planted", ["forces", "calls"])
+def test_one_that_disagrees_with_sensors_is_given_up(
+    planted: str, kernel: contact_kernel.Kernel, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    slots = contact_kernel.ContactRecording.slots
+
+    def wrong(self: Any, *arguments: Any) -> tuple[np.ndarray, ...]:
+        return tuple(each + (each != 0) * 1e-9 for each in slots(self, *arguments))
+
+    if planted == "forces":
+        monkeypatch.setattr(contact_kernel.ContactRecording, "slots", wrong)
+    else:
+        monkeypatch.setattr(contact_kernel, "_LAST", int(mujoco.mjtStage.mjSTAGE_POS))
+    runs = runs_of(Scene.open("ball_drop"), {}, {})
+    with pytest.warns(KernelWarning, match="sensors from now on") as said:
+        assert_same_bits(runs, monkeypatch, read=False)
+    assert_same_bits(runs, monkeypatch, read=False)
+    assert len(said) == 1
+    assert kernel.failed
+
+
+def stored(sweep: Path, store: Path) -> dict[str, bytes]:
+    """Run a sweep in this process and return its traces."""
+    ask = read_request(
+        sweep,
+        sweep.stem,
+        store,
+        folder=sweep.parent,
+        workers=0,
+        overrides=Overrides(("trace=all",)),
+    )
+    run_sweep(ask, lambda _total, _done: None, lambda _finished: None)
+    return {path.relative_to(store).as_posix(): path.read_bytes() for path in store.rglob("*.mcap")}
+
+
+def assert_same_stores(case: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compare every trace: all arrays, and the record but for costs and times of day."""
+    traces: list[dict[str, bytes]] = []
+    for way in ("on", "off"):
+        monkeypatch.setenv(SWITCH, way)
+        traces.append(stored(case, tmp_path / way))
+    assert traces[0] == traces[1]
+    assert traces[0]
+
+
+# Slides, balls that roll, what is pinched, and what only springs and joints hold.
+QUICK = [
+    each for each in CATALOGUE if each.stem in {"scales", "gripping_pad", "ladder", "isotropy"}
+]
+
+
+@pytest.mark.parametrize("case", QUICK, ids=lambda case: case.stem)
+def test_a_case_is_stored_alike(
+    case: Path, kernel: contact_kernel.Kernel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert_same_stores(case, tmp_path, monkeypatch)
+    assert not kernel.failed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CATALOGUE, ids=lambda case: case.stem)
+def test_every_case_is_stored_alike(
+    case: Path, kernel: contact_kernel.Kernel, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert_same_stores(case, tmp_path, monkeypatch)
+    assert not kernel.failed
+
+
+_SANITIZERS = "-fsanitize=address,undefined -fno-sanitize-recover=all -fno-omit-frame-pointer -g"
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("kernel")
+def test_sanitizers_find_nothing(tmp_path: Path) -> None:
+    """The tests of this file again, with a kernel that stops at whatever C leaves undefined."""
+    found = subprocess.run(
+        ["cc", "-print-file-name=libasan.so"], capture_output=True, text=True, check=False
+    ).stdout.strip()
+    if not Path(found).is_absolute():
+        pytest.skip("the compiler has no runtime of AddressSanitizer")
+    environment = os.environ | {
+        "CC": f"cc {_SANITIZERS}",
+        "LD_PRELOAD": str(Path(found).resolve()),
+        # Python does not free all that it has, and so does not MuJoCo.
+        "ASAN_OPTIONS": "detect_leaks=0",
+        "XDG_CACHE_HOME": str(tmp_path),
+    }
+    chosen = "stored_alike or random or those_of_sensors or both_sides or stop_or_fail"
+    command = [sys.executable, "-m", "pytest", "-q", "-x", "-n", "0", "-p", "no:cacheprovider"]
+    command += ["-m", "slow or not slow", "-k", f"({chosen}) and not sanitizers", __file__]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    assert " passed" in done.stdout
+    assert "skipped" not in done.stdout
