@@ -44,6 +44,10 @@ stubs: .stubs/mujoco-stubs/py.typed
 schemas: .venv/dev
 	$(BIN)/contactlab schema --write schemas
 
+# What `contactlab sweeps` lists without the engine.
+sweeps/index.json: .venv/dev sweeps/*.yaml
+	$(BIN)/python -m tests.commands.sweep_index
+
 # Builds the wheel and runs it outside the checkout.
 wheel: .venv/dev
 	sh .ci/wheel

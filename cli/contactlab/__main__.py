@@ -1,5 +1,7 @@
 """The command `contactlab`, also as `python -m contactlab`."""
 
+import contactlab.startup  # noqa: F401 - before all that it is about
+
 
 def main() -> None:
     """Run the command line; Ctrl-C while it loads is no error to report."""

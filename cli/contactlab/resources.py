@@ -3,6 +3,7 @@
 Always real paths, since MuJoCo opens meshes relative to the model file.
 """
 
+import json
 import os
 from pathlib import Path
 
@@ -41,6 +42,11 @@ def scene_folder(name: str) -> Path:
         hint = did_you_mean(name, scene_names())
         raise SceneError(f"no shipped scene named '{name}'{hint}\nsee `contactlab scenes`")
     return MODELS / name
+
+
+def sweep_index() -> dict[str, tuple[str, str, int, str]]:
+    """Return what `contactlab sweeps` lists of shipped sweeps, by the SHA-256 of their files."""
+    return json.loads((SWEEPS / "index.json").read_text(encoding="utf-8"))
 
 
 def sweep_file(name: str) -> Path:

@@ -70,6 +70,7 @@ def test_help_loads_little() -> None:
         (["--help"], "-"),
         (["sweep", "--help"], "-"),
         (["schema", "record"], "-"),
+        (["sweeps"], "-"),
         (["show", "store"], "numpy,pyarrow"),
         (["verify", "store"], "mujoco,numpy,pyarrow"),
     ],

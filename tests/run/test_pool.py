@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from contactlab.run import worker_pool
+from contactlab.run import fork_server
 from contactlab.run.tasks import Crashed, Finished, Job, PlannedRun, Stop
 from contactlab.run.worker_pool import WorkerHandle, WorkerPool
 from contactlab.store.verify_store import verify
@@ -179,7 +179,7 @@ def test_a_fork_server_that_dies_while_it_answers_is_asked_again(
         start(process)
 
     monkeypatch.setattr(BaseProcess, "start", interrupted)
-    monkeypatch.setattr(worker_pool, "_START_PAUSE", 0.001)
+    monkeypatch.setattr(fork_server, "_START_PAUSE", 0.001)
     sweeper.run(ball, workers=1)
     assert next(failures, None) is None
     assert verify(sweeper.folder / "store") == []

@@ -2,6 +2,7 @@
 
 import errno
 import json
+from hashlib import sha256
 from pathlib import Path
 
 import typer
@@ -48,15 +49,21 @@ def _list_axes(name: str, output: opt.Format) -> None:
 def sweeps(output: opt.Format = opt.FORMAT) -> None:
     """List the shipped sweeps."""
     from contactlab import resources
+
+    # To count the runs of a file that is not indexed takes the engine.
+    index = resources.sweep_index()
+    files = map(resources.sweep_file, resources.sweep_names())
+    rows = [index.get(sha256(path.read_bytes()).hexdigest()) or sweep_row(path) for path in files]
+    print_rows(output, ("sweep", "scene", "runs", "description"), rows)
+
+
+def sweep_row(path: Path) -> tuple[str, str, int, str]:
+    """Return name, scene, number of runs and description of a sweep file."""
     from contactlab.plan.sweep_file import read_sweep
     from contactlab.run.sweep_request import SceneLoader
 
-    rows: list[tuple[str, str, int, str]] = []
-    for name in resources.sweep_names():
-        path = resources.sweep_file(name)
-        read = read_sweep(path, SceneLoader(path.parent).vocabulary)
-        rows.append((name, read.sweep.scene, read.plan.count, read.sweep.description or ""))
-    print_rows(output, ("sweep", "scene", "runs", "description"), rows)
+    read = read_sweep(path, SceneLoader(path.parent).vocabulary)
+    return path.stem, read.sweep.scene, read.plan.count, read.sweep.description or ""
 
 
 def metrics(plugin: list[Path] | None = opt.PLUGIN, output: opt.Format = opt.FORMAT) -> None:

@@ -17,7 +17,8 @@ from contactlab.printable import in_one_line
 
 if TYPE_CHECKING:
     from contactlab.run.stored_runs import ReplayResult
-    from contactlab.schema.evidence import EvidenceRecord, StoreManifest
+    from contactlab.schema.evidence import EvidenceRecord
+    from contactlab.store.finished_store import Store
     from contactlab.store.run_columns import RunColumns
 
 _MOST_ROWS = 60
@@ -38,7 +39,7 @@ def show(
     opened = Store.open(store)
     if run is None:
         opt.mention_damage(opened)
-        print_summary(store, opened.manifest, output)
+        print_summary(opened, output)
         return
     record = opened.record(run)
     if record.trace is not None and not opened.manifest.traces_left_out:
@@ -102,11 +103,9 @@ def _identity_lines(store: opt.Address, record: "EvidenceRecord") -> Iterator[st
     yield f"  replay     contactlab replay {store} {record.run_id}"
 
 
-def print_summary(path: opt.Address, manifest: "StoreManifest", output: opt.Format) -> None:
+def print_summary(store: "Store", output: opt.Format) -> None:
     """Print the summary of a store: its runs if they are few, and the number of runs by label."""
-    from contactlab.store.finished_store import Store
-
-    store = Store.open(path)
+    path, manifest = store.address, store.manifest
     if output == "json":
         print_json({"store": str(path), **manifest.model_dump(mode="json", exclude={"sweep"})})
         return

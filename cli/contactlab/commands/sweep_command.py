@@ -57,12 +57,6 @@ def sweep(
 ) -> None:
     """Run a sweep into a store; the same command resumes an interrupted one."""
     from contactlab import resources
-    from contactlab.plan.grid import CONFIRM_ABOVE
-    from contactlab.plan.overrides import Overrides, drive_option
-    from contactlab.run.forecast import forecast
-    from contactlab.run.sweep_request import read_request
-    from contactlab.run.sweep_runner import run_sweep
-    from contactlab.run.worker_pool import worker_count
 
     if executor == "local" and address is not None:
         raise SweepFileError("--address is for a Ray cluster; add --executor ray")
@@ -72,6 +66,15 @@ def sweep(
     usual = resources.RESULTS / path.stem
     target = store or usual
     opt.rerun_with_mujoco(mujoco, None if store else usual)
+    if executor == "local" and workers != 0 and not plan and (fresh or not _is_whole(target)):
+        _start_server()
+    from contactlab.plan.grid import CONFIRM_ABOVE
+    from contactlab.plan.overrides import Overrides, drive_option
+    from contactlab.run.forecast import forecast
+    from contactlab.run.sweep_request import read_request
+    from contactlab.run.sweep_runner import run_sweep
+    from contactlab.run.worker_pool import worker_count
+
     opt.load_plugins(plugin)
     request = read_request(
         path,
@@ -99,10 +102,18 @@ def sweep(
     with resumable() as stop, progress_display() as display, cluster as nodes:
         request = replace(request, cluster=nodes, allow_code=allow_code)
         manifest = run_sweep(request, display.begin, display.advance, stop)
-    for what, why in manifest.sweep.lacking.items():
-        say(f"{what} is left empty: {why}")
-    print_summary(target, manifest, output)
-    _fail_on(manifest)
+    _conclude(target, manifest, output)
+
+
+def _is_whole(store: opt.Address) -> bool:
+    """Return whether a local store is finished, so that no worker is likely to be needed."""
+    return isinstance(store, Path) and (store / "manifest.json").exists()
+
+
+def _start_server() -> None:
+    from contactlab.run.fork_server import start_server
+
+    start_server()
 
 
 def _cluster(
@@ -113,6 +124,21 @@ def _cluster(
     from contactlab.run.ray_connection import ray_cluster
 
     return ray_cluster(address, workers)
+
+
+def _conclude(target: opt.Address, manifest: "StoreManifest", output: opt.Format) -> None:
+    """Print what a sweep found; fail if runs were lost, or are not as it expects."""
+    from contactlab.store.finished_store import Store
+
+    for what, why in manifest.sweep.lacking.items():
+        say(f"{what} is left empty: {why}")
+    print_summary(Store.open(target), output)
+    lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
+    if lost:
+        raise RunFailedError(f"{lost} of {manifest.runs} runs crashed or timed out")
+    unmet = manifest.expectations.get("unmet", 0)
+    if unmet:
+        raise ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")
 
 
 def _print_plan(plan: "Plan", forecast: "Forecast", output: opt.Format) -> None:
@@ -143,12 +169,3 @@ def _range(values: tuple[object, ...]) -> str:
 
 def _seconds(seconds: float) -> str:
     return f"{seconds:.2g} s" if seconds < 120 else f"{seconds / 60:.2g} min"
-
-
-def _fail_on(manifest: "StoreManifest") -> None:
-    lost = manifest.statuses.get("crashed", 0) + manifest.statuses.get("timeout", 0)
-    if lost:
-        raise RunFailedError(f"{lost} of {manifest.runs} runs crashed or timed out")
-    unmet = manifest.expectations.get("unmet", 0)
-    if unmet:
-        raise ExpectationError(f"{unmet} of {manifest.runs} runs are not as the sweep expects")

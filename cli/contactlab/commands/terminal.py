@@ -73,10 +73,13 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[object]]) -> None
         table.add_column(
             Text(in_one_line(name)), justify="right" if numeric else "left", no_wrap=len(header) > 3
         )
+    console = stdout()
+    # What labels mean takes a while to load, and only a terminal has colours.
+    coloured = ("label",) if console.is_terminal else ()
     for row in rows:
         cells = zip(header, row, strict=True)
-        table.add_row(*[_cell(value, is_label=name == "label") for name, value in cells])
-    stdout().print(table, highlight=False)
+        table.add_row(*[_cell(value, is_label=name in coloured) for name, value in cells])
+    console.print(table, highlight=False)
 
 
 def label_style(name: str) -> str:
@@ -204,6 +207,10 @@ def study_session(
     folder: Path, workers: int | None, then: str = "resume", *, allow_code: bool = False
 ) -> Generator["Session"]:
     """Yield a session that shows its progress on stderr and stops on Ctrl-C and SIGTERM."""
+    from contactlab.run.fork_server import start_server
+
+    if workers != 0:
+        start_server()
     from contactlab.run.worker_pool import worker_count
     from contactlab.studies.session import Session
 

@@ -253,7 +253,8 @@ def _host() -> Host:
     info = _cpu_info()
     flags = " ".join(sorted(info.get("flags", "").split()))
     return Host(
-        cpu_model=info.get("model name", platform.processor() or platform.machine()),
+        # The first of the others starts a process to find out.
+        cpu_model=info.get("model name") or platform.processor() or platform.machine(),
         cpu_flags=hashlib.sha256(flags.encode()).hexdigest()[:16],
         cores=os.cpu_count() or 1,
         os=f"{platform.system()} {platform.release()}",

@@ -12,37 +12,25 @@ import os
 import re
 import select
 import signal
-import sys
 import tempfile
 import threading
-import time
-from collections.abc import Collection, Generator, Iterable, Iterator, MutableMapping
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import count, islice, takewhile
-from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-from multiprocessing.util import get_temp_dir
 from pathlib import Path
-from types import ModuleType
-from typing import TypeVar
 
 from contactlab.errors import ContactlabError
+from contactlab.run.fork_server import CONTEXT, STOP_SIGNALS, signals_blocked, start_process
 from contactlab.run.tasks import Crashed, Job, Result, Stop, Task
 from contactlab.run.worker import Worker
 
-Value = TypeVar("Value")
-
-_STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
 # As the engine, zstandard and the operating system put it.
 _NO_MEMORY = re.compile("(allocate|not enough|out of) memory", re.IGNORECASE)
 _MAX_TRACEBACK_LINES = 6
 _MOST_HALTED = 3
 _HALTED = "the worker was halted, as by SIGSTOP, and did not go on"
-# Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
-_MAX_FOLDER = 75
-# How often, and how far apart [s], a process is started while the fork server is being replaced.
-_START_ATTEMPTS, _START_PAUSE = 20, 0.1
 # How long a request to stop may go unnoticed [s]: on a cluster it comes without a signal.
 _STOP_INTERVAL = 0.1
 _LOOKS = 20  # how often in a row workers may be silent for that long before they are looked at
@@ -132,16 +120,11 @@ def start_worker(workers: dict[Path, WorkerHandle], task: Task, marker: Path, jo
     """Start a worker on a job, and add it to the others before a signal can come between."""
     marker.unlink(missing_ok=True)
     environment = dict(os.environ)
-    _place_socket()
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([__name__])
-    # Nothing is imported from the current folder, which may be a stranger's, with a `selectors.py`
-    # that is none.
-    with _replaced(os.environ, "PYTHONSAFEPATH", "1"), _signals_blocked():
-        ours, theirs = context.Pipe()
+    with signals_blocked():
+        ours, theirs = CONTEXT.Pipe()
         arguments = (task, theirs, marker, environment)
-        process = context.Process(target=_serve_jobs, args=arguments, daemon=True)
-        _start_process(process)
+        process = CONTEXT.Process(target=_serve_jobs, args=arguments, daemon=True)
+        start_process(process)
         theirs.close()
         workers[marker] = WorkerHandle(process, ours, marker)
     send_job(workers[marker], job)
@@ -204,7 +187,7 @@ def receive_result(worker: WorkerHandle) -> Result:
 
 def kill_workers(workers: Collection[WorkerHandle]) -> None:
     """Kill workers, whatever they are doing, and wait for them."""
-    with _signals_blocked():
+    with signals_blocked():
         for worker in workers:
             worker.pipe.close()
             worker.process.kill()
@@ -220,64 +203,6 @@ def _death(exitcode: int | None, traceback: str) -> str:
     return f"the worker exited with code {exitcode}"
 
 
-def _place_socket() -> None:
-    """Choose a folder for the fork server's socket, whose path the system wants to be short.
-
-    It would be in the temporary folder, whose name a batch system may make long.
-    """
-    chosen = tempfile.gettempdir()
-    if len(chosen) > _MAX_FOLDER:
-        tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
-        try:
-            get_temp_dir()
-        finally:
-            tempfile.tempdir = chosen
-
-
-def _start_process(process: BaseProcess) -> None:
-    """Start a process; if the fork server was just killed, from the one that replaces it.
-
-    It would import the `__main__` module, and with it all that a command line needs; a script
-    without `if __name__ == "__main__"` would start its sweep again in each worker.
-    """
-    with _replaced(sys.modules, "__main__", ModuleType("__main__")):
-        for _ in range(_START_ATTEMPTS):
-            with contextlib.suppress(ConnectionError, EOFError):
-                process.start()
-                return
-            time.sleep(_START_PAUSE)
-        process.start()
-
-
-@contextlib.contextmanager
-def _signals_blocked() -> Generator[None]:
-    """Block Ctrl-C and SIGTERM, also for all of the life of processes that start meanwhile.
-
-    A terminal's Ctrl-C and a batch system's SIGTERM reach every process; workers are stopped by
-    the process that started them.
-    """
-    # Starting the tracker ends with signals let through; if it runs already, nothing happens.
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-@contextlib.contextmanager
-def _replaced(entries: MutableMapping[str, Value], name: str, value: Value) -> Generator[None]:
-    """Have another entry of this name for a while, here and in processes that start meanwhile."""
-    before = entries.get(name)
-    entries[name] = value
-    try:
-        yield
-    finally:
-        del entries[name]
-        if before is not None:
-            entries[name] = before
-
-
 def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[str, str]) -> None:
     """Run jobs until the pipe closes or None arrives; a worker never outlives its parent.
 
@@ -285,7 +210,7 @@ def _serve_jobs(task: Task, pipe: Connection, marker: Path, environment: dict[st
     when it was started. The marker gets a traceback when a run times out.
     """
     os.environ.update(environment)
-    signal.pthread_sigmask(signal.SIG_BLOCK, _STOP_SIGNALS)
+    signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
     _exit_with_parent()
     with contextlib.suppress(OSError):
         # Where memory runs out, Linux should kill a worker, not the command.

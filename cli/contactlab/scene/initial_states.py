@@ -85,7 +85,8 @@ class InitialStates(NamedTuple):
     @property
     def driven(self) -> NDArray[np.intp]:
         """Indices of the inputs that are driven in any of the runs."""
-        return np.unique(np.concatenate([each.places for each in self.signals]))
+        driven = set(itertools.chain(*[each.places.tolist() for each in self.signals]))
+        return np.array(sorted(driven), np.intp)
 
     def pick(self, run: int) -> "InitialStates":
         """Return the initial state of one run, n being 1."""

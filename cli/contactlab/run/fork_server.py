@@ -1,0 +1,106 @@
+"""The server that worker processes are forked from, once it has loaded what they need.
+
+It loads that while the command reads its sweep, where it is started first.
+"""
+
+import contextlib
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import time
+from collections.abc import Generator, MutableMapping
+from multiprocessing import forkserver, resource_tracker
+from multiprocessing.process import BaseProcess
+from multiprocessing.util import get_temp_dir
+from types import ModuleType
+from typing import TypeVar
+
+Value = TypeVar("Value")
+
+CONTEXT = multiprocessing.get_context("forkserver")
+STOP_SIGNALS = frozenset({signal.SIGINT, signal.SIGTERM})
+_PRELOADED = ["contactlab.startup", "contactlab.run.worker_pool"]
+# Of a folder's path, where 32 characters more and an end must fit into the 108 of an address.
+_MAX_FOLDER = 75
+# How often, and how far apart [s], a process is started while the fork server is being replaced.
+_START_ATTEMPTS, _START_PAUSE = 20, 0.1
+
+
+def start_server() -> None:
+    """Start the server, if it does not run, and go on while it loads."""
+    _place_socket()
+    CONTEXT.set_forkserver_preload(_PRELOADED)
+    with _own_imports(), signals_blocked():
+        forkserver.ensure_running()
+
+
+def start_process(process: BaseProcess) -> None:
+    """Start a process; if the fork server was just killed, from the one that replaces it."""
+    start_server()
+    with _own_imports():
+        for _ in range(_START_ATTEMPTS):
+            with contextlib.suppress(ConnectionError, EOFError):
+                process.start()
+                return
+            time.sleep(_START_PAUSE)
+        process.start()
+
+
+@contextlib.contextmanager
+def signals_blocked() -> Generator[None]:
+    """Block Ctrl-C and SIGTERM, also for all of the life of processes that start meanwhile.
+
+    A terminal's Ctrl-C and a batch system's SIGTERM reach every process; workers are stopped by
+    the process that started them.
+    """
+    # Starting the tracker ends with signals let through; if it runs already, nothing happens.
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, STOP_SIGNALS)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextlib.contextmanager
+def _own_imports() -> Generator[None]:
+    """Let processes that start meanwhile import nothing of the command's folder, nor `__main__`.
+
+    The current folder may be a stranger's, with a `selectors.py` that is none. `__main__` has all
+    that a command line needs; a script without `if __name__ == "__main__"` would start its sweep
+    again in each worker.
+    """
+    with (
+        _replaced(os.environ, "PYTHONSAFEPATH", "1"),
+        _replaced(sys.modules, "__main__", ModuleType("__main__")),
+    ):
+        yield
+
+
+@contextlib.contextmanager
+def _replaced(entries: MutableMapping[str, Value], name: str, value: Value) -> Generator[None]:
+    """Have another entry of this name for a while, here and in processes that start meanwhile."""
+    before = entries.get(name)
+    entries[name] = value
+    try:
+        yield
+    finally:
+        del entries[name]
+        if before is not None:
+            entries[name] = before
+
+
+def _place_socket() -> None:
+    """Choose a folder for the fork server's socket, whose path the system wants to be short.
+
+    It would be in the temporary folder, whose name a batch system may make long.
+    """
+    chosen = tempfile.gettempdir()
+    if len(chosen) > _MAX_FOLDER:
+        tempfile.tempdir = "/tmp"  # noqa: S108 - a private folder is made in it
+        try:
+            get_temp_dir()
+        finally:
+            tempfile.tempdir = chosen
